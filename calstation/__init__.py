@@ -1,0 +1,8 @@
+"""calstation: calibrates inertial measurement units on a two-axis rate table."""
+
+from importlib.metadata import PackageNotFoundError, version
+
+try:
+    __version__ = version("calstation")
+except PackageNotFoundError:  # run from a source tree that was never installed
+    __version__ = "0+source"

@@ -1,0 +1,5 @@
+"""`python -m calstation` is the `calstation` command."""
+
+from calstation.cli import main
+
+main()

@@ -1,0 +1,1 @@
+"""Drivers for tables and IMUs, register maps and their transfer."""

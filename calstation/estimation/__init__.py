@@ -1,0 +1,1 @@
+"""Filters, least squares, observability and covariance analysis: pure functions of arrays."""

@@ -1,0 +1,94 @@
+"""What a calibration method is to the rest of the house: a plan, a solver, and what it estimates."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from pydantic import BaseModel
+
+from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.arrays import FloatArray
+from calstation.physics.motion import Step
+from calstation.physics.table import TableGeometry
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Normalised innovation squared of a stage: mean over its observations and the 99.9 % band of that mean."""
+
+    nis_mean: float
+    nis_low: float
+    nis_high: float
+    count: int
+
+    @property
+    def passed(self) -> bool:
+        """False where the innovations are larger than the model explains."""
+        return self.nis_mean <= self.nis_high
+
+    @property
+    def warning(self) -> bool:
+        """True where they are smaller: the model is too cautious."""
+        return self.nis_mean < self.nis_low
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a stage's solver found.
+
+    Attributes
+    ----------
+    stage : name
+    belief : joint posterior of the 30 parameters, the next stage's prior
+    estimated : names this stage was asked for and estimated
+    consistency : innovation test of the stage
+    gaps : gaps and resets met
+    observability : per state, the segment in which it became observable and how strongly (see
+        `estimation.observability`), JSON-ready
+    details : anything further worth keeping (residuals, notes), JSON-ready
+    messages : remarks for the user, (message id, values)
+    """
+
+    stage: str
+    belief: Belief
+    estimated: tuple[str, ...]
+    consistency: Consistency
+    gaps: int = 0
+    observability: Mapping[str, Any] = field(default_factory=dict)
+    details: Mapping[str, Any] = field(default_factory=dict)
+    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
+
+
+class StageSolver(Protocol):
+    """Consumes a stage's blocks as they come; answers the same however they were cut."""
+
+    def feed(self, block: SampleBlock) -> None:
+        """Take further samples of the stage."""
+
+    def sigma(self) -> FloatArray:
+        """Standard deviations of the 30 parameters so far, shape (30,), SI."""
+
+    def finish(self) -> Solution:
+        """Solve the stored stage. Raises InsufficientDataError saying what is missing."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One calibration method, the object `METHOD` of a file in `procedures/`.
+
+    Attributes
+    ----------
+    name : the contract's stage name
+    schedule : pydantic model of the schedule's parameters with their defaults
+    plan : (geometry, schedule) -> steps, in joint angles within the table's limits; a plan that repeats is
+        endless and marks each round with `RoundEnd`
+    solver : (context, prior, schedule) -> solver
+    estimates : (context) -> names of the parameters that the stage estimates
+    """
+
+    name: str
+    schedule: type[BaseModel]
+    plan: Callable[[TableGeometry, Any], Iterator[Step]]
+    solver: Callable[[SolveContext, Belief, Any], StageSolver]
+    estimates: Callable[[SolveContext], tuple[str, ...]]

@@ -1,0 +1,1 @@
+"""Pure physics: error model, earth, strapdown, table geometry, motion as data, units."""

@@ -1,0 +1,88 @@
+"""The error model as one table: the 30 parameters, their units and where each enters.
+
+    gyro   measured = (I + M_g) ω + b_g + noise                 M_g full 3×3
+    accel  measured = (I + M_a) f + K2 ∘ f² + b_a + noise       M_a lower triangular
+
+Estimator, register maps, files and screens all take names, order and units from here. Values are
+relative to the nominal scale of the IMU's profile.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.physics.arrays import FloatArray
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One scalar of the error model.
+
+    Attributes
+    ----------
+    name : contract name, e.g. ``gyro_misalign_xy``
+    unit : SI unit as written in files
+    group : name without its axis, e.g. ``gyro_misalign``
+    sensor : ``gyro``, ``accel`` or ``lever``
+    row, column : place in the group's matrix (both the axis index for vectors)
+    prior_sigma : standard deviation assumed where neither a profile nor a log states one, in `unit`
+    """
+
+    name: str
+    unit: str
+    group: str
+    sensor: str
+    row: int
+    column: int
+    prior_sigma: float
+
+
+def _vector(group: str, sensor: str, unit: str, prior_sigma: float) -> list[Parameter]:
+    return [Parameter(f"{group}_{a}", unit, group, sensor, i, i, prior_sigma) for i, a in enumerate(AXES)]
+
+
+def _matrix(group: str, sensor: str, pairs: str, prior_sigma: float) -> list[Parameter]:
+    return [
+        Parameter(f"{group}_{p}", "rad", group, sensor, AXES.index(p[0]), AXES.index(p[1]), prior_sigma)
+        for p in pairs.split()
+    ]
+
+
+PARAMETERS: tuple[Parameter, ...] = tuple(
+    _vector("gyro_bias", "gyro", "rad/s", 5e-3)
+    + _vector("gyro_scale", "gyro", "1", 5e-3)
+    + _matrix("gyro_misalign", "gyro", "xy xz yx yz zx zy", 5e-3)
+    + _vector("accel_bias", "accel", "m/s^2", 0.1)
+    + _vector("accel_scale", "accel", "1", 5e-3)
+    + _matrix("accel_misalign", "accel", "yx zx zy", 5e-3)
+    + _vector("accel_quadratic", "accel", "s^2/m", 2e-5)
+    + _vector("inner_lever", "lever", "m", 0.1)
+    + _vector("outer_lever", "lever", "m", 0.5)
+)
+"""All parameters in the order of every state vector, file and table."""
+
+COUNT = len(PARAMETERS)
+NAMES: tuple[str, ...] = tuple(p.name for p in PARAMETERS)
+INDEX: dict[str, int] = {name: i for i, name in enumerate(NAMES)}
+GROUPS: tuple[str, ...] = tuple(dict.fromkeys(p.group for p in PARAMETERS))
+
+
+def group_indices(group: str) -> list[int]:
+    """Places of a group's parameters in the state vector."""
+    return [i for i, p in enumerate(PARAMETERS) if p.group == group]
+
+
+def group_matrix(values: FloatArray, *groups: str) -> FloatArray:
+    """Parameters of `groups` laid out as a matrix, ndarray, shape (3, 3), zeros elsewhere."""
+    matrix = np.zeros((3, 3))
+    for i, p in enumerate(PARAMETERS):
+        if p.group in groups:
+            matrix[p.row, p.column] = values[i]
+    return matrix
+
+
+def group_vector(values: FloatArray, group: str) -> FloatArray:
+    """Parameters of a three-component group, ndarray, shape (3,)."""
+    return np.asarray(values)[group_indices(group)].astype(np.float64)

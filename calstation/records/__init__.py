@@ -1,0 +1,1 @@
+"""Raw logs, results and reports: what remains."""

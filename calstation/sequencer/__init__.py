@@ -1,0 +1,1 @@
+"""Runs steps, guards motion, keeps the journal, emits events."""

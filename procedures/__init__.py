@@ -1,0 +1,20 @@
+"""Calibration methods, one file each: a new method is a new file here, found by its `METHOD`."""
+
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+
+from calstation.errors import ConfigurationError
+from calstation.estimation.method import Method
+
+DEFAULT_STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
+
+
+@cache
+def method(name: str) -> Method:
+    """The method called `name`. Raises ConfigurationError naming those that exist."""
+    names = sorted(m.name for m in iter_modules(__path__))
+    if name not in names:
+        raise ConfigurationError(f"stages: there is no stage '{name}'; choose from {', '.join(names)}")
+    found: Method = import_module(f"{__name__}.{name}").METHOD
+    return found
