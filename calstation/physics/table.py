@@ -1,10 +1,23 @@
-"""Two-axis table geometry for arbitrary axis directions: attitudes, and body-axis turns as joint moves."""
+"""Two-axis table geometry for arbitrary axis directions: attitudes, and body-axis turns as joint moves.
 
-from dataclasses import dataclass
+`C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner)`; positive joint angles are
+right-handed. Which joint angles bring a body direction upward is Paden-Kahan subproblem 2
+(Murray, Li, Sastry, *A Mathematical Introduction to Robotic Manipulation*, 1994, section 3.3).
+"""
+
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from calstation.errors import ConfigurationError
 from calstation.physics.arrays import FloatArray
+from calstation.physics.rotation import angle_about, axis_rotation
+
+UP = np.array([0.0, 0.0, 1.0])
+OUTER, INNER = 0, 1
+
+_REACH = np.deg2rad(5.0)
+"""A pose further than this from the one asked for does not count as reached."""
 
 
 @dataclass(frozen=True)
@@ -16,15 +29,124 @@ class JointLimits:
     rate: tuple[float, float] = (np.inf, np.inf)
     acceleration: tuple[float, float] = (np.inf, np.inf)
 
+    def within(self, joint: int, angle: float) -> bool:
+        """Whether `angle` (rad) lies in the joint's travel, a billionth of a radian allowed for rounding."""
+        return self.low[joint] - 1e-9 <= angle <= self.high[joint] + 1e-9
+
+
+@dataclass(frozen=True)
+class BodyTurn:
+    """How to turn about a body axis: with which joint, which way, and at which inner angle first.
+
+    joint : 0 outer, 1 inner; sign : joint turn per body turn, ±1; inner : rad, None where any will do
+    """
+
+    joint: int
+    sign: int
+    inner: float | None
+
 
 @dataclass(frozen=True)
 class TableGeometry:
-    """Axes in b at home (both joints 0), heading of +y at home, and limits."""
+    """Axes in b at home (both joints 0) and limits of a two-axis table."""
 
     outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    limits: JointLimits = JointLimits()
+    limits: JointLimits = field(default_factory=JointLimits)
 
     def body_to_home(self, outer: float, inner: float) -> FloatArray:
         """Rotation from b to b at home for joint angles in rad, shape (3, 3)."""
-        raise NotImplementedError
+        return axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
+
+    def body_to_level(self, outer: float, inner: float, azimuth: float) -> FloatArray:
+        """`C_bn` (ENU) for joint angles and the heading of +y at home, rad, shape (3, 3)."""
+        return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
+
+    def joint_axis(self, joint: int, inner: float) -> FloatArray:
+        """Axis of a joint in b at the given inner angle (rad), unit vector, shape (3,)."""
+        if joint == INNER:
+            return np.array(self.inner_axis)
+        return np.asarray(axis_rotation(self.inner_axis, -inner) @ np.array(self.outer_axis))
+
+    def nearest(self, joint: int, angle: float, near: float) -> float:
+        """`angle` plus the whole turns that bring it closest to `near` within the joint's travel, rad.
+
+        Raises ConfigurationError where the travel holds no such angle.
+        """
+        turn = 2.0 * np.pi
+        best = angle + turn * np.round((near - angle) / turn)
+        candidates = [best + k * turn for k in (0, 1, -1, 2, -2, 3, -3, 4, -4)]
+        for candidate in sorted(candidates, key=lambda c: abs(c - near)):
+            if self.limits.within(joint, candidate):
+                return float(candidate)
+        name = ("outer", "inner")[joint]
+        raise ConfigurationError(
+            f"table limits: the {name} axis cannot reach {np.rad2deg(angle):.1f}° (or whole turns from it) "
+            f"within {np.rad2deg(self.limits.low[joint]):.0f}° to {np.rad2deg(self.limits.high[joint]):.0f}°; "
+            "widen the travel or mount the unit otherwise"
+        )
+
+    def pose_up(self, direction: FloatArray, near: tuple[float, float]) -> tuple[float, float]:
+        """Joint angles (outer, inner), rad, that point a body direction upward, closest to `near`.
+
+        Raises ConfigurationError where the axes cannot do it within 5°.
+        """
+        w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
+        p = direction / np.linalg.norm(direction)
+        solutions = []
+        for c in _circle_intersections(w1, w2, p, UP):
+            inner = near[INNER] if _parallel(p, w2) else angle_about(w2, p, c)
+            reached = axis_rotation(self.inner_axis, inner) @ p
+            outer = near[OUTER] if _parallel(reached, w1) else angle_about(w1, reached, UP)
+            if np.arccos(np.clip((self.body_to_home(outer, inner) @ p) @ UP, -1.0, 1.0)) < _REACH:
+                pose = (self.nearest(OUTER, outer, near[OUTER]), self.nearest(INNER, inner, near[INNER]))
+                solutions.append(pose)
+        if not solutions:
+            raise ConfigurationError(
+                f"table axes: no joint angles point body direction {np.round(p, 3).tolist()} upward; "
+                "check outer_axis and inner_axis"
+            )
+        return min(solutions, key=lambda s: (abs(s[0] - near[0]) + abs(s[1] - near[1]), s))
+
+    def body_turn(self, axis: FloatArray, near_inner: float) -> BodyTurn:
+        """How to turn about the body direction `axis`, inner angle closest to `near_inner` (rad).
+
+        Raises ConfigurationError where neither joint axis can be brought along it within 5°.
+        """
+        a = axis / np.linalg.norm(axis)
+        w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
+        if _parallel(a, w2):
+            return BodyTurn(INNER, 1 if a @ w2 > 0.0 else -1, None)
+        options = []
+        for sign in (1, -1):
+            inner = angle_about(w2, a, sign * w1)
+            if axis_rotation(self.inner_axis, inner) @ a @ (sign * w1) > np.cos(_REACH):
+                options.append(BodyTurn(OUTER, sign, self.nearest(INNER, inner, near_inner)))
+        if not options:
+            raise ConfigurationError(
+                f"table axes: neither axis can be brought along body direction {np.round(a, 3).tolist()}; "
+                "check outer_axis and inner_axis"
+            )
+        return min(options, key=lambda o: (abs((o.inner or 0.0) - near_inner), -o.sign))
+
+    def vertical_joint(self, near: tuple[float, float]) -> tuple[int, tuple[float, float]]:
+        """The joint that turns about the vertical, and the pose (outer, inner; rad) in which it does."""
+        if _parallel(np.array(self.outer_axis), UP):
+            return OUTER, near
+        return INNER, self.pose_up(np.array(self.inner_axis), near)
+
+
+def _parallel(a: FloatArray, b: FloatArray) -> bool:
+    return bool(abs(a @ b) > np.cos(np.deg2rad(0.5)) * np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def _circle_intersections(w1: FloatArray, w2: FloatArray, p: FloatArray, q: FloatArray) -> list[FloatArray]:
+    """Unit vectors that lie both on p's circle about w2 and on q's circle about w1 (closest, if none)."""
+    d = float(w1 @ w2)
+    alpha = (d * (w2 @ p) - w1 @ q) / (d * d - 1.0)
+    beta = (d * (w1 @ q) - w2 @ p) / (d * d - 1.0)
+    normal = np.cross(w1, w2)
+    gamma2 = (1.0 - alpha**2 - beta**2 - 2.0 * alpha * beta * d) / (normal @ normal)
+    gamma = np.sqrt(max(float(gamma2), 0.0))
+    base = alpha * w1 + beta * w2
+    return [base + gamma * normal, base - gamma * normal]

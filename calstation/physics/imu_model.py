@@ -1,0 +1,55 @@
+"""The error model's constants as a solver needs them: inverted matrices for one set of parameters."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import group_matrix, group_vector
+
+
+class Compensation(NamedTuple):
+    """What turns raw output into angular rate and specific force at the IMU's reference point.
+
+    gyro_inverse : (I + M_g)⁻¹, shape (3, 3); gyro_bias : rad/s, shape (3,)
+    accel_inverse : (I + M_a)⁻¹, shape (3, 3); accel_bias : m/s², shape (3,)
+    quadratic : K2, s²/m, shape (3,); inner_lever, outer_lever : m, shape (3,)
+    """
+
+    gyro_inverse: FloatArray
+    gyro_bias: FloatArray
+    accel_inverse: FloatArray
+    accel_bias: FloatArray
+    quadratic: FloatArray
+    inner_lever: FloatArray
+    outer_lever: FloatArray
+
+
+def compensation(parameters: FloatArray) -> Compensation:
+    """Constants for one parameter vector, shape (30,), SI."""
+    return Compensation(
+        np.linalg.inv(np.eye(3) + group_matrix(parameters, "gyro_scale", "gyro_misalign")),
+        group_vector(parameters, "gyro_bias"),
+        np.linalg.inv(np.eye(3) + group_matrix(parameters, "accel_scale", "accel_misalign")),
+        group_vector(parameters, "accel_bias"),
+        group_vector(parameters, "accel_quadratic"),
+        group_vector(parameters, "inner_lever"),
+        group_vector(parameters, "outer_lever"),
+    )
+
+
+def compensate(
+    c: Compensation, gyro: FloatArray, accel: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Angular rate (rad/s) and specific force (m/s²) at the reference point from raw rates, each shape (n, 3).
+
+    Inverts the contract's model; the second-order term by three steps of fixed-point iteration, whose rest is
+    (2 K2 f)³ of the term itself.
+    """
+    omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
+    linear = accel - c.accel_bias
+    force = linear @ c.accel_inverse.T
+    for _ in range(3):
+        force = (linear - c.quadratic * force**2) @ c.accel_inverse.T
+    square = omega**2
+    return omega, force + c.inner_lever * (square.sum(axis=1, keepdims=True) - square)

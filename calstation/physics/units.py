@@ -1,0 +1,32 @@
+"""Where people read: degrees, ppm, µg, °/h and arcseconds; the one place that converts."""
+
+from calstation.physics.parameters import PARAMETERS, Parameter
+
+import numpy as np
+
+DEGREE = np.pi / 180.0
+ARCSECOND = DEGREE / 3600.0
+DEGREE_PER_HOUR = DEGREE / 3600.0
+STANDARD_GRAVITY = 9.80665
+MICRO_G = 1e-6 * STANDARD_GRAVITY
+
+#: How a group is shown: unit and its size in SI.
+DISPLAY: dict[str, tuple[str, float]] = {
+    "gyro_bias": ("°/h", DEGREE_PER_HOUR),
+    "gyro_scale": ("ppm", 1e-6),
+    "gyro_misalign": ("″", ARCSECOND),
+    "accel_bias": ("µg", MICRO_G),
+    "accel_scale": ("ppm", 1e-6),
+    "accel_misalign": ("″", ARCSECOND),
+    "accel_quadratic": ("µg/g²", MICRO_G / STANDARD_GRAVITY**2),
+    "inner_lever": ("mm", 1e-3),
+    "outer_lever": ("mm", 1e-3),
+}
+
+_BY_NAME: dict[str, Parameter] = {p.name: p for p in PARAMETERS}
+
+
+def display(name: str, value: float) -> tuple[float, str]:
+    """A parameter's SI value in the unit people read, and that unit."""
+    unit, size = DISPLAY[_BY_NAME[name].group]
+    return value / size, unit
