@@ -32,3 +32,25 @@ class SampleBlock:
 
     def __len__(self) -> int:
         return len(self.seq)
+
+    def part(self, start: int, stop: int) -> "SampleBlock":
+        """Samples start to stop as a block of their own (views)."""
+        s = slice(start, stop)
+        return SampleBlock(
+            self.stage,
+            self.seq[s],
+            self.time[s],
+            self.counts[s],
+            self.angles[s],
+            self.step[s],
+            self.valid[s],
+            self.temperature[s],
+        )
+
+
+def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
+    """The blocks from sequence number `seq` on, the first cut to it."""
+    kept = [b for b in blocks if len(b) and b.seq[-1] >= seq]
+    if kept:
+        kept[0] = kept[0].part(int(kept[0].seq.searchsorted(seq)), len(kept[0]))
+    return kept

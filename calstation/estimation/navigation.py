@@ -1,0 +1,196 @@
+"""The 39-state filter: one pass over a stage, closed loop in attitude and velocity, linear in the parameters.
+
+States: φ, δv, δp and the errors of the 30 parameters relative to the point the pass is linearised about.
+Observed: the velocity of the table's centre of rotation, which is zero but for the base's vibration, at rest
+and through rotations: `v − C (ω_nb × outer_lever)`. Kalman algebra is filterpy's.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14.
+P. G. Savage, *Strapdown Analytics*, 2nd ed., ch. 15 (closed-loop error resets).
+"""
+
+from dataclasses import dataclass, field
+
+import numba as nb
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from calstation.estimation.alignment import Start
+from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.noise import filter_noise
+from calstation.estimation.stage_data import StageData
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.imu_model import Compensation, compensation
+from calstation.physics.parameters import group_indices
+from calstation.physics.rotation import rotation_matrix, rotation_vector
+from calstation.physics.strapdown import PARAMETER_START, STATES, IntervalWork, interval_work, propagate
+
+POSITION_SIGMA = 1e-3
+"""Start of δp, m: the table holds the unit; no observation depends on it."""
+
+
+@dataclass
+class History:
+    """What a pass saw, one entry per observation: for observability, residuals and plots."""
+
+    index: list[int] = field(default_factory=list)
+    attitude: list[FloatArray] = field(default_factory=list)
+    rate: list[FloatArray] = field(default_factory=list)
+    innovation: list[FloatArray] = field(default_factory=list)
+    nis: list[float] = field(default_factory=list)
+
+
+class NavigationFilter:
+    """One pass. Feed it intervals in order; read `belief`, `history` and `attitude`.
+
+    Parameters
+    ----------
+    context : site, IMU and table
+    prior : of the parameters
+    point : parameter values to linearise about, SI, shape (30,)
+    """
+
+    def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
+        site = context.site
+        self.noise = filter_noise(context)
+        self.earth = rotation_rate(site.latitude)
+        self.gravity = site.gravity or normal_gravity(site.latitude, site.height)
+        self.dt = 1.0 / context.imu.sample_rate
+        self.stride = max(int(round(self.noise.interval / self.dt)), 1)
+        self.point = point
+        self.constants = compensation(point)
+        self.work = interval_work()
+        self.history = History()
+        kf = KalmanFilter(dim_x=STATES, dim_z=3)
+        kf.x = np.zeros(STATES)
+        kf.x[PARAMETER_START:] = prior.mean - point
+        kf.P = np.zeros((STATES, STATES))
+        kf.P[PARAMETER_START:, PARAMETER_START:] = prior.covariance
+        kf.F = self.work.transition
+        kf.H = np.zeros((3, STATES))
+        kf.R = np.eye(3)
+        kf.Q = np.zeros((STATES, STATES))
+        interval = self.stride * self.dt
+        parameters = np.arange(PARAMETER_START, STATES)
+        kf.Q[parameters, parameters] = self.noise.parameter_walk * interval
+        self.kf = kf
+        self._offset = kf.x.copy()
+        lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
+        self.observation_variance = self.noise.velocity + lever * self.noise.end_rate
+
+    @property
+    def belief(self) -> Belief:
+        """Posterior of the parameters so far."""
+        s = slice(PARAMETER_START, STATES)
+        return Belief(self.point + self.kf.x[s], self.kf.P[s, s].copy())
+
+    def begin(self, start: Start, attitude: FloatArray) -> None:
+        """Start (again) at rest: navigation states afresh about `attitude`, parameters carry on."""
+        kf = self.kf
+        kf.x[:PARAMETER_START] = 0.0
+        kf.x[:3] = rotation_vector(start.prior @ attitude.T)
+        kf.P[:PARAMETER_START, :] = 0.0
+        kf.P[:, :PARAMETER_START] = 0.0
+        variances = [*start.prior_sigma**2, *[self.noise.velocity] * 3, *[POSITION_SIGMA**2] * 3]
+        kf.P[range(PARAMETER_START), range(PARAMETER_START)] = variances
+        self._offset = kf.x.copy()
+        self.work.attitude[:] = attitude
+        self.work.velocity[:] = 0.0
+
+    def interval(self, data: StageData, start: int, stop: int) -> None:
+        """One observation interval: strapdown over samples start to stop, predict, observe, feed back."""
+        kf, work, c = self.kf, self.work, self.constants
+        propagate(c, self.earth, self.gravity, self.dt, data.gyro, data.accel, start, stop, work)
+        _process_noise(work.force, self.noise.rate, self.noise.force, (stop - start) * self.dt, kf.Q)
+        kf.predict()
+        z = np.empty(3)
+        _observation(work, self.earth, c, z, kf.H)
+        kf.update(z, R=self.observation_variance)
+        history = self.history
+        history.index.append(stop)
+        history.attitude.append(work.attitude.copy())
+        history.rate.append(work.rate.copy())
+        history.innovation.append(kf.y.copy())
+        history.nis.append(float(kf.y @ kf.SI @ kf.y))
+        self._feed_back()
+
+    def _feed_back(self) -> None:
+        """Close the loop on what the observations said, not on where the prior's mean lies.
+
+        x = offset + correction: the offset is the mean the filter would have, had every observation agreed with
+        the point linearised about. It stays in x and dies away as data come; only the correction turns the
+        reference. So every pass linearises about the last one's answer from its first sample on.
+        """
+        kf, work = self.kf, self.work
+        predicted = kf.F @ self._offset
+        self._offset = predicted - kf.K @ (kf.H @ predicted)
+        correction = kf.x[:6] - self._offset[:6]
+        work.attitude[:] = rotation_matrix(correction[:3]) @ work.attitude
+        work.velocity[:] = work.velocity + correction[3:]
+        kf.x[:6] = self._offset[:6]
+
+    @property
+    def attitude(self) -> FloatArray:
+        """Best attitude C_bn now, shape (3, 3)."""
+        return np.asarray(rotation_matrix(self.kf.x[:3]) @ self.work.attitude)
+
+    def run(self, data: StageData, start: Start, attitude: FloatArray) -> None:
+        """The whole of a segment, in intervals of the stride; the rest shorter than one is left."""
+        self.begin(start, attitude)
+        for k in range(start.begin, start.end - self.stride + 1, self.stride):
+            self.interval(data, k, k + self.stride)
+
+
+@nb.njit(cache=True)
+def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
+    """Covariance of white rate and force noise over an interval of constant specific force (Groves 14.80)."""
+    fx, fy, fz = force[0], force[1], force[2]
+    A = np.zeros((3, 3))
+    A[0, 1], A[0, 2], A[1, 2] = fz, -fy, fx
+    A[1, 0], A[2, 0], A[2, 1] = -fz, fy, -fx
+    for i in range(3):
+        Q[i, i] = rate_q * T
+        Q[6 + i, 6 + i] = force_q * T**3 / 3.0
+        Q[3 + i, 6 + i] = force_q * T**2 / 2.0
+        Q[6 + i, 3 + i] = Q[3 + i, 6 + i]
+        for j in range(3):
+            Q[3 + i, j] = A[i, j] * rate_q * T**2 / 2.0
+            Q[j, 3 + i] = Q[3 + i, j]
+            s = 0.0
+            for k in range(3):
+                s += A[i, k] * A[j, k]
+            Q[3 + i, 3 + j] = s * rate_q * T**3 / 3.0
+        Q[3 + i, 3 + i] += force_q * T
+
+
+@nb.njit(cache=True)
+def _observation(
+    work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray
+) -> None:
+    """z = C(ω_nb × r) − v and its Jacobian: φ: [C(ω_nb×r)×], δv: I, gyro: C [r×] ∂ω, r: −C [ω_nb×]."""
+    C, r = work.attitude, c.outer_lever
+    w = np.empty(3)
+    for i in range(3):
+        w[i] = work.rate[i]
+        for j in range(3):
+            w[i] -= C[j, i] * earth[j]
+    arm = np.array([w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]])
+    u = C @ arm
+    for i in range(3):
+        z[i] = u[i] - work.velocity[i]
+        H[i, 3 + i] = 1.0
+        H[i, 36] = -(C[i, 1] * w[2] - C[i, 2] * w[1])
+        H[i, 37] = -(C[i, 2] * w[0] - C[i, 0] * w[2])
+        H[i, 38] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
+        lever = np.array(
+            [C[i, 1] * r[2] - C[i, 2] * r[1], C[i, 2] * r[0] - C[i, 0] * r[2], C[i, 0] * r[1] - C[i, 1] * r[0]]
+        )
+        for p in range(12):
+            s = 0.0
+            for j in range(3):
+                s += lever[j] * work.rate_jacobian[j, p]
+            H[i, 9 + p] = s
+    H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
+    H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]

@@ -1,0 +1,136 @@
+"""Sample counters made continuous: wraps, resets and gaps told apart (CONTRACT.md, "CSV import")."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calstation.errors import InputError
+from calstation.physics.arrays import FloatArray, IntArray
+
+MODULI = (2**8, 2**16, 2**32)
+_RESTART_SECONDS = 1.0
+
+
+class SequenceUnwrapper:
+    """Turns a logged counter into one that always rises, chunk after chunk.
+
+    A drop to near 0 from 2^8, 2^16 or 2^32 with continuous time is a wrap; with a jump in time, a reset, after
+    which the count carries on with the number of samples that the jump is worth (at least one lost). Where the
+    unit's clock restarted with its counter, time carries on likewise. Anything else that does not rise is an
+    error.
+
+    Parameters
+    ----------
+    sample_period : s
+    """
+
+    def __init__(self, sample_period: float) -> None:
+        self._period = sample_period
+        self._near = max(16, round(_RESTART_SECONDS / sample_period))
+        self._last_raw: int | None = None
+        self._last_time = 0.0
+        self._offset = 0
+        self._time_offset = 0.0
+
+    def feed(self, seq: IntArray, time: FloatArray) -> tuple[IntArray, FloatArray, list[int]]:
+        """Unwrap the next chunk.
+
+        Parameters
+        ----------
+        seq : counter as logged, shape (n,)
+        time : IMU clock as logged, s, shape (n,)
+
+        Returns
+        -------
+        seq : continuous counter, shape (n,)
+        time : rising clock, s, shape (n,)
+        restarts : places in this chunk where the unit's counter and clock began again together
+
+        Raises
+        ------
+        SequenceError
+            with the place of the first row that repeats, is out of order or runs back in time.
+        """
+        if len(seq) == 0:
+            return seq.astype(np.int64), time.astype(np.float64), []
+        first = self._last_raw is None
+        previous_seq = np.concatenate(([seq[0] - 1 if first else self._last_raw], seq[:-1]))
+        previous_time = np.concatenate(([time[0] - self._period if first else self._last_time], time[:-1]))
+        if int(np.min(seq)) < 0:
+            raise SequenceError(int(np.argmax(seq < 0)), "seq is negative")
+        odd = np.flatnonzero((seq <= previous_seq) | (time <= previous_time))
+        offsets = np.full(len(seq), self._offset, dtype=np.int64)
+        shifts = np.full(len(seq), self._time_offset)
+        restarts = []
+        for place in odd:
+            k = int(place)
+            jump, shift = self._step(
+                k, int(previous_seq[k]), int(seq[k]), float(previous_time[k]), float(time[k])
+            )
+            offsets[k:] += jump
+            shifts[k:] += shift
+            if shift:
+                restarts.append(k)
+        self._last_raw, self._last_time = int(seq[-1]), float(time[-1])
+        self._offset, self._time_offset = int(offsets[-1]), float(shifts[-1])
+        return seq + offsets, time + shifts, restarts
+
+    def _step(self, place: int, last: int, now: int, last_time: float, now_time: float) -> tuple[int, float]:
+        """What to add to counter and clock from a row that does not rise."""
+        elapsed = (now_time - last_time) / self._period
+        if now == last:
+            raise SequenceError(place, f"seq {now} is repeated")
+        if now > last:
+            raise SequenceError(place, f"time_s falls from {last_time:g} to {now_time:g} s")
+        for modulus in MODULI:
+            steps = now - last + modulus
+            near = modulus // 4
+            if modulus - near <= last < modulus and now < near and abs(elapsed - steps) < 0.5 + 0.01 * steps:
+                return modulus, 0.0
+        if now < self._near and elapsed > 1.5:
+            return last + max(2, round(elapsed)) - now, 0.0
+        clock_restarted = now_time <= (now + 1) * self._period + _RESTART_SECONDS
+        if now < self._near and clock_restarted and last_time - now_time > _RESTART_SECONDS:
+            return last + 2 - now, last_time + 2 * self._period - now_time
+        raise SequenceError(place, f"seq falls from {last} to {now}")
+
+
+class SequenceError(InputError):
+    """A row that repeats or is out of order; `place` is its index in the chunk."""
+
+    def __init__(self, place: int, what: str) -> None:
+        super().__init__(f"{what}; remove repeated rows and sort the rest as they were sampled")
+        self.place = place
+
+
+def unwrap_sequence(
+    seq: IntArray, time: FloatArray, sample_period: float
+) -> tuple[IntArray, FloatArray, list[int]]:
+    """Unwrap a whole log at once; arguments, results and errors as in `SequenceUnwrapper.feed`."""
+    return SequenceUnwrapper(sample_period).feed(np.asarray(seq), np.asarray(time))
+
+
+def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int) -> IntArray:
+    """Continue a live counter of known width.
+
+    Parameters
+    ----------
+    raw : counter as received, modulo 2^bits, shape (n,)
+    last : continuous count of the last sample before, None at the start
+    bits : width of the counter
+
+    Returns
+    -------
+    count : continuous counter, shape (n,). Forward steps are taken modulo 2^bits; a fall to the first
+        eighth of the range that would mean more than half of it lost is a reset, counted as one lost sample.
+        The same value twice is a whole turn of the counter.
+    """
+    received = np.asarray(raw, dtype=np.int64)
+    if len(received) == 0:
+        return received
+    modulus = 1 << bits
+    start = int(received[0]) - 1 if last is None else last
+    previous = np.concatenate(([start % modulus], received[:-1]))
+    steps = (received - previous) % modulus
+    reset = (steps > modulus // 2) & (received < modulus // 8)
+    return start + np.cumsum(np.where(reset, 2, np.where(steps == 0, modulus, steps)))

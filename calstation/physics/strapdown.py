@@ -1,0 +1,347 @@
+"""Strapdown navigation at the IMU's rate with the transition blocks of its errors, one compiled kernel.
+
+State order of the errors: φ (0:3), δv (3:6), δp (6:9), the 30 parameters (9:39), where
+`C_true = (I + [φ×]) C_computed`, `v_true = v + δv`. With ω, f compensated by the assumed parameters:
+
+    φ̇  = −Ω×φ + C δω                 δv̇ = −[C f×] φ − 2Ω×δv + C δf              δṗ = δv
+    δω = −(I+M_g)⁻¹ (δb_g + δM_g ω)
+    δf = −J⁻¹ (δb_a + δM_a f + δK2∘f²) + δl∘c + l∘δc,   J = I + M_a + 2 diag(K2∘f),   c_i = |ω|² − ω_i²
+
+References
+----------
+P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, J. Guidance Control Dynamics
+21(1-2), 1998: coning and sculling from the last and the present increment (part 1 eq. 42, part 2 eq. 57).
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.
+"""
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from calstation.physics.arrays import FloatArray
+from calstation.physics.imu_model import Compensation
+
+STATES = 39
+PHI = slice(0, 3)
+VELOCITY = slice(3, 6)
+POSITION = slice(6, 9)
+PARAMETER_START = 9
+
+
+class IntervalWork(NamedTuple):
+    """What one interval of the kernel writes.
+
+    transition : F over the interval, shape (39, 39)
+    attitude : C_bn, shape (3, 3), read and advanced; velocity : v in n, m/s, shape (3,), read and advanced
+    rate : angular rate ω_ib at the interval's end, rad/s, shape (3,)
+    rate_jacobian : ∂ω/∂parameters there, shape (3, 30)
+    force : mean specific force in n, m/s², shape (3,)
+    """
+
+    transition: FloatArray
+    attitude: FloatArray
+    velocity: FloatArray
+    rate: FloatArray
+    rate_jacobian: FloatArray
+    force: FloatArray
+
+
+def interval_work() -> IntervalWork:
+    """Fresh arrays for `propagate`."""
+    return IntervalWork(
+        np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, 30)), np.zeros(3)
+    )
+
+
+@nb.njit(cache=True, inline="always")
+def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@nb.njit(cache=True)
+def _correct(
+    c: Compensation, gyro: FloatArray, accel: FloatArray, omega: FloatArray, force: FloatArray
+) -> None:
+    """Angular rate, and specific force before the size effect is added, from one raw sample's rates."""
+    for i in range(3):
+        omega[i] = 0.0
+        for j in range(3):
+            omega[i] += c.gyro_inverse[i, j] * (gyro[j] - c.gyro_bias[j])
+    for i in range(3):
+        force[i] = 0.0
+        for j in range(3):
+            force[i] += c.accel_inverse[i, j] * (accel[j] - c.accel_bias[j])
+    linear = np.empty(3)
+    for _ in range(3):
+        for j in range(3):
+            linear[j] = accel[j] - c.accel_bias[j] - c.quadratic[j] * force[j] * force[j]
+        for i in range(3):
+            force[i] = 0.0
+            for j in range(3):
+                force[i] += c.accel_inverse[i, j] * linear[j]
+
+
+@nb.njit(cache=True)
+def _rate_jacobian(c: Compensation, omega: FloatArray, out: FloatArray) -> None:
+    """∂ω/∂(gyro bias 0:3, scale 3:6, misalignments 6:12) = −(I+M_g)⁻¹ [I, diag ω, ...], shape (3, ≥12)."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = -c.gyro_inverse[i, j]
+            out[i, 3 + j] = -c.gyro_inverse[i, j] * omega[j]
+        out[i, 6] = -c.gyro_inverse[i, 0] * omega[1]
+        out[i, 7] = -c.gyro_inverse[i, 0] * omega[2]
+        out[i, 8] = -c.gyro_inverse[i, 1] * omega[0]
+        out[i, 9] = -c.gyro_inverse[i, 1] * omega[2]
+        out[i, 10] = -c.gyro_inverse[i, 2] * omega[0]
+        out[i, 11] = -c.gyro_inverse[i, 2] * omega[1]
+
+
+@nb.njit(cache=True)
+def _force_jacobian(
+    c: Compensation, omega: FloatArray, force: FloatArray, rate_jacobian: FloatArray, out: FloatArray
+) -> None:
+    """∂f/∂parameters at the reference point: gyro terms (0:12), accelerometer (12:24), inner lever (24:27)."""
+    inverse = np.empty((3, 3))
+    for i in range(3):  # first-order inverse of I + M_a + 2 diag(K2 f): K2 f is 1e-4 at most
+        for j in range(3):
+            inverse[i, j] = c.accel_inverse[i, j] * (1.0 - 2.0 * c.quadratic[j] * force[j])
+    for i in range(3):
+        for j in range(3):
+            out[i, 12 + j] = -inverse[i, j]
+            out[i, 15 + j] = -inverse[i, j] * force[j]
+            out[i, 21 + j] = -inverse[i, j] * force[j] * force[j]
+            out[i, 24 + j] = 0.0
+        out[i, 18] = -inverse[i, 1] * force[0]
+        out[i, 19] = -inverse[i, 2] * force[0]
+        out[i, 20] = -inverse[i, 2] * force[1]
+        square = 0.0
+        for j in range(3):
+            if j != i:
+                square += omega[j] * omega[j]
+        out[i, 24 + i] = square
+        for k in range(12):
+            change = 0.0
+            for j in range(3):
+                if j != i:
+                    change += omega[j] * rate_jacobian[j, k]
+            out[i, k] = 2.0 * c.inner_lever[i] * change
+
+
+@nb.njit(cache=True)
+def propagate(
+    c: Compensation,
+    earth: FloatArray,
+    gravity: float,
+    dt: float,
+    gyro: FloatArray,
+    accel: FloatArray,
+    start: int,
+    stop: int,
+    work: IntervalWork,
+) -> None:
+    """Advance attitude and velocity over samples `start` to `stop` and write the interval's transition.
+
+    Parameters
+    ----------
+    c : constants of the assumed parameters
+    earth : earth rate in n, rad/s, shape (3,)
+    gravity : m/s²
+    dt : sample period, s
+    gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
+    start, stop : samples of this interval; the neighbours on both sides serve coning and the end rate
+    work : see `IntervalWork`
+    """
+    C, v, F = work.attitude, work.velocity, work.transition
+    omega, force, last_omega, last_force = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    jw, jf = np.zeros((3, 27)), np.zeros((3, 27))
+    psi_phi, psi_v, psi_p = np.zeros((3, 27)), np.zeros((3, 27)), np.zeros((3, 27))
+    rotvec, dv, cross, step = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    E, middle, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    force_sum, force_moment, f_n = np.zeros(3), np.zeros(3), np.empty(3)
+
+    before = start - 1 if start > 0 else start
+    _correct(c, gyro[before], accel[before], last_omega, last_force)
+    for i in range(3):
+        square = 0.0
+        for j in range(3):
+            if j != i:
+                square += last_omega[j] * last_omega[j]
+        last_force[i] += c.inner_lever[i] * square
+
+    for k in range(start, stop):
+        _correct(c, gyro[k], accel[k], omega, force)
+        _rate_jacobian(c, omega, jw)
+        _force_jacobian(c, omega, force, jw, jf)
+        for i in range(3):
+            force[i] += c.inner_lever[i] * jf[i, 24 + i]
+
+        # rotation and velocity increments in b, coning and sculling to second order
+        _cross(last_omega, omega, cross)
+        for i in range(3):
+            rotvec[i] = omega[i] * dt + cross[i] * dt * dt / 12.0
+        _cross(omega, force, dv)
+        _cross(last_omega, force, cross)
+        _cross(last_force, omega, step)
+        for i in range(3):
+            dv[i] = force[i] * dt + 0.5 * dv[i] * dt * dt + (cross[i] + step[i]) * dt * dt / 12.0
+
+        # C_new = (I − [Ω dt×] + ½[Ω dt×]²) C Exp(rotvec)
+        angle2 = rotvec[0] ** 2 + rotvec[1] ** 2 + rotvec[2] ** 2
+        if angle2 < 1e-8:
+            a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+        else:
+            angle = np.sqrt(angle2)
+            a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
+        for i in range(3):
+            for j in range(3):
+                E[i, j] = b * rotvec[i] * rotvec[j]
+            E[i, i] += 1.0 - b * angle2
+        E[0, 1] -= a * rotvec[2]
+        E[0, 2] += a * rotvec[1]
+        E[1, 0] += a * rotvec[2]
+        E[1, 2] -= a * rotvec[0]
+        E[2, 0] -= a * rotvec[1]
+        E[2, 1] += a * rotvec[0]
+        for i in range(3):
+            for j in range(3):
+                s = 0.0
+                for m in range(3):
+                    s += C[i, m] * E[m, j]
+                turned[i, j] = s
+        for j in range(3):
+            cross[0] = earth[1] * turned[2, j] - earth[2] * turned[1, j]
+            cross[1] = earth[2] * turned[0, j] - earth[0] * turned[2, j]
+            cross[2] = earth[0] * turned[1, j] - earth[1] * turned[0, j]
+            step[0] = earth[1] * cross[2] - earth[2] * cross[1]
+            step[1] = earth[2] * cross[0] - earth[0] * cross[2]
+            step[2] = earth[0] * cross[1] - earth[1] * cross[0]
+            for i in range(3):
+                turned[i, j] += -cross[i] * dt + 0.5 * step[i] * dt * dt
+        for i in range(3):
+            f_n[i] = 0.0
+            for j in range(3):
+                f_n[i] += C[i, j] * dv[j]
+                middle[i, j] = 0.5 * (C[i, j] + turned[i, j])
+        _cross(earth, f_n, cross)
+        _cross(earth, v, step)
+        for i in range(3):
+            f_n[i] = (f_n[i] - 0.5 * dt * cross[i]) / dt
+            v[i] += (f_n[i] - 2.0 * step[i]) * dt
+        v[2] -= gravity * dt
+        for i in range(3):
+            for j in range(3):
+                C[i, j] = turned[i, j]
+
+        # transition blocks of the parameters, midpoint rule
+        for i in range(3):
+            force_moment[i] += (force_sum[i] + 0.5 * f_n[i] * dt) * dt
+            force_sum[i] += f_n[i] * dt
+        for p in range(27):
+            for i in range(3):
+                s = 0.0
+                for j in range(3):
+                    s += middle[i, j] * jf[j, p]
+                step[i] = s
+            if p < 12:
+                for i in range(3):
+                    s = 0.0
+                    for j in range(3):
+                        s += middle[i, j] * jw[j, p]
+                    cross[i] = psi_phi[i, p] + 0.5 * s * dt
+                    psi_phi[i, p] += s * dt
+                step[0] -= f_n[1] * cross[2] - f_n[2] * cross[1]
+                step[1] -= f_n[2] * cross[0] - f_n[0] * cross[2]
+                step[2] -= f_n[0] * cross[1] - f_n[1] * cross[0]
+            for i in range(3):
+                psi_p[i, p] += (psi_v[i, p] + 0.5 * step[i] * dt) * dt
+                psi_v[i, p] += step[i] * dt
+        for i in range(3):
+            last_omega[i] = omega[i]
+            last_force[i] = force[i]
+
+    # the rate at the end lies between the last sample and the next
+    if stop < gyro.shape[0]:
+        _correct(c, gyro[stop], accel[stop], omega, force)
+        for i in range(3):
+            omega[i] = 0.5 * (omega[i] + last_omega[i])
+    for i in range(3):
+        work.rate[i] = omega[i]
+    _rate_jacobian(c, omega, work.rate_jacobian)
+
+    T = (stop - start) * dt
+    for i in range(3):
+        work.force[i] = force_sum[i] / T
+        for p in range(27):
+            F[i, 9 + p] = psi_phi[i, p]
+            F[3 + i, 9 + p] = psi_v[i, p]
+            F[6 + i, 9 + p] = psi_p[i, p]
+        F[6 + i, 3 + i] = T
+    _write_navigation_block(F, earth, force_sum, force_moment, T)
+
+
+@nb.njit(cache=True)
+def _write_navigation_block(
+    F: FloatArray, earth: FloatArray, force_sum: FloatArray, force_moment: FloatArray, T: float
+) -> None:
+    for r, scale in ((0, 1.0), (3, 2.0)):
+        F[r, r + 1] = scale * earth[2] * T
+        F[r, r + 2] = -scale * earth[1] * T
+        F[r + 1, r] = -scale * earth[2] * T
+        F[r + 1, r + 2] = scale * earth[0] * T
+        F[r + 2, r] = scale * earth[1] * T
+        F[r + 2, r + 1] = -scale * earth[0] * T
+    for r, s in ((3, force_sum), (6, force_moment)):
+        F[r, 1] = s[2]
+        F[r, 2] = -s[1]
+        F[r + 1, 0] = -s[2]
+        F[r + 1, 2] = s[0]
+        F[r + 2, 0] = s[1]
+        F[r + 2, 1] = -s[0]
+
+
+@nb.njit(cache=True)
+def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop: int) -> FloatArray:
+    """Rotation of the body from sample `start` to `stop` relative to inertial space, C_b(start)←b(stop), (3, 3)."""
+    B, K, turned = np.eye(3), np.zeros((3, 3)), np.empty((3, 3))
+    omega, last, cross, rotvec = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    before = start - 1 if start > 0 else start
+    last[:] = c.gyro_inverse @ (gyro[before] - c.gyro_bias)
+    for k in range(start, stop):
+        for i in range(3):
+            omega[i] = 0.0
+            for j in range(3):
+                omega[i] += c.gyro_inverse[i, j] * (gyro[k, j] - c.gyro_bias[j])
+        _cross(last, omega, cross)
+        for i in range(3):
+            rotvec[i] = omega[i] * dt + cross[i] * dt * dt / 12.0
+            last[i] = omega[i]
+        angle = np.sqrt(rotvec[0] ** 2 + rotvec[1] ** 2 + rotvec[2] ** 2)
+        a = np.sin(angle) / angle if angle > 1e-8 else 1.0
+        b = (1.0 - np.cos(angle)) / angle**2 if angle > 1e-4 else 0.5
+        for i in range(3):
+            for j in range(3):
+                K[i, j] = b * rotvec[i] * rotvec[j]
+            K[i, i] += 1.0 - b * angle**2
+        K[0, 1] -= a * rotvec[2]
+        K[0, 2] += a * rotvec[1]
+        K[1, 0] += a * rotvec[2]
+        K[1, 2] -= a * rotvec[0]
+        K[2, 0] -= a * rotvec[1]
+        K[2, 1] += a * rotvec[0]
+        for i in range(3):
+            for j in range(3):
+                turned[i, j] = B[i, 0] * K[0, j] + B[i, 1] * K[1, j] + B[i, 2] * K[2, j]
+        B[:] = turned
+    return B
+
+
+@nb.njit(cache=True)
+def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """∂ω/∂p and ∂f/∂p for the parameters before the outer lever, each shape (3, 27), at ω (rad/s), f (m/s²)."""
+    rate_jacobian, force_jacobian = np.zeros((3, 27)), np.zeros((3, 27))
+    _rate_jacobian(c, omega, rate_jacobian)
+    _force_jacobian(c, omega, force, rate_jacobian, force_jacobian)
+    return rate_jacobian, force_jacobian
