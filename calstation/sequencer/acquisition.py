@@ -1,0 +1,180 @@
+"""The one road of a sample: drain the IMU, put the table's angles on its samples, stamp stage and step."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.devices.interfaces import Imu, SampleBatch, TableStatus
+from calstation.estimation.context import ImuModel
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.arrays import FloatArray
+from calstation.sequencer.ports import Clock
+
+CLOCK_WINDOW = 200
+"""Ticks over which the least delay between IMU clock and station clock is sought."""
+
+
+@dataclass(frozen=True)
+class StatusMasks:
+    """Bits of the IMU's status word: data valid since power-up, output saturated, self-test failed."""
+
+    ready: int = 0
+    saturated: int = 0
+    failed: int = 0
+
+
+@dataclass(frozen=True)
+class Flow:
+    """What a drain brought: samples, missing samples before or among them, and the status bits met."""
+
+    count: int
+    missing: int
+    ready: bool
+    saturated: bool
+    failed: bool
+
+
+@dataclass(frozen=True)
+class _Poll:
+    """One poll of the table: station time of the angles, rad, and rates, rad/s."""
+
+    time: float
+    angles: FloatArray
+    rates: FloatArray
+
+
+def to_si(model: ImuModel) -> FloatArray:
+    """Factor from counts to rad/s (gyro) and m/s² (accel), shape (6,)."""
+    rate = model.sample_rate if model.output == "increment" else 1.0
+    return np.repeat([model.gyro_lsb * rate, model.accel_lsb * rate], 3)
+
+
+class Acquisition:
+    """Turns what the IMU sends into stamped blocks for log and solver.
+
+    A poll of the table keeps the station times of request and answer; its middle less the profile's
+    latency, less the smallest delay seen between IMU clock and station clock, is its IMU time. The angle
+    goes on the nearest sample, carried there by the polled rate; other samples have NaN.
+
+    Attributes
+    ----------
+    stage, step, valid : stamped on the samples of every further drain
+    newest : IMU time of the latest sample, s, None before the first
+    received, gaps : samples and interruptions of the counter so far
+    """
+
+    def __init__(
+        self,
+        imu: Imu,
+        model: ImuModel,
+        clock: Clock,
+        sink: Callable[[SampleBlock], None],
+        *,
+        latency: float = 0.0,
+        masks: StatusMasks | None = None,
+    ) -> None:
+        self._imu = imu
+        self._clock = clock
+        self._sink = sink
+        self._latency = latency
+        self._masks = masks or StatusMasks()
+        self._scale = to_si(model)
+        self._latest: SampleBatch | None = None
+        self._half_period = 0.5 / model.sample_rate
+        self._polls: list[_Poll] = []
+        self._delays: deque[float] = deque(maxlen=CLOCK_WINDOW)
+        self._taps: list[list[SampleBlock]] = []
+        self._last_seq: int | None = None
+        self.stage = ""
+        self.step = 0
+        self.valid = True
+        self.newest: float | None = None
+        self.received = 0
+        self.gaps = 0
+        self.last_arrival = clock.now()
+
+    def poll(self, status: TableStatus, asked: float, answered: float) -> None:
+        """Take a poll of the table, requested and answered at these station times, s."""
+        middle = 0.5 * (asked + answered) - self._latency
+        self._polls.append(
+            _Poll(middle, np.asarray(status.angles, np.float64), np.asarray(status.rates, np.float64))
+        )
+
+    def drain(self) -> Flow:
+        """Take all samples that have come, stamp them and hand them on."""
+        batch = self._imu.read()
+        count = len(batch.seq)
+        if count == 0:
+            return Flow(0, 0, False, False, False)
+        now = self._clock.now()
+        missing = self._missing(batch)
+        self.received += count
+        self.gaps += missing > 0
+        self.newest = float(batch.time[-1])
+        self._latest = batch
+        self.last_arrival = now
+        if missing:
+            self._delays.clear()
+        self._delays.append(now - self.newest)
+        block = SampleBlock(
+            stage=self.stage,
+            seq=batch.seq,
+            time=batch.time,
+            counts=batch.counts,
+            angles=self._angles(batch),
+            step=np.full(count, self.step, np.int64),
+            valid=np.full(count, self.valid),
+            temperature=batch.temperature,
+        )
+        for tap in self._taps:
+            tap.append(block)
+        self._sink(block)
+        seen = int(np.bitwise_or.reduce(batch.status))
+        return Flow(
+            count,
+            missing,
+            ready=self._masks.ready == 0 or bool(batch.status[-1] & self._masks.ready),
+            saturated=bool(seen & self._masks.saturated),
+            failed=bool(seen & self._masks.failed),
+        )
+
+    @property
+    def recent(self) -> tuple[tuple[float, ...], float | None] | None:
+        """Mean output (rad/s, m/s²) and temperature (°C) of the last drain; None before the first."""
+        if self._latest is None:
+            return None
+        mean = self._latest.counts.mean(axis=0) * self._scale
+        temperature = float(self._latest.temperature[-1])
+        return tuple(float(v) for v in mean), None if np.isnan(temperature) else temperature
+
+    @contextmanager
+    def tap(self) -> Iterator[list[SampleBlock]]:
+        """Collect a copy of the blocks that pass while the context is open."""
+        blocks: list[SampleBlock] = []
+        self._taps.append(blocks)
+        try:
+            yield blocks
+        finally:
+            self._taps.remove(blocks)
+
+    def _missing(self, batch: SampleBatch) -> int:
+        first = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq
+        self._last_seq = int(batch.seq[-1])
+        return self._last_seq - first - len(batch.seq)
+
+    def _angles(self, batch: SampleBatch) -> FloatArray:
+        angles = np.full((len(batch.seq), 2), np.nan)
+        delay = min(self._delays)
+        waiting = []
+        for poll in self._polls:
+            moment = poll.time - delay
+            if moment > batch.time[-1] + self._half_period:
+                waiting.append(poll)
+            elif moment >= batch.time[0] - self._half_period:
+                i = int(np.argmin(np.abs(batch.time - moment)))
+                angles[i] = poll.angles + poll.rates * (batch.time[i] - moment)
+        self._polls = waiting
+        return angles

@@ -1,0 +1,164 @@
+"""What happens, told as immutable events: a name and values, never sentences; the listener words them.
+
+The same stream feeds progress bar, journal, window and database. `to_json` and `from_json` carry an
+event through a pipe or a log.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, TypeAlias
+
+
+@dataclass(frozen=True)
+class StateChanged:
+    """The sequencer went from state `previous` to `state`."""
+
+    state: str
+    previous: str
+
+
+@dataclass(frozen=True)
+class StageStarted:
+    """Stage number `index` (from 0) of `count` begins; `duration` is what its plan takes, s of station time."""
+
+    stage: str
+    index: int
+    count: int
+    duration: float
+
+
+@dataclass(frozen=True)
+class StageProgress:
+    """How far a stage is: `fraction` 0..1, `remaining` s, `sigma` the largest per parameter group so far, SI."""
+
+    stage: str
+    fraction: float
+    remaining: float
+    sigma: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class StepStarted:
+    """A step begins: `kind` of step, `step` number stamped on its samples, `label` id and values of the plan."""
+
+    stage: str
+    step: int
+    kind: str
+    label: tuple[str | float, ...] = ()
+
+
+@dataclass(frozen=True)
+class StageEnded:
+    """The motion of a stage is over because of `reason`: plan, rounds, duration, targets or operator."""
+
+    stage: str
+    reason: str
+    rounds: int
+
+
+@dataclass(frozen=True)
+class TableMoved:
+    """Encoder angles, rad, and rates, rad/s."""
+
+    outer: float
+    inner: float
+    outer_rate: float
+    inner_rate: float
+    moving: bool
+
+
+@dataclass(frozen=True)
+class SampleStats:
+    """Data flow so far, and the latest interval's mean output: gyro x y z, accel x y z, SI."""
+
+    received: int
+    gaps: int
+    crc_errors: int
+    mean: tuple[float, ...]
+    temperature: float | None
+
+
+@dataclass(frozen=True)
+class Message:
+    """Something a person should read, by its `id` and `values`."""
+
+    id: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class StageSolved:
+    """A stage's answer: value and sigma per estimated parameter, SI, and its consistency as in the result."""
+
+    stage: str
+    parameters: Mapping[str, Mapping[str, float]]
+    consistency: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The run is over: `outcome` as in the result JSON, files as text, the result itself."""
+
+    outcome: str
+    log: str
+    result_file: str
+    result: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """The run failed on `kind` (device, configuration, input, internal); `text` is the error's own words."""
+
+    kind: str
+    text: str
+    exit_code: int
+
+
+Event: TypeAlias = (
+    StateChanged
+    | StageStarted
+    | StageProgress
+    | StepStarted
+    | StageEnded
+    | TableMoved
+    | SampleStats
+    | Message
+    | StageSolved
+    | Verdict
+    | Fault
+)
+
+_KINDS: dict[str, type[Event]] = {
+    kind.__name__: kind
+    for kind in (
+        StateChanged,
+        StageStarted,
+        StageProgress,
+        StepStarted,
+        StageEnded,
+        TableMoved,
+        SampleStats,
+        Message,
+        StageSolved,
+        Verdict,
+        Fault,
+    )
+}
+
+LOSSY = (StageProgress, TableMoved, SampleStats)
+"""Events that only refresh a display: a slow listener may miss some, and the raw log keeps none."""
+
+
+def to_json(event: Event) -> dict[str, Any]:
+    """The event as a JSON-ready dictionary with its kind under ``event``."""
+    return {"event": type(event).__name__, **asdict(event)}
+
+
+def from_json(data: Mapping[str, Any]) -> Event:
+    """The event that `to_json` wrote. Raises KeyError for an unknown kind."""
+    values = dict(data)
+    kind = _KINDS[values.pop("event")]
+    for name in ("label", "mean"):
+        if name in values:
+            values[name] = tuple(values[name])
+    return kind(**values)

@@ -1,0 +1,53 @@
+"""Checks made before every command to the table; each refusal is a sentence with its mend."""
+
+import math
+
+from calstation.devices.interfaces import TableStatus
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.physics.table import JointLimits
+
+JOINTS = ("outer", "inner")
+
+
+def check_power(status: TableStatus) -> None:
+    """May the axes be enabled? Raises DeviceFaultError where fault, interlock or watchdog say no."""
+    if status.fault is not None:
+        raise DeviceFaultError(f"table: fault '{status.fault}' is latched; remove its cause and reset it at the table")
+    if not status.interlock_closed:
+        raise DeviceFaultError("table: the interlock is open; close the cover and start again")
+    if not status.watchdog > 0.0:
+        raise DeviceFaultError(
+            "table: the watchdog is off (0); set its timeout in the drive, e.g. 1000 ms, before any run"
+        )
+
+
+def check_motion(status: TableStatus) -> None:
+    """May the table move now? `check_power`, and the axes enabled and homed. Raises DeviceFaultError."""
+    check_power(status)
+    if not status.enabled:
+        raise DeviceFaultError("table: the axes are not enabled; check the drive's enable input")
+    if not status.homed:
+        raise DeviceFaultError("table: the axes are not homed; home the table first")
+
+
+def check_move(
+    status: TableStatus, limits: JointLimits, target: tuple[float, float], rate: float, acceleration: float
+) -> None:
+    """May the table make this move? `target` rad, `rate` rad/s, `acceleration` rad/s².
+
+    Raises DeviceFaultError for the table's state and ConfigurationError for a move outside the limits.
+    """
+    check_motion(status)
+    for name, value, unit in (("rate", rate, "°/s"), ("acceleration", acceleration, "°/s²")):
+        allowed = min(limits.rate if name == "rate" else limits.acceleration)
+        if not (math.isfinite(value) and 0.0 < value <= allowed * (1.0 + 1e-9)):
+            raise ConfigurationError(
+                f"schedule: {name} {math.degrees(value):g} {unit} is outside the table's "
+                f"0 to {math.degrees(allowed):g} {unit}; lower it in the product's schedule"
+            )
+    for joint, name in enumerate(JOINTS):
+        if not (math.isfinite(target[joint]) and limits.within(joint, target[joint])):
+            raise ConfigurationError(
+                f"schedule: {name} axis target {math.degrees(target[joint]):.1f}° is outside the table's travel "
+                f"{math.degrees(limits.low[joint]):.0f}° to {math.degrees(limits.high[joint]):.0f}°"
+            )

@@ -1,0 +1,140 @@
+"""The engine's tick: time passes, the table is polled, samples are drained, the watchdog fed, commands heard."""
+
+import time
+from collections.abc import Callable
+
+from calstation.devices.interfaces import Imu, Table, TableStatus
+from calstation.errors import DeviceFaultError
+from calstation.sequencer.acquisition import Acquisition, Flow
+from calstation.sequencer.control import Control, PauseRequested, SpoiltStep, StopRequested
+from calstation.sequencer.events import SampleStats, TableMoved
+from calstation.sequencer.ports import Clock, Emit
+
+TICK = 0.05
+"""Station time between two looks at the devices, s."""
+
+_NO_DATA = 1.0
+"""Station time without a sample that counts as no data, s."""
+
+_SHOW_TABLE, _SHOW_SAMPLES = 0.1, 0.5
+"""Host time between two events that only refresh a display, s."""
+
+
+class Pulse:
+    """Runs ticks in the engine's thread and interrupts the step in hand.
+
+    Attributes
+    ----------
+    status : the table as last polled
+    powered : the axes must stay enabled; a table that drops them is a fault
+    pausable : a pause interrupts (otherwise it waits)
+    watchful : lost or saturated samples spoil the step
+    """
+
+    def __init__(
+        self, table: Table, imu: Imu, acquisition: Acquisition, clock: Clock, control: Control, emit: Emit
+    ) -> None:
+        self._table = table
+        self._imu = imu
+        self._acquisition = acquisition
+        self._clock = clock
+        self._control = control
+        self._emit = emit
+        self._fed = self._shown_table = self._shown_samples = -1e9
+        self.status: TableStatus = table.status()
+        self.flow = Flow(0, 0, False, False, False)
+        self.powered = False
+        self.pausable = False
+        self.watchful = False
+
+    def tick(self) -> None:
+        """Let a tick of station time pass, then `look`."""
+        self._clock.sleep(TICK)
+        self.look()
+
+    def look(self) -> None:
+        """Poll, drain, feed the watchdog, hear commands.
+
+        Raises DeviceFaultError for a faulty table, StopRequested, PauseRequested or SpoiltStep.
+        """
+        asked = self._clock.now()
+        self.status = self._table.status()
+        self._acquisition.poll(self.status, asked, self._clock.now())
+        self.flow = self._acquisition.drain()
+        self.feed_watchdog()
+        self._show()
+        self._check_table()
+        self.hear()
+        if self.watchful:
+            self._check_data()
+
+    def hear(self) -> None:
+        """Take the operator's commands. Raises StopRequested or PauseRequested."""
+        self._control.take()
+        if self._control.stopping:
+            raise StopRequested
+        if self._control.pausing and self.pausable:
+            raise PauseRequested
+
+    def feed_watchdog(self) -> None:
+        """Write the heartbeat if a quarter of the watchdog's time (host time) has gone by."""
+        now = time.monotonic()
+        if self.status.watchdog > 0.0 and now - self._fed > 0.25 * self.status.watchdog:
+            self._table.heartbeat()
+            self._fed = now
+
+    def wait(self, condition: Callable[[], bool], timeout: float, failure: str) -> None:
+        """Tick until `condition`; raises DeviceFaultError(`failure`) after `timeout` s of station time."""
+        deadline = self._clock.now() + timeout
+        while not condition():
+            if self._clock.now() > deadline:
+                raise DeviceFaultError(failure)
+            self.tick()
+
+    def rest(self, seconds: float) -> None:
+        """Tick until `seconds` of IMU time have been received."""
+        acquisition = self._acquisition
+        self.wait(lambda: acquisition.newest is not None, 5.0, "IMU: no data; check port, baud and power")
+        begin = acquisition.newest or 0.0
+        self.wait(
+            lambda: (acquisition.newest or 0.0) - begin >= seconds - 1e-9,
+            1.5 * seconds + 10.0,
+            f"IMU: {seconds:g} s of data did not come in time; check the link and the sample rate",
+        )
+
+    def _check_table(self) -> None:
+        if self.status.fault is not None:
+            raise DeviceFaultError(f"table: fault '{self.status.fault}'; remove its cause and reset it at the table")
+        if self.powered and not self.status.interlock_closed:
+            raise DeviceFaultError("table: the interlock was opened; close the cover and start again")
+        if self.powered and not self.status.enabled:
+            raise DeviceFaultError("table: the drive switched the axes off; look at the drive's display")
+
+    def _check_data(self) -> None:
+        if self._clock.now() - self._acquisition.last_arrival > _NO_DATA:
+            raise SpoiltStep("no_data")
+        if self.flow.missing:
+            raise SpoiltStep("gap")
+        if self.flow.saturated:
+            raise SpoiltStep("saturated")
+
+    def _show(self) -> None:
+        now = time.monotonic()
+        if now - self._shown_table >= _SHOW_TABLE:
+            self._shown_table = now
+            (outer, inner), (outer_rate, inner_rate) = self.status.angles, self.status.rates
+            self._emit(
+                TableMoved(float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving)
+            )
+        if now - self._shown_samples >= _SHOW_SAMPLES and self._acquisition.recent is not None:
+            self._shown_samples = now
+            mean, temperature = self._acquisition.recent
+            self._emit(
+                SampleStats(
+                    self._acquisition.received,
+                    self._acquisition.gaps,
+                    self._imu.stats.crc_errors,
+                    mean,
+                    temperature,
+                )
+            )

@@ -1,0 +1,40 @@
+"""The safe stop: decelerate, wait for rest, switch the axes off; works whatever else has failed."""
+
+import time
+from collections.abc import Callable
+
+from calstation.devices.interfaces import Table
+from calstation.errors import CalstationError
+from calstation.sequencer.ports import Clock
+
+_REST_WITHIN = 30.0
+"""Station and host time allowed for the deceleration, s."""
+
+_TICK = 0.05
+
+
+def safe_stop(table: Table, clock: Clock) -> list[str]:
+    """Bring the table to rest and switch its axes off; returns what failed on the way, never raises.
+
+    A table that no longer answers is left to its own watchdog, which this run has seen switched on.
+    """
+    failures: list[str] = []
+    _attempt(table.stop, failures)
+    if not failures:
+        _attempt(lambda: _wait_for_rest(table, clock), failures)
+    _attempt(table.disable, failures)
+    return failures
+
+
+def _wait_for_rest(table: Table, clock: Clock) -> None:
+    deadline, host_deadline = clock.now() + _REST_WITHIN, time.monotonic() + _REST_WITHIN
+    while table.status().moving and clock.now() < deadline and time.monotonic() < host_deadline:
+        table.heartbeat()
+        clock.sleep(_TICK)
+
+
+def _attempt(action: Callable[[], None], failures: list[str]) -> None:
+    try:
+        action()
+    except (CalstationError, OSError) as exc:
+        failures.append(str(exc))

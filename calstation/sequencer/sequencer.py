@@ -1,0 +1,314 @@
+"""Runs a calibration from preparation to verdict in the engine's thread; every way out stops the table safely."""
+
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calstation.devices.interfaces import Imu, Table
+from calstation.errors import CalstationError, DeviceFaultError
+from calstation.estimation.context import ImuModel
+from calstation.estimation.method import Solution
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.arrays import FloatArray
+from calstation.physics.motion import Dwell, Finish, Move, Prepare, Prompt, RoundEnd, Step
+from calstation.physics.parameters import GROUPS, INDEX, group_indices
+from calstation.physics.table import TableGeometry
+from calstation.sequencer import states
+from calstation.sequencer.acquisition import Acquisition, StatusMasks, to_si
+from calstation.sequencer.control import Control, StopRequested
+from calstation.sequencer.events import (
+    LOSSY,
+    Event,
+    Fault,
+    Message,
+    StageEnded,
+    StageProgress,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    to_json,
+)
+from calstation.sequencer.ports import Clock, Emit, Journal, Solving
+from calstation.sequencer.preflight import Preflight, PreflightLimits
+from calstation.sequencer.preview import move_time, plan_time
+from calstation.sequencer.pulse import TICK, Pulse
+from calstation.sequencer.safe_stop import safe_stop
+from calstation.sequencer.states import State
+from calstation.sequencer.steps import StepRunner
+from calstation.sequencer.stop_rule import StopRule
+
+_SETTLE_ALLOWANCE = 1.5
+"""What a preview allows for settling after a move, s."""
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """A stage to run: its name, a fresh iterator of its steps, when a repeated plan has done enough."""
+
+    name: str
+    steps: Callable[[], Iterator[Step]]
+    rule: StopRule = field(default_factory=StopRule)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a run is to do and within what.
+
+    Attributes
+    ----------
+    stages : in order
+    preflight : what is checked first
+    geometry : table axes and limits
+    imu : stream of the unit; masks : bits of its status word
+    latency : of a table poll, s
+    load_angle : joint angles at which a unit is changed, rad; travel_rate, travel_acceleration : on the way there
+    """
+
+    stages: tuple[StagePlan, ...]
+    preflight: PreflightLimits
+    geometry: TableGeometry
+    imu: ImuModel
+    masks: StatusMasks = StatusMasks()
+    latency: float = 0.0
+    load_angle: tuple[float, float] = (0.0, 0.0)
+    travel_rate: float = np.deg2rad(20.0)
+    travel_acceleration: float = np.deg2rad(20.0)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended: final state, what was solved, and the error of a fault."""
+
+    state: State
+    solutions: tuple[Solution, ...]
+    error: CalstationError | None = None
+
+
+class Sequencer:
+    """One run. `run` returns when it is over; `control` takes the operator's commands from any thread.
+
+    `verify(solution)` says after each stage whether to go on; `conclude(solutions)`, called with the axes off,
+    checks the limits, writes the registers and says whether the unit passed.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        table: Table,
+        imu: Imu,
+        clock: Clock,
+        journal: Journal,
+        solving: Solving,
+        emit: Emit,
+        *,
+        verify: Callable[[Solution], bool],
+        conclude: Callable[[tuple[Solution, ...]], bool],
+        control: Control | None = None,
+    ) -> None:
+        self.control = control or Control()
+        self.state = State.IDLE
+        self._task = task
+        self._table = table
+        self._clock = clock
+        self._journal = journal
+        self._solving = solving
+        self._listener = emit
+        self._verify = verify
+        self._conclude = conclude
+        self._imu = imu
+        self._solutions: list[Solution] = []
+        self._acquisition = Acquisition(
+            imu, task.imu, clock, self._take, latency=task.latency, masks=task.masks
+        )
+
+    @property
+    def gaps(self) -> int:
+        """Interruptions of the sample counter met in the run."""
+        return self._acquisition.gaps
+
+    def run(self) -> Ended:
+        """Prepare, run every stage, conclude. Every way out leaves the table at rest, axes off.
+
+        Errors of devices, configuration and input end in the state fault and are returned; a mistake of
+        the program stops the table as well and is raised.
+        """
+        try:
+            self._go(State.PREPARING)
+            self._prepare()
+            self._go(State.RUNNING)
+            for index, stage in enumerate(self._task.stages):
+                if not self._run_stage(stage, index):
+                    break
+            self._finish()
+            passed = self._conclude(tuple(self._solutions))
+        except StopRequested:
+            self._go(State.STOPPING)
+            self._stop_safely()
+            self._go(State.STOPPED)
+            return Ended(self.state, tuple(self._solutions))
+        except CalstationError as error:
+            self._stop_safely()
+            self._go(State.FAULT)
+            self.emit(Fault(type(error).__name__, str(error), error.exit_code))
+            return Ended(self.state, tuple(self._solutions), error)
+        except BaseException:
+            self._stop_safely()
+            raise
+        self._go(State.PASSED if passed else State.FAILED)
+        return Ended(self.state, tuple(self._solutions))
+
+    def emit(self, event: Event) -> None:
+        """Tell the listener, and the journal unless the event only refreshes a display."""
+        if not isinstance(event, LOSSY):
+            self._journal.event({"station_time": self._clock.now(), **to_json(event)})
+        self._listener(event)
+
+    def _go(self, state: State) -> None:
+        previous, self.state = self.state, states.step(self.state, state)
+        self.emit(StateChanged(self.state, previous))
+
+    def _take(self, block: SampleBlock) -> None:
+        self._journal.append(block)
+        if block.stage:
+            self._solving.feed(block)
+
+    def _prepare(self) -> None:
+        task = self._task
+        self._pulse = Pulse(self._table, self._imu, self._acquisition, self._clock, self.control, self.emit)
+        self._runner = StepRunner(
+            self._table,
+            self._pulse,
+            self._acquisition,
+            self.control,
+            self.emit,
+            task.geometry.limits,
+            self._go,
+        )
+        Preflight(
+            self._table,
+            self._imu,
+            self._pulse,
+            self._acquisition,
+            self._runner,
+            self._clock,
+            task.geometry,
+            to_si(task.imu),
+            task.preflight,
+            self.emit,
+        ).run()
+
+    def _run_stage(self, stage: StagePlan, index: int) -> bool:
+        """Drive and solve a stage; False where the run should not go on."""
+        position = self._runner.position()
+        duration = plan_time(stage.steps(), stage.rule, position, _SETTLE_ALLOWANCE)
+        self.emit(StageStarted(stage.name, index, len(self._task.stages), duration))
+        self._solving.start(stage.name)
+        self.control.enough = False
+        self._acquisition.stage = stage.name
+        try:
+            reason, rounds = self._drive(stage, duration)
+        finally:
+            self._acquisition.stage = ""
+        self.emit(StageEnded(stage.name, reason, rounds))
+        solution = self._solve()
+        self._solutions.append(solution)
+        self._tell(solution)
+        return self._verify(solution)
+
+    def _drive(self, stage: StagePlan, duration: float) -> tuple[str, int]:
+        begin = self._acquisition.newest or 0.0
+        done = 0.0
+        rounds = 0
+        self._progress(stage, 0.0, duration)
+        for step in stage.steps():
+            if isinstance(step, RoundEnd):
+                rounds = step.rounds
+                elapsed = (self._acquisition.newest or 0.0) - begin
+                sigma = self._solving.sigma() if stage.rule.targets else None
+                reason = stage.rule.reason(rounds, elapsed, sigma, self.control.enough)
+                if reason:
+                    return reason, rounds
+            elif isinstance(step, Finish):
+                break
+            elif not isinstance(step, Prepare):
+                start = self._runner.position()
+                self._runner.run(step)
+                done += _step_time(step, start)
+                self._progress(stage, done, duration)
+        return "plan", rounds
+
+    def _progress(self, stage: StagePlan, done: float, duration: float) -> None:
+        sigma = self._solving.sigma() if done else None
+        groups: Mapping[str, float] = (
+            {} if sigma is None else {g: float(np.max(sigma[group_indices(g)])) for g in GROUPS}
+        )
+        fraction = min(done / duration, 1.0) if duration else 1.0
+        self.emit(StageProgress(stage.name, fraction, max(duration - done, 0.0), groups))
+
+    def _solve(self) -> Solution:
+        """Solve in a worker so that the table's watchdog is fed and samples are drained meanwhile."""
+        with ThreadPoolExecutor(1, "solver") as worker:
+            future = worker.submit(self._solving.finish)
+            while not future.done():
+                before = self._clock.now()
+                self._clock.idle(TICK)
+                if self._clock.now() > before:
+                    self._pulse.look()
+                else:
+                    self._pulse.feed_watchdog()
+                    self._pulse.hear()
+            return future.result()
+
+    def _tell(self, solution: Solution) -> None:
+        sigma = solution.belief.sigma
+        consistency = solution.consistency
+        self.emit(
+            StageSolved(
+                solution.stage,
+                {
+                    name: {
+                        "value": float(solution.belief.mean[INDEX[name]]),
+                        "sigma": float(sigma[INDEX[name]]),
+                    }
+                    for name in solution.estimated
+                },
+                {
+                    "nis_mean": consistency.nis_mean,
+                    "nis_low": consistency.nis_low,
+                    "nis_high": consistency.nis_high,
+                    "passed": consistency.passed,
+                    "warning": consistency.warning,
+                },
+            )
+        )
+        for message_id, values in solution.messages:
+            self.emit(Message(message_id, dict(values)))
+
+    def _finish(self) -> None:
+        """To the load angle, axes off."""
+        self.emit(Message("finishing"))
+        outer, inner = self._task.load_angle
+        limits = self._task.geometry.limits
+        rate = min(self._task.travel_rate, *limits.rate)
+        acceleration = min(self._task.travel_acceleration, *limits.acceleration)
+        if not self._runner.arrived((outer, inner)):
+            self._runner.drive(Move(outer, inner, rate, acceleration, ("load",)))
+        self._pulse.powered = False
+        self._table.disable()
+
+    def _stop_safely(self) -> None:
+        self._acquisition.stage, self._acquisition.valid = "", False
+        for failure in safe_stop(self._table, self._clock):
+            self.emit(Message("safe_stop_incomplete", {"text": failure}))
+        try:
+            self._acquisition.drain()
+        except DeviceFaultError as error:
+            self.emit(Message("safe_stop_incomplete", {"text": str(error)}))
+
+
+def _step_time(step: Move | Dwell | Prompt, start: tuple[float, float]) -> float:
+    if isinstance(step, Move):
+        return move_time(start, step) + _SETTLE_ALLOWANCE
+    return step.duration if isinstance(step, Dwell) else 0.0

@@ -1,0 +1,163 @@
+"""Executes the steps of a plan: each is a checkpoint, repeated from its start after a pause or lost samples."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from calstation.devices.interfaces import Table
+from calstation.errors import DeviceFaultError
+from calstation.physics.motion import Dwell, Move, Prompt
+from calstation.physics.table import JointLimits
+from calstation.sequencer.acquisition import Acquisition
+from calstation.sequencer.control import Control, PauseRequested, SpoiltStep
+from calstation.sequencer.events import Message, StepStarted
+from calstation.sequencer.guard import check_motion, check_move
+from calstation.sequencer.ports import Emit
+from calstation.sequencer.preview import move_time
+from calstation.sequencer.pulse import Pulse
+from calstation.sequencer.states import State
+
+ARRIVED = np.deg2rad(0.5)
+"""A joint this close to its target, at rest and settled, has arrived, rad."""
+
+REPEATS = 3
+"""How often a step with spoilt samples is repeated before the run is a fault."""
+
+_REST_BEFORE_REPEAT = 5.0
+"""Rest before a move is repeated, s: what solvers need to find attitude and angle again."""
+
+_RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
+
+
+class StepRunner:
+    """Drives the table through moves, dwells and prompts.
+
+    Every move and every repetition raises the step number by one. From the moment a step is
+    interrupted until it is repeated, samples are stamped not valid.
+    """
+
+    def __init__(
+        self,
+        table: Table,
+        pulse: Pulse,
+        acquisition: Acquisition,
+        control: Control,
+        emit: Emit,
+        limits: JointLimits,
+        on_state: Callable[[State], None],
+    ) -> None:
+        self._table = table
+        self._pulse = pulse
+        self._acquisition = acquisition
+        self._control = control
+        self._emit = emit
+        self._limits = limits
+        self._on_state = on_state
+        self._target: tuple[float, float] | None = None
+
+    def run(self, step: Move | Dwell | Prompt) -> None:
+        """Execute a step to its end, repeating it where it was interrupted.
+
+        Raises DeviceFaultError after too many repetitions, StopRequested on the operator's word.
+        """
+        start = self._target or self.position()
+        repeats = 0
+        while True:
+            try:
+                self._pulse.pausable = self._pulse.watchful = True
+                self._execute(step)
+                return
+            except PauseRequested:
+                self._hold()
+            except SpoiltStep as spoilt:
+                repeats += 1
+                if repeats > REPEATS:
+                    raise DeviceFaultError(_explain(spoilt.reason)) from None
+                self._emit(Message("step_repeated", {"reason": spoilt.reason, "attempt": repeats}))
+                self._come_to_rest()
+            finally:
+                self._pulse.pausable = self._pulse.watchful = False
+            self._recover(start, isinstance(step, Move))
+
+    def drive(self, move: Move) -> None:
+        """Move both joints and wait until they have arrived and settled."""
+        status = self._pulse.status
+        check_move(status, self._limits, (move.outer, move.inner), move.rate, move.acceleration)
+        start = self.position()
+        self._acquisition.step += 1
+        self._target = None
+        self._started("move", move.label)
+        self._table.move(move.outer, move.inner, move.rate, move.acceleration)
+        self._pulse.wait(
+            lambda: self.arrived((move.outer, move.inner)),
+            1.5 * move_time(start, move) + 15.0,
+            f"table: did not reach outer {np.rad2deg(move.outer):.1f}°, inner {np.rad2deg(move.inner):.1f}° "
+            "in time; look for an obstacle or a stalled drive",
+        )
+        self._target = (move.outer, move.inner)
+
+    def arrived(self, target: tuple[float, float]) -> bool:
+        """Whether the table rests, settled, at `target` (rad)."""
+        status = self._pulse.status
+        away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
+        return status.settled and not status.moving and away < ARRIVED
+
+    def position(self) -> tuple[float, float]:
+        """Joint angles as last polled, rad."""
+        outer, inner = self._pulse.status.angles
+        return float(outer), float(inner)
+
+    def _execute(self, step: Move | Dwell | Prompt) -> None:
+        if isinstance(step, Move):
+            self.drive(step)
+        elif isinstance(step, Dwell):
+            self._started("dwell")
+            self._pulse.rest(step.duration)
+        else:
+            self._control.answered = False
+            self._emit(Message("prompt", {"text": step.message}))
+            while not self._control.answered:
+                self._pulse.tick()
+
+    def _hold(self) -> None:
+        """Decelerate, wait for the operator's resume."""
+        self._on_state(State.PAUSING)
+        self._come_to_rest()
+        self._on_state(State.PAUSED)
+        while self._control.pausing:
+            self._pulse.tick()
+        self._on_state(State.RUNNING)
+
+    def _come_to_rest(self) -> None:
+        self._acquisition.valid = False
+        self._pulse.pausable = self._pulse.watchful = False
+        self._table.stop()
+        self._pulse.tick()
+        self._pulse.wait(
+            lambda: not self._pulse.status.moving, 30.0, "table: does not come to rest after a stop command"
+        )
+
+    def _recover(self, start: tuple[float, float], moved: bool) -> None:
+        """Back to the start of the step, so that it can be repeated as a step of its own."""
+        if moved and not self.arrived(start):
+            check_motion(self._pulse.status)
+            rate = min(_RETURN_RATE, *self._limits.rate)
+            acceleration = min(_RETURN_ACCELERATION, *self._limits.acceleration)
+            outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
+            self.drive(Move(outer, inner, rate, acceleration, ("return",)))
+        self._acquisition.step += 1
+        self._acquisition.valid = True
+        if moved:
+            self._started("dwell")
+            self._pulse.rest(_REST_BEFORE_REPEAT)
+
+    def _started(self, kind: str, label: tuple[str | float, ...] = ()) -> None:
+        self._emit(StepStarted(self._acquisition.stage, self._acquisition.step, kind, label))
+
+
+def _explain(reason: str) -> str:
+    return {
+        "no_data": "IMU: no data any more; check cable, power and port",
+        "gap": "IMU: samples are lost again and again; check cable, baud and the load of this computer",
+        "saturated": "IMU: the output saturates in this step; lower the rate in the product's schedule",
+    }[reason]
