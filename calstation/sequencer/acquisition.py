@@ -9,7 +9,7 @@ import numpy as np
 
 from calstation.devices.interfaces import Imu, SampleBatch, TableStatus
 from calstation.estimation.context import ImuModel
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.samples import SampleBlock, snap_angles
 from calstation.physics.arrays import FloatArray
 from calstation.sequencer.ports import Clock
 
@@ -175,6 +175,6 @@ class Acquisition:
                 waiting.append(poll)
             elif moment >= batch.time[0] - self._half_period:
                 i = int(np.argmin(np.abs(batch.time - moment)))
-                angles[i] = poll.angles + poll.rates * (batch.time[i] - moment)
+                angles[i] = snap_angles(poll.angles + poll.rates * (batch.time[i] - moment))
         self._polls = waiting
         return angles

@@ -144,8 +144,10 @@ class Sequencer:
             self._finish()
             passed = self._conclude(tuple(self._solutions))
         except StopRequested:
-            self._go(State.STOPPING)
-            self._stop_safely()
+            try:
+                self._go(State.STOPPING)
+            finally:
+                self._stop_safely()
             self._go(State.STOPPED)
             return Ended(self.state, tuple(self._solutions))
         except CalstationError as error:

@@ -1,0 +1,1 @@
+"""The only wiring: a station file becomes devices, sequencer, records and procedures."""

@@ -1,0 +1,85 @@
+"""Starts the virtual bench as a process of its own and ends it; the bench also ends when its input closes."""
+
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import IO, Any
+
+from calstation.errors import DeviceFaultError
+
+_START_WITHIN = 60.0
+"""Host time for the bench to start, its compilation on a fresh machine included, s."""
+
+_END_WITHIN = 5.0
+
+
+@dataclass
+class BenchHost:
+    """The running bench process; `endpoints` is what it announced on its first line."""
+
+    process: subprocess.Popen[bytes]
+    endpoints: Mapping[str, Any]
+
+    @classmethod
+    def start(cls, config: Mapping[str, Any]) -> "BenchHost":
+        """Start a bench with its configuration. Raises DeviceFaultError where it does not come up."""
+        command = [sys.executable, "-m", "calstation.bench", "--config", json.dumps(config)]
+        process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0
+        )
+        assert process.stdout is not None
+        lines: SimpleQueue[bytes] = SimpleQueue()
+        threading.Thread(target=_read_line, args=(process.stdout, lines), daemon=True).start()
+        try:
+            line = lines.get(timeout=_START_WITHIN)
+        except Empty:
+            line = b""
+        try:
+            endpoints = json.loads(line)
+        except ValueError:
+            process.kill()
+            _, complaint = process.communicate()
+            last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
+            raise DeviceFaultError(f"virtual bench: did not start: {last[0]}") from None
+        if process.stderr is not None:
+            threading.Thread(target=_discard, args=(process.stderr,), daemon=True).start()
+        return cls(process, endpoints)
+
+    def close(self) -> None:
+        """End the bench: close its input, then insist."""
+        if self.process.stdin is not None:
+            self.process.stdin.close()
+        try:
+            self.process.wait(_END_WITHIN)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        for stream in (self.process.stdout, self.process.stderr):
+            if stream is not None:
+                stream.close()
+
+    def __enter__(self) -> "BenchHost":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _read_line(stream: IO[bytes], lines: "SimpleQueue[bytes]") -> None:
+    lines.put(stream.readline())
+
+
+def _discard(stream: IO[bytes]) -> None:
+    """Keep the pipe from filling up."""
+    try:
+        while stream.read(4096):
+            pass
+    except (OSError, ValueError):
+        return

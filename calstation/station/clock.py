@@ -1,0 +1,107 @@
+"""Station time: the host's monotonic clock, or the virtual bench's own."""
+
+import json
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+from calstation.errors import DeviceFaultError
+
+_ANSWER_WITHIN = 20.0
+"""Host time allowed for an answer of the bench at its fastest, s."""
+
+_SAMPLES_WITHIN = 5.0
+"""Host time in which samples handed over by the bench must have been read, s."""
+
+
+class RealClock:
+    """Station time is host time."""
+
+    def now(self) -> float:
+        """Monotonic time, s."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        time.sleep(seconds)
+
+    def idle(self, seconds: float) -> None:
+        """Let time pass while the station computes."""
+        time.sleep(seconds)
+
+
+class BenchClock:
+    """Station time is the bench's virtual time, which waits for the station.
+
+    `sleep` returns when the IMU reader has taken every byte that the bench sent up to the new time, so
+    a run does not depend on how busy the computer is.
+
+    Parameters
+    ----------
+    endpoint : host and port of the bench's clock
+    speed : multiple of real time, 0 where time moves only by `sleep`
+    """
+
+    def __init__(self, endpoint: tuple[str, int], speed: float) -> None:
+        self._speed = speed
+        self._received: Callable[[], int] | None = None
+        try:
+            self._socket = socket.create_connection(endpoint, timeout=_ANSWER_WITHIN)
+        except OSError as exc:
+            raise DeviceFaultError(f"virtual bench: its clock does not answer ({exc}); start the run again") from exc
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._file = self._socket.makefile("rb")
+        self._now = 0.0
+        self._now = float(self._ask({"now": None})["now"])
+
+    def attach(self, received: Callable[[], int]) -> None:
+        """Wait for the IMU reader from now on; `received` counts the bytes that it took."""
+        self._received = received
+
+    def now(self) -> float:
+        """Virtual time, s; between two advances of a bench that follows host time, as of now."""
+        if self._speed > 0.0:
+            self._now = float(self._ask({"now": None})["now"])
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """Let virtual time pass and wait until its samples are read."""
+        answer = self._ask({"advance": seconds})
+        self._now = float(answer["now"])
+        if self._received is not None:
+            self._wait_for_bytes(int(answer["bytes"]))
+
+    def idle(self, seconds: float) -> None:
+        """Let host time pass; virtual time stands still unless it follows host time."""
+        time.sleep(seconds)
+
+    def close(self) -> None:
+        """Hang up."""
+        self._file.close()
+        self._socket.close()
+
+    def _wait_for_bytes(self, count: int) -> None:
+        assert self._received is not None
+        deadline = None
+        while self._received() < count:
+            time.sleep(0.0001)
+            if deadline is None:
+                deadline = time.monotonic() + _SAMPLES_WITHIN
+            elif time.monotonic() > deadline:
+                return  # a link that loses bytes is the sequencer's matter: it sees the gap
+
+    def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
+        timeout = _ANSWER_WITHIN
+        if self._speed > 0.0 and request.get("advance"):
+            timeout += 2.0 * request["advance"] / self._speed
+        try:
+            self._socket.settimeout(timeout)
+            self._socket.sendall(json.dumps(request).encode() + b"\n")
+            line = self._file.readline()
+        except OSError as exc:
+            raise DeviceFaultError(f"virtual bench: lost ({exc}); start the run again") from exc
+        if not line:
+            raise DeviceFaultError("virtual bench: its process has ended; start the run again")
+        answer: dict[str, Any] = json.loads(line)
+        return answer

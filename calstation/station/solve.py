@@ -1,0 +1,176 @@
+"""One chain of stage solvers, fed by a run as samples come or by `resolve` from a log: the same calls, the same bits."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from calstation.configuration import validate
+from calstation.errors import InputError, InsufficientDataError
+from calstation.estimation.context import Belief
+from calstation.estimation.method import Solution, StageSolver
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.arrays import FloatArray
+from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
+from procedures import method
+
+Blocks = Callable[[], Iterable[SampleBlock]]
+"""Starts a fresh reading of a log's samples, in order."""
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Sums of the linear algebra in one order, so that digits do not depend on the computer's load."""
+    with threadpool_limits(limits=1):
+        yield
+
+
+class StageChain:
+    """Solves stages one after another, each with the joint posterior of the one before as its prior.
+
+    Everything the solvers are told comes from the log's meta.
+    """
+
+    def __init__(self, meta: LogMeta) -> None:
+        self._meta = meta
+        self._context = context_from_meta(meta)
+        self.prior = prior_from_meta(meta)
+        self._belief = self.prior
+        self._solver: StageSolver | None = None
+        self.solutions: list[Solution] = []
+
+    @property
+    def belief(self) -> Belief:
+        """What is known after the last finished stage."""
+        return self._belief
+
+    def start(self, stage: str) -> None:
+        """Begin a stage. Raises ConfigurationError for an unknown one or a wrong schedule."""
+        chosen = method(stage)
+        schedule = validate(
+            chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError
+        )
+        self._solver = chosen.solver(self._context, self._belief, schedule)
+
+    def feed(self, block: SampleBlock) -> None:
+        """Take samples of the stage begun."""
+        assert self._solver is not None, "start a stage before feeding it"
+        self._solver.feed(block)
+
+    def sigma(self) -> FloatArray:
+        """Standard deviations of the 30 parameters so far, shape (30,), SI."""
+        return self._belief.sigma if self._solver is None else self._solver.sigma()
+
+    def finish(self) -> Solution:
+        """Solve the stage begun; its posterior becomes the next stage's prior."""
+        assert self._solver is not None, "start a stage before finishing it"
+        solution = self._solver.finish()
+        self._solver = None
+        self._belief = solution.belief
+        self.solutions.append(solution)
+        return solution
+
+
+def solve(
+    blocks: Blocks,
+    meta: LogMeta,
+    stages: tuple[str, ...] | None = None,
+    *,
+    source: str | Path = "log",
+    progress: Callable[[str, int], None] | None = None,
+) -> StageChain:
+    """Solve a log's stages; those that it holds, in its order, unless `stages` chooses.
+
+    Parameters
+    ----------
+    blocks : gives the samples, anew at every call
+    progress : told the stage and the latest sequence number from time to time
+
+    Raises
+    ------
+    InsufficientDataError
+        naming the stage and what it lacks.
+    """
+    chain = StageChain(meta)
+    with one_blas_thread():
+        if stages is None:
+            _solve_as_recorded(blocks, chain, source, progress)
+        else:
+            _solve_chosen(blocks, chain, stages, source, progress)
+    return chain
+
+
+def _solve_as_recorded(
+    blocks: Blocks, chain: StageChain, source: str | Path, progress: Callable[[str, int], None] | None
+) -> None:
+    stage = ""
+    seen: list[str] = []
+    for block in blocks():
+        if block.stage and block.stage != stage:
+            if stage:
+                _finish(chain, stage, source)
+            stage = block.stage
+            if stage in seen:
+                raise InputError(
+                    f"{source}: stage '{stage}' was recorded twice; choose one with --stages, --from and --to"
+                )
+            seen.append(stage)
+            chain.start(stage)
+        if block.stage:
+            chain.feed(block)
+            if progress is not None:
+                progress(stage, int(block.seq[-1]))
+    if not stage:
+        raise InsufficientDataError(
+            f"{source}: no sample in the chosen range belongs to a stage; widen --from and --to, "
+            "or name stages in the column 'stage'"
+        )
+    _finish(chain, stage, source)
+
+
+def _solve_chosen(
+    blocks: Blocks,
+    chain: StageChain,
+    stages: tuple[str, ...],
+    source: str | Path,
+    progress: Callable[[str, int], None] | None,
+) -> None:
+    """As few readings of the log as the chosen order allows: one where it is the order of the log."""
+    for stage in stages:
+        method(stage)
+    waiting = list(stages)
+    while waiting:
+        held: dict[str, None] = {}
+        before = len(waiting)
+        stage = ""
+        for block in blocks():
+            if block.stage:
+                held[block.stage] = None
+            if stage and block.stage != stage and waiting[1:] and block.stage == waiting[1]:
+                _finish(chain, stage, source)
+                waiting.pop(0)
+                stage = ""
+            if waiting and block.stage == waiting[0]:
+                if not stage:
+                    stage = block.stage
+                    chain.start(stage)
+                chain.feed(block)
+                if progress is not None:
+                    progress(stage, int(block.seq[-1]))
+        if stage:
+            _finish(chain, stage, source)
+            waiting.pop(0)
+        if len(waiting) == before:
+            there = ", ".join(held) or "no stage"
+            raise InsufficientDataError(
+                f"{source}: no samples of stage '{waiting[0]}' in the chosen range, which holds {there}; "
+                "choose other --stages or widen --from and --to"
+            )
+
+
+def _finish(chain: StageChain, stage: str, source: str | Path) -> None:
+    try:
+        chain.finish()
+    except InsufficientDataError as exc:
+        raise InsufficientDataError(f"{source}: stage '{stage}': {exc}") from exc
