@@ -1,0 +1,69 @@
+"""Random processes of the bench: bias instability, base vibration, and their exact discretisation."""
+
+import numpy as np
+from scipy.linalg import expm
+
+from calstation.physics.arrays import FloatArray
+
+#: Correlation times of the bank, s, four apart.
+INSTABILITY_TIMES: tuple[float, ...] = (2.0, 8.0, 32.0, 128.0, 512.0, 2048.0)
+_SPACING = 4.0
+
+#: Samples this far apart of the base's velocity are uncorrelated, s.
+VIBRATION_INTERVAL = 0.1
+VIBRATION_DAMPING = 0.2
+
+
+def instability_variance(instability: FloatArray | float) -> FloatArray:
+    """Stationary variance of each process of the bank for a bias instability B.
+
+    Processes with correlation times a factor ρ apart and equal variance s² add to the two-sided density
+    s²/(2 f ln ρ); flicker of instability B has B²/(2π f) (IEEE Std 952-1997, C.4), hence s² = B² ln ρ / π and
+    an Allan floor of sqrt(2 ln 2 / π) B = 0.664 B.
+    """
+    return np.asarray(np.square(instability) * (np.log(_SPACING) / np.pi), dtype=np.float64)
+
+
+def instability_covariance(instability: float, lag: FloatArray) -> FloatArray:
+    """Autocovariance of the bias at `lag` s, shape of `lag`, unit of `instability` squared."""
+    times = np.array(INSTABILITY_TIMES)
+    decay = np.exp(-np.abs(np.asarray(lag))[..., None] / times)
+    return np.asarray(instability_variance(instability) * decay.sum(axis=-1))
+
+
+def instability_steps(instability: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
+    """Decay per sample, shape (m,), and driven sigma, shape (k, m), of the bank for B of shape (k,)."""
+    decay = np.exp(-interval / np.array(INSTABILITY_TIMES))
+    sigma = np.sqrt(instability_variance(instability))[:, None] * np.sqrt(1.0 - decay**2)
+    return decay, sigma
+
+
+def vibration_frequency() -> float:
+    """Undamped frequency of the base, rad/s: the fourth zero of its velocity's autocorrelation is at 0.1 s.
+
+    A resonance x'' + 2ζω x' + ω² x = w driven by white noise has the velocity autocorrelation
+    e^(−ζωτ)(cos ω_d τ − ζω/ω_d sin ω_d τ) (Crandall & Mark 1963).
+    """
+    phase = np.arctan2(np.sqrt(1.0 - VIBRATION_DAMPING**2), VIBRATION_DAMPING) + 4.0 * np.pi
+    return float(phase / VIBRATION_INTERVAL / np.sqrt(1.0 - VIBRATION_DAMPING**2))
+
+
+def vibration_steps(velocity_sigma: float, interval: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Exact discretisation of the base's (displacement, velocity) over one sample.
+
+    Returns
+    -------
+    transition : shape (2, 2); root : lower root of the driven covariance, shape (2, 2);
+    stationary : standard deviations of displacement (m) and velocity (m/s), shape (2,)
+    """
+    frequency = vibration_frequency()
+    transition = expm(
+        np.array([[0.0, 1.0], [-(frequency**2), -2.0 * VIBRATION_DAMPING * frequency]]) * interval
+    )
+    stationary = velocity_sigma * np.array([1.0 / frequency, 1.0])
+    covariance = np.diag(stationary**2)
+    driven = covariance - transition @ covariance @ transition.T
+    scale = np.where(stationary > 0.0, stationary, 1.0)
+    if velocity_sigma > 0.0:
+        driven = np.linalg.cholesky(driven / np.outer(scale, scale)) * scale[:, None]
+    return transition, driven, stationary
