@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -54,3 +56,16 @@ def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
     if kept:
         kept[0] = kept[0].part(int(kept[0].seq.searchsorted(seq)), len(kept[0]))
     return kept
+
+
+ANGLE_STEP = 2.0**-40
+"""Grid of encoder angles, rad (2e-7″): coarse enough that degrees written in a file read back to the same rad."""
+
+
+def snap_angles(angles: FloatArray) -> FloatArray:
+    """Angles in rad rounded to `ANGLE_STEP`, any shape; NaN stays.
+
+    Drivers, logs and file readers all hand out angles on this grid, so a solution does not depend on whether
+    its angles went through a file in degrees.
+    """
+    return np.round(np.asarray(angles) / ANGLE_STEP) * ANGLE_STEP

@@ -1,0 +1,46 @@
+"""Import of a CSV into a raw log and export of any log as CSV and TOML; both keep every value exactly."""
+
+import contextlib
+import os
+from pathlib import Path
+
+from calstation.errors import CalstationError, InputError
+from calstation.records.csv_log import meta_path, open_csv_for_writing, write_csv
+from calstation.records.facts import LogFacts
+from calstation.records.log import open_log
+from calstation.records.raw_log import SUFFIX, RawLogWriter
+
+
+def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> LogFacts:
+    """Write the raw log `target` from a CSV; nothing remains of it where the CSV is not usable."""
+    if target.suffix != SUFFIX:
+        raise InputError(f"{target}: a raw log's name ends in {SUFFIX}; rename the target")
+    log = open_log(source, meta_file)
+    writer = RawLogWriter(target, log.meta)
+    try:
+        for block in log.blocks():
+            writer.append(block)
+    except CalstationError:
+        writer.close("incomplete")
+        target.unlink()
+        raise
+    return writer.close("imported")
+
+
+def export_csv(source: Path, target: Path) -> LogFacts:
+    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it."""
+    if not target.name.endswith((".csv", ".csv.gz")):
+        raise InputError(f"{target}: an export's name ends in .csv or .csv.gz; rename the target")
+    log = open_log(source)
+    if target.exists() and os.path.samefile(source, target):
+        raise InputError(f"{target}: is the log itself; choose another name")
+    partial = target.with_name("partial-" + target.name)
+    try:
+        with open_csv_for_writing(partial) as stream:
+            write_csv(stream, log.blocks())
+        meta_path(target).write_text(log.meta.to_toml(), encoding="utf-8")
+        partial.replace(target)
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            partial.unlink()
+    return log.facts()

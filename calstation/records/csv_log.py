@@ -1,0 +1,242 @@
+"""The contract's CSV as sample blocks: read in chunks, checked cell by cell, and written back exactly."""
+
+import csv
+import gzip
+import io
+import math
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, TextIO
+
+import numpy as np
+
+from calstation.configuration import suggestion
+from calstation.errors import InputError
+from calstation.estimation.samples import SampleBlock, snap_angles
+from calstation.estimation.sequence import SequenceError, SequenceUnwrapper
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.records.meta import LogMeta
+
+CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+ANGLES = ("outer_deg", "inner_deg")
+REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
+COLUMNS = (*REQUIRED, "temp_c", "valid")
+_CHUNK_BYTES = 1 << 20
+_MEND = "correct the cell or remove the row"
+
+
+def meta_path(path: Path) -> Path:
+    """NAME.toml beside NAME.csv or NAME.csv.gz."""
+    name = path.name.removesuffix(".gz").removesuffix(".csv")
+    return path.with_name(name + ".toml")
+
+
+def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
+    """Read a CSV's samples in order, counters unwrapped, cut at stage changes.
+
+    Raises
+    ------
+    InputError
+        naming the file, the line, the column and the mend.
+    """
+    chunks = _text_chunks(path)
+    line = 1
+    header, text = _header(path, next(chunks, ""))
+    unwrapper = SequenceUnwrapper(1.0 / meta.imu.sample_rate_hz)
+    starts: set[tuple[float, ...]] = set()
+    empty = True
+    while text is not None:
+        if text:
+            table = _Table(path, header, text, line + 1)
+            seq, time = table.integers("seq"), table.floats("time_s")
+            counts = np.column_stack([table.floats(name) for name in CHANNELS]) + 0.0
+            try:
+                unwrapped, clock, restarts = unwrapper.feed(seq, time)
+            except SequenceError as exc:
+                raise InputError(f"{path}: line {table.first + exc.place}: {exc}") from exc
+            for k in ([0] if empty else []) + restarts:
+                row = (int(seq[k]), float(time[k]), *counts[k])
+                if row in starts:
+                    raise InputError(
+                        f"{path}: line {table.first + k}: the log's rows are repeated from here; remove them"
+                    )
+                starts.add(row)
+            if empty:
+                _check_rate(path, unwrapped, clock, meta.imu.sample_rate_hz)
+            empty = False
+            yield from table.blocks(unwrapped, clock, counts)
+            line += len(seq)
+        text = next(chunks, None)
+    if empty:
+        raise InputError(f"{path}: no samples after the header; record some")
+
+
+def _text_chunks(path: Path) -> Iterator[str]:
+    """The file's text in pieces of whole lines, without the last line's end."""
+    rest = b""
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
+            while data := stream.read(_CHUNK_BYTES):
+                data = rest + data
+                cut = data.rfind(b"\n") + 1
+                rest = data[cut:]
+                if cut:
+                    yield data[:cut].decode("utf-8").replace("\r\n", "\n").removesuffix("\n")
+        if rest.strip():
+            yield rest.decode("utf-8")
+    except FileNotFoundError as exc:
+        raise InputError(f"{path}: no such file; give the path of an existing log") from exc
+    except (EOFError, zlib.error, gzip.BadGzipFile) as exc:
+        raise InputError(f"{path}: the compressed file is damaged or cut short; copy it again") from exc
+    except UnicodeDecodeError as exc:
+        raise InputError(f"{path}: not UTF-8 text; save it as UTF-8") from exc
+    except OSError as exc:
+        raise InputError(f"{path}: cannot be read ({exc.strerror or exc})") from exc
+
+
+def _header(path: Path, text: str) -> tuple[list[str], str]:
+    first, _, rest = text.removeprefix("\ufeff").partition("\n")
+    names = [name.strip() for name in next(csv.reader([first]), [])]
+    for name in REQUIRED:
+        if name not in names:
+            unknown = [n for n in names if n not in COLUMNS]
+            near = suggestion(name, unknown).replace("did you mean", "is it")
+            raise InputError(f"{path}: column '{name}' is missing{near or '; add it to the header and rows'}")
+    for name in COLUMNS:
+        if names.count(name) > 1:
+            raise InputError(f"{path}: column '{name}' is there twice; remove one")
+    return names, rest
+
+
+def _check_rate(path: Path, seq: IntArray, time: FloatArray, rate: float) -> None:
+    steps = np.diff(time) / np.diff(seq)
+    if len(steps) and abs(float(np.median(steps)) * rate - 1.0) > 0.05:
+        found = 1.0 / float(np.median(steps))
+        raise InputError(
+            f"{path}: time_s runs at {found:.6g} Hz but imu.sample_rate_hz = {rate:g}; correct one of them"
+        )
+
+
+class _Table:
+    """One chunk's cells by column; `first` is the line number of its first row."""
+
+    def __init__(self, path: Path, header: list[str], text: str, first: int) -> None:
+        self._path = path
+        self._header = header
+        self.first = first
+        width = len(header)
+        if '"' in text:
+            cells = [c for row in csv.reader(io.StringIO(text)) for c in (*row, "\n")]
+        else:
+            cells = text.replace("\n", ",\n,").split(",")
+            cells.append("\n")
+        rows = len(cells) // (width + 1)
+        if len(cells) != rows * (width + 1) or cells[width :: width + 1].count("\n") != rows:
+            self._complain_width(text)
+        self._columns = {name: cells[i :: width + 1] for i, name in enumerate(header)}
+
+    def _complain_width(self, text: str) -> None:
+        for k, line in enumerate(text.split("\n")):
+            found = len(next(csv.reader([line]), []))
+            if found != len(self._header):
+                raise InputError(
+                    f"{self._path}: line {self.first + k} has {found} cells, the header {len(self._header)};"
+                    " complete the row or remove it"
+                )
+        raise InputError(f"{self._path}: rows near line {self.first} do not fit the header; save it again")
+
+    def _complain(self, name: str, row: int, what: str) -> InputError:
+        return InputError(f"{self._path}: line {self.first + row}: {name} {what}; {_MEND}")
+
+    def floats(self, name: str, may_be_empty: bool = False) -> FloatArray:
+        """A column as float64, shape (n,); empty cells become NaN where allowed."""
+        cells = self._columns[name]
+        try:
+            values = np.array(list(map(float, cells)))
+        except ValueError:
+            values = np.array([self._float(name, i, c, may_be_empty) for i, c in enumerate(cells)])
+        wrong = np.isinf(values) if may_be_empty else ~np.isfinite(values)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise self._complain(name, row, f"is {'NaN' if np.isnan(values[row]) else 'infinite'}")
+        return values
+
+    def _float(self, name: str, row: int, cell: str, may_be_empty: bool) -> float:
+        if not cell.strip():
+            if may_be_empty:
+                return math.nan
+            raise self._complain(name, row, "is empty")
+        try:
+            return float(cell)
+        except ValueError:
+            raise self._complain(name, row, f"= '{cell}' is not a number") from None
+
+    def integers(self, name: str) -> IntArray:
+        """A column as int64, shape (n,)."""
+        try:
+            return np.array(list(map(int, self._columns[name])), dtype=np.int64)
+        except (ValueError, OverflowError):
+            values = self.floats(name)
+        odd = (values != np.rint(values)) | (np.abs(values) > 2**53)
+        if odd.any():
+            row = int(np.argmax(odd))
+            raise self._complain(name, row, f"= {self._columns[name][row]} is not a whole number")
+        return values.astype(np.int64)
+
+    def blocks(self, seq: IntArray, time: FloatArray, counts: FloatArray) -> Iterator[SampleBlock]:
+        """The chunk's samples, one block per run of a stage."""
+        n = len(seq)
+        angles = snap_angles(np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES])))
+        step = self.integers("step")
+        heat = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
+        valid = self.integers("valid") != 0 if "valid" in self._header else np.ones(n, np.bool_)
+        stages = self._columns["stage"]
+        if stages.count(stages[0]) == n:
+            edges = np.array([0, n])
+        else:
+            names = np.array(stages)
+            edges = np.concatenate(([0], np.flatnonzero(names[1:] != names[:-1]) + 1, [n]))
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            k = slice(int(a), int(b))
+            yield SampleBlock(
+                stages[k.start].strip(), seq[k], time[k], counts[k], angles[k], step[k], valid[k], heat[k]
+            )
+
+
+def write_csv(stream: TextIO, blocks: Iterator[SampleBlock]) -> None:
+    """Write blocks as the contract's CSV: integers exact, floats so that they read back the same."""
+    stream.write(",".join(COLUMNS) + "\n")
+    for block in blocks:
+        degrees = np.rad2deg(block.angles)
+        columns: list[list[str]] = [
+            [str(v) for v in block.seq.tolist()],
+            [repr(v) for v in block.time.tolist()],
+            *[_numbers(block.counts[:, i]) for i in range(6)],
+            *[_blank_nan(degrees[:, i]) for i in range(2)],
+            [block.stage] * len(block),
+            [str(v) for v in block.step.tolist()],
+            _blank_nan(block.temperature),
+            ["1" if v else "0" for v in block.valid.tolist()],
+        ]
+        stream.write("".join(map("{}\n".format, map(",".join, zip(*columns, strict=True)))))
+
+
+def _numbers(values: FloatArray) -> list[str]:
+    if np.array_equal(values, np.rint(values)) and np.all(np.abs(values) < 2**53):
+        return [str(v) for v in values.astype(np.int64).tolist()]
+    return [repr(v) for v in values.tolist()]
+
+
+def _blank_nan(values: FloatArray) -> list[str]:
+    return ["" if v != v else repr(v) for v in values.tolist()]
+
+
+def open_csv_for_writing(path: Path) -> IO[str]:
+    """Open NAME.csv or NAME.csv.gz for text; raises InputError where the place cannot be written."""
+    try:
+        if path.suffix == ".gz":
+            return gzip.open(path, "wt", encoding="utf-8", newline="")
+        return path.open("w", encoding="utf-8", newline="")
+    except OSError as exc:
+        raise InputError(f"{path}: cannot be written ({exc.strerror or exc}); choose another folder") from exc

@@ -1,0 +1,95 @@
+"""What a log's samples add up to: range, gaps, temperature and sha256, the same however blocks were cut."""
+
+import hashlib
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.samples import SampleBlock
+from calstation.records.meta import LogMeta
+
+_ROW = np.dtype(
+    [
+        ("seq", "<i8"),
+        ("time", "<f8"),
+        ("counts", "<f8", (6,)),
+        ("angles", "<f8", (2,)),
+        ("step", "<i8"),
+        ("temperature", "<f8"),
+        ("valid", "u1"),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class LogFacts:
+    """Summary of a log's samples.
+
+    first_seq, last_seq : unwrapped, 0 and -1 where there is no sample; samples : their number; gaps : places
+    where samples are missing; temperature : mean, lowest and highest in °C, None where unknown; sha256 : of
+    sample rows and configuration
+    """
+
+    first_seq: int
+    last_seq: int
+    samples: int
+    gaps: int
+    temperature: tuple[float, float, float] | None
+    sha256: str
+
+
+class FactsBuilder:
+    """Gathers `LogFacts` from consecutive blocks."""
+
+    def __init__(self, meta: LogMeta) -> None:
+        self._configuration = meta.to_json()
+        self._rows = hashlib.sha256()
+        self._stages = hashlib.sha256()
+        self._stage: str | None = None
+        self._first = 0
+        self._last = -1
+        self._samples = 0
+        self._gaps = 0
+        self._heat = 0.0
+        self._heat_count = 0
+        self._heat_low = math.inf
+        self._heat_high = -math.inf
+
+    def add(self, block: SampleBlock) -> None:
+        """Take the next block."""
+        count = len(block)
+        if count == 0:
+            return
+        if block.stage != self._stage:
+            self._stages.update(f"{self._samples}:{block.stage}\n".encode())
+            self._stage = block.stage
+        rows = np.zeros(count, _ROW)
+        rows["seq"], rows["time"], rows["counts"] = block.seq, block.time, block.counts
+        rows["angles"] = np.where(np.isnan(block.angles), np.nan, block.angles)
+        rows["step"], rows["valid"] = block.step, block.valid
+        rows["temperature"] = np.where(np.isnan(block.temperature), np.nan, block.temperature)
+        self._rows.update(rows.data)
+        if self._samples == 0:
+            self._first = int(block.seq[0])
+        elif int(block.seq[0]) != self._last + 1:
+            self._gaps += 1
+        self._gaps += int(np.count_nonzero(np.diff(block.seq) != 1))
+        self._last = int(block.seq[-1])
+        self._samples += count
+        heat = block.temperature[~np.isnan(block.temperature)]
+        if len(heat):
+            self._heat += float(heat.sum())
+            self._heat_count += len(heat)
+            self._heat_low = min(self._heat_low, float(heat.min()))
+            self._heat_high = max(self._heat_high, float(heat.max()))
+
+    def facts(self) -> LogFacts:
+        """The summary so far."""
+        whole = hashlib.sha256()
+        for part in (self._rows.digest(), self._stages.digest(), self._configuration.encode()):
+            whole.update(part)
+        heat = None
+        if self._heat_count:
+            heat = (round(self._heat / self._heat_count, 3), self._heat_low, self._heat_high)
+        return LogFacts(self._first, self._last, self._samples, self._gaps, heat, whole.hexdigest())

@@ -1,0 +1,125 @@
+"""A product's limits, which read as a sentence (value within, sigma below), and the checks they lead to."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from calstation.configuration import StrictModel, suggestion
+from calstation.estimation.context import Belief
+from calstation.estimation.method import Solution
+from calstation.physics.parameters import GROUPS, INDEX, NAMES, PARAMETERS
+
+OBSERVABLE_RATIO = 0.9
+"""A posterior sigma above this share of the prior's means that the data did not determine the parameter."""
+
+
+class Limit(StrictModel):
+    """Limits of one parameter or group, SI.
+
+    within : largest magnitude, or [low, high]; sigma_below : largest standard deviation
+    """
+
+    within: float | list[float] | None = None
+    sigma_below: float | None = Field(default=None, gt=0)
+
+    @field_validator("within")
+    @classmethod
+    def _ordered(cls, within: float | list[float] | None) -> float | list[float] | None:
+        if isinstance(within, list):
+            if len(within) != 2 or within[0] >= within[1]:
+                raise ValueError(f"within = {within} must be [low, high] with low below high")
+        elif within is not None and within <= 0:
+            raise ValueError(f"within = {within} must be positive or a list [low, high]")
+        return within
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Lowest and highest value allowed, or None where the value is free."""
+        if self.within is None:
+            return None
+        if isinstance(self.within, list):
+            return self.within[0], self.within[1]
+        return -self.within, self.within
+
+
+def check_limit_names(limits: Mapping[str, Limit]) -> None:
+    """Raise ValueError for a key that is neither a parameter nor a group."""
+    for name in limits:
+        if name not in INDEX and name not in GROUPS:
+            raise ValueError(
+                f"limits.{name} is no parameter or group{suggestion(name, NAMES + GROUPS) or '; remove it'}"
+            )
+
+
+@dataclass(frozen=True)
+class Check:
+    """One comparison with a limit; `limit` is a number or (low, high)."""
+
+    name: str
+    value: float
+    limit: float | tuple[float, float]
+    unit: str
+    passed: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """The check as the result JSON holds it."""
+        limit = list(self.limit) if isinstance(self.limit, tuple) else self.limit
+        return {
+            "name": self.name,
+            "value": self.value,
+            "limit": limit,
+            "unit": self.unit,
+            "passed": self.passed,
+        }
+
+
+def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
+    """The last stage that estimated each parameter, in the order of the parameter table."""
+    last = {name: solution.stage for solution in solutions for name in solution.estimated}
+    return {name: last[name] for name in NAMES if name in last}
+
+
+def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
+    """Parameters that a stage was asked for and the data did not determine (sigma over 0.9 of the prior's)."""
+    if not solutions:
+        return []
+    before, after = prior.sigma, solutions[-1].belief.sigma
+    return [
+        name
+        for name in estimated_stage(solutions)
+        if after[INDEX[name]] > OBSERVABLE_RATIO * before[INDEX[name]] and before[INDEX[name]] > 0
+    ]
+
+
+def check_limits(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution]) -> list[Check]:
+    """Compare a chain's answer with its product's limits.
+
+    A limit of a parameter's own name goes before its group's. Only parameters that a stage estimated are
+    compared; the innovations of every stage and the absence of unobservable parameters are checked besides.
+    """
+    if not solutions:
+        return []
+    belief = solutions[-1].belief
+    sigma = belief.sigma
+    checks = []
+    for name in estimated_stage(solutions):
+        i = INDEX[name]
+        limit = limits.get(name, limits.get(PARAMETERS[i].group))
+        if limit is None:
+            continue
+        value, unit = float(belief.mean[i]), PARAMETERS[i].unit
+        if limit.interval is not None:
+            low, high = limit.interval
+            checks.append(Check(f"{name} within", value, (low, high), unit, bool(low <= value <= high)))
+        if limit.sigma_below is not None:
+            within = bool(sigma[i] <= limit.sigma_below and np.isfinite(sigma[i]))
+            checks.append(Check(f"{name} sigma below", float(sigma[i]), limit.sigma_below, unit, within))
+    for s in solutions:
+        c = s.consistency
+        checks.append(Check(f"{s.stage} consistency", c.nis_mean, c.nis_high, "1", bool(c.passed)))
+    lost = unobservable(prior, solutions)
+    checks.append(Check("unobservable parameters", float(len(lost)), 0.0, "1", not lost))
+    return checks

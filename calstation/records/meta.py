@@ -1,0 +1,213 @@
+"""`LogMeta`: everything beside the samples that solving needs, as the TOML beside a CSV and inside a raw log."""
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tomli_w
+from pydantic import Field, JsonValue, field_validator
+
+from calstation.configuration import StrictModel, load, suggestion, validate
+from calstation.errors import InputError
+from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.physics.parameters import COUNT, INDEX, NAMES, PARAMETERS, group_indices
+from calstation.records.limits import Limit, check_limit_names
+
+_UNIT_TOLERANCE = 1e-3
+
+
+class SiteSection(StrictModel):
+    """`[site]`: where the table stands."""
+
+    latitude_deg: float = Field(ge=-90, le=90)
+    longitude_deg: float = Field(ge=-180, le=360)
+    height_m: float = Field(ge=-1000, le=10000)
+    azimuth_deg: float | None = Field(default=None, ge=-360, le=360)
+    gravity_mps2: float | None = Field(default=None, ge=9.7, le=9.9)
+
+
+class ImuSection(StrictModel):
+    """`[imu]`: stream and noise; units as `estimation.context.ImuModel`."""
+
+    serial: str = Field(min_length=1)
+    sample_rate_hz: float = Field(gt=0, le=100_000)
+    output: Literal["increment", "rate"]
+    gyro_lsb: float = Field(gt=0)
+    accel_lsb: float = Field(gt=0)
+    gyro_arw: float = Field(gt=0)
+    accel_vrw: float = Field(gt=0)
+    gyro_bias_instability: float = Field(default=0.0, ge=0)
+    accel_bias_instability: float = Field(default=0.0, ge=0)
+
+
+class TableSection(StrictModel):
+    """`[table]`: axes and what the table's angles and its rest are worth."""
+
+    outer_axis: list[float] = Field(default=[1.0, 0.0, 0.0], min_length=3, max_length=3)
+    inner_axis: list[float] = Field(default=[0.0, 0.0, 1.0], min_length=3, max_length=3)
+    outer_lever: Literal["estimated", "fixed"] = "estimated"
+    encoder_sigma_deg: float = Field(default=0.05, gt=0, le=90)
+    mount_sigma_deg: float = Field(default=1.0, gt=0, le=180)
+    azimuth_sigma_deg: float = Field(default=0.5, gt=0, le=180)
+    base_tilt_sigma_deg: float = Field(default=0.2, gt=0, le=90)
+    velocity_sigma: float = Field(default=1e-3, gt=0)
+    velocity_interval_s: float = Field(default=0.1, gt=0)
+
+    @field_validator("outer_axis", "inner_axis")
+    @classmethod
+    def _unit_vector(cls, axis: list[float]) -> list[float]:
+        length = float(np.linalg.norm(axis))
+        if abs(length - 1.0) > _UNIT_TOLERANCE:
+            raise ValueError(f"{axis} has length {length:.6g}; give a unit vector")
+        return axis
+
+
+class PriorSection(StrictModel):
+    """`[prior.NAME]`: what is known of a parameter before, SI."""
+
+    value: float | None = None
+    sigma: float | None = Field(default=None, ge=0)
+
+
+class ProductSection(StrictModel):
+    """`[product]`: the unit type, its limits and the sigmas at which a stage may stop."""
+
+    name: str
+    limits: dict[str, Limit] = {}
+    targets: dict[str, float] = {}
+
+    @field_validator("limits")
+    @classmethod
+    def _known(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
+        check_limit_names(limits)
+        return limits
+
+
+class RunSection(StrictModel):
+    """`[run]`: who measured, with what and when; written by a run, absent from a foreign CSV."""
+
+    stages: list[str]
+    station: str | None = None
+    operator: str | None = None
+    seed: int | None = None
+    attempt: int = Field(default=1, ge=1)
+    software: str
+    started_utc: str
+
+
+class LogMeta(StrictModel):
+    """All sections of a log's configuration.
+
+    Attributes
+    ----------
+    schedule : a stage's schedule parameters by stage
+    profiles : texts of the station, table, IMU and product files of the run, by kind
+    registers : the unit's own registers where its stream follows them, by parameter, SI
+    """
+
+    site: SiteSection
+    imu: ImuSection
+    table: TableSection = TableSection()
+    prior: dict[str, PriorSection] = {}
+    product: ProductSection | None = None
+    run: RunSection | None = None
+    schedule: dict[str, dict[str, JsonValue]] = {}
+    profiles: dict[str, str] = {}
+    registers: dict[str, float] = {}
+
+    @field_validator("prior", "registers")
+    @classmethod
+    def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
+        for name in table:
+            if name not in INDEX:
+                raise ValueError(f"'{name}' is no parameter{suggestion(name, NAMES) or '; remove it'}")
+        return table
+
+    def to_json(self) -> str:
+        """Canonical JSON: the configuration's part of a log's sha256."""
+        return json.dumps(self._plain(), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+    def to_toml(self) -> str:
+        """TOML that reads back to an equal `LogMeta`."""
+        return tomli_w.dumps(self._plain())
+
+    def _plain(self) -> dict[str, Any]:
+        plain = _without_none(self.model_dump())
+        return {key: value for key, value in plain.items() if value != {}}
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
+    return value
+
+
+def load_meta(path: Path) -> LogMeta:
+    """Read the TOML beside a CSV; raises InputError naming file, field and mend."""
+    return load(LogMeta, path, InputError)
+
+
+def meta_from_json(text: str, source: str | Path) -> LogMeta:
+    """Read the configuration stored in a raw log; raises InputError."""
+    try:
+        data = json.loads(text)
+    except ValueError as exc:
+        raise InputError(f"{source}: its configuration is damaged ({exc}); use a copy of the log") from exc
+    return validate(LogMeta, data, source, InputError)
+
+
+def context_from_meta(meta: LogMeta) -> SolveContext:
+    """What the solvers are told, in SI; the same for a run and for its log."""
+    site, imu, table = meta.site, meta.imu, meta.table
+    return SolveContext(
+        site=Site(
+            latitude=float(np.deg2rad(site.latitude_deg)),
+            longitude=float(np.deg2rad(site.longitude_deg)),
+            height=site.height_m,
+            azimuth=None if site.azimuth_deg is None else float(np.deg2rad(site.azimuth_deg)),
+            gravity=site.gravity_mps2,
+        ),
+        imu=ImuModel(
+            serial=imu.serial,
+            sample_rate=imu.sample_rate_hz,
+            output=imu.output,
+            gyro_lsb=imu.gyro_lsb,
+            accel_lsb=imu.accel_lsb,
+            gyro_arw=imu.gyro_arw,
+            accel_vrw=imu.accel_vrw,
+            gyro_bias_instability=imu.gyro_bias_instability,
+            accel_bias_instability=imu.accel_bias_instability,
+        ),
+        table=TableModel(
+            outer_axis=_normalised(table.outer_axis),
+            inner_axis=_normalised(table.inner_axis),
+            outer_lever=table.outer_lever,
+            encoder_sigma=float(np.deg2rad(table.encoder_sigma_deg)),
+            mount_sigma=float(np.deg2rad(table.mount_sigma_deg)),
+            azimuth_sigma=float(np.deg2rad(table.azimuth_sigma_deg)),
+            base_tilt_sigma=float(np.deg2rad(table.base_tilt_sigma_deg)),
+            velocity_sigma=table.velocity_sigma,
+            velocity_interval=table.velocity_interval_s,
+        ),
+    )
+
+
+def _normalised(axis: list[float]) -> tuple[float, float, float]:
+    unit = np.asarray(axis) / np.linalg.norm(axis)
+    return float(unit[0]), float(unit[1]), float(unit[2])
+
+
+def prior_from_meta(meta: LogMeta) -> Belief:
+    """What is known of the 30 parameters before the first stage: independent, 0 and wide where not stated."""
+    mean = np.zeros(COUNT)
+    sigma = np.array([p.prior_sigma for p in PARAMETERS])
+    for name, prior in meta.prior.items():
+        if prior.value is not None:
+            mean[INDEX[name]] = prior.value
+        if prior.sigma is not None:
+            sigma[INDEX[name]] = prior.sigma
+    if meta.table.outer_lever == "fixed":
+        mean[group_indices("outer_lever")] = 0.0
+        sigma[group_indices("outer_lever")] = 0.0
+    return Belief(mean, np.diag(sigma**2))
