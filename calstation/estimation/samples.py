@@ -17,7 +17,8 @@ class SampleBlock:
     seq : unwrapped sample counter, shape (n,)
     time : IMU clock at the end of each sample, s, shape (n,)
     counts : raw output, gyro x y z then accel x y z, counts, shape (n, 6)
-    angles : encoder angles outer, inner at the end of the sample, rad, cumulative, NaN between polls, shape (n, 2)
+    angles : encoder angles outer, inner at the end of the sample, rad, cumulative, NaN between polls,
+        shape (n, 2)
     step : number of the move the sample belongs to, shape (n,)
     valid : False marks a spoilt sample, shape (n,)
     temperature : °C, NaN where unknown, shape (n,)
@@ -59,7 +60,7 @@ def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
 
 
 ANGLE_STEP = 2.0**-40
-"""Grid of encoder angles, rad (2e-7″): coarse enough that degrees written in a file read back to the same rad."""
+"""Grid of encoder angles, rad (2e-7″), so coarse that degrees written in a file read back the same."""
 
 
 def snap_angles(angles: FloatArray) -> FloatArray:

@@ -14,10 +14,10 @@ _RESTART_SECONDS = 1.0
 class SequenceUnwrapper:
     """Turns a logged counter into one that always rises, chunk after chunk.
 
-    A drop to near 0 from 2^8, 2^16 or 2^32 with continuous time is a wrap; with a jump in time, a reset, after
-    which the count carries on with the number of samples that the jump is worth (at least one lost). Where the
-    unit's clock restarted with its counter, time carries on likewise. Anything else that does not rise is an
-    error.
+    A drop to near 0 from 2^8, 2^16 or 2^32 with continuous time is a wrap; with a jump in time, a reset,
+    after which the count carries on with the number of samples that the jump is worth (at least one lost).
+    Where the unit's clock restarted with its counter, time carries on likewise. Anything else that does not
+    rise is an error.
 
     Parameters
     ----------
@@ -53,9 +53,11 @@ class SequenceUnwrapper:
         """
         if len(seq) == 0:
             return seq.astype(np.int64), time.astype(np.float64), []
-        first = self._last_raw is None
-        previous_seq = np.concatenate(([seq[0] - 1 if first else self._last_raw], seq[:-1]))
-        previous_time = np.concatenate(([time[0] - self._period if first else self._last_time], time[:-1]))
+        last_raw, last_time = self._last_raw, self._last_time
+        if last_raw is None:
+            last_raw, last_time = int(seq[0]) - 1, float(time[0]) - self._period
+        previous_seq = np.concatenate([np.array([last_raw], np.int64), seq[:-1]])
+        previous_time = np.concatenate([np.array([last_time]), time[:-1]])
         if int(np.min(seq)) < 0:
             raise SequenceError(int(np.argmax(seq < 0)), "seq is negative")
         odd = np.flatnonzero((seq <= previous_seq) | (time <= previous_time))

@@ -1,7 +1,6 @@
 """Import of a CSV into a raw log and export of any log as CSV and TOML; both keep every value exactly."""
 
 import contextlib
-import os
 from pathlib import Path
 
 from calstation.errors import CalstationError, InputError
@@ -32,7 +31,7 @@ def export_csv(source: Path, target: Path) -> LogFacts:
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError(f"{target}: an export's name ends in .csv or .csv.gz; rename the target")
     log = open_log(source)
-    if target.exists() and os.path.samefile(source, target):
+    if target.exists() and target.samefile(source):
         raise InputError(f"{target}: is the log itself; choose another name")
     partial = target.with_name("partial-" + target.name)
     try:

@@ -3,11 +3,12 @@
 import csv
 import gzip
 import io
+import itertools
 import math
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, TextIO
+from typing import IO
 
 import numpy as np
 
@@ -22,7 +23,7 @@ CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 COLUMNS = (*REQUIRED, "temp_c", "valid")
-_CHUNK_BYTES = 1 << 20
+_CHUNK_BYTES = 1 << 17
 _MEND = "correct the cell or remove the row"
 
 
@@ -42,11 +43,11 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
     """
     chunks = _text_chunks(path)
     line = 1
-    header, text = _header(path, next(chunks, ""))
+    header, rest = _header(path, next(chunks, ""))
     unwrapper = SequenceUnwrapper(1.0 / meta.imu.sample_rate_hz)
     starts: set[tuple[float, ...]] = set()
     empty = True
-    while text is not None:
+    for text in itertools.chain([rest], chunks):
         if text:
             table = _Table(path, header, text, line + 1)
             seq, time = table.integers("seq"), table.floats("time_s")
@@ -67,7 +68,6 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
             empty = False
             yield from table.blocks(unwrapped, clock, counts)
             line += len(seq)
-        text = next(chunks, None)
     if empty:
         raise InputError(f"{path}: no samples after the header; record some")
 
@@ -153,7 +153,7 @@ class _Table:
         """A column as float64, shape (n,); empty cells become NaN where allowed."""
         cells = self._columns[name]
         try:
-            values = np.array(list(map(float, cells)))
+            values = np.fromiter(map(float, cells), np.float64, len(cells))
         except ValueError:
             values = np.array([self._float(name, i, c, may_be_empty) for i, c in enumerate(cells)])
         wrong = np.isinf(values) if may_be_empty else ~np.isfinite(values)
@@ -175,7 +175,7 @@ class _Table:
     def integers(self, name: str) -> IntArray:
         """A column as int64, shape (n,)."""
         try:
-            return np.array(list(map(int, self._columns[name])), dtype=np.int64)
+            return np.fromiter(map(int, self._columns[name]), np.int64, len(self._columns[name]))
         except (ValueError, OverflowError):
             values = self.floats(name)
         odd = (values != np.rint(values)) | (np.abs(values) > 2**53)
@@ -197,14 +197,14 @@ class _Table:
         else:
             names = np.array(stages)
             edges = np.concatenate(([0], np.flatnonzero(names[1:] != names[:-1]) + 1, [n]))
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
-            k = slice(int(a), int(b))
+        for a, b in itertools.pairwise(edges.tolist()):
+            k = slice(a, b)
             yield SampleBlock(
-                stages[k.start].strip(), seq[k], time[k], counts[k], angles[k], step[k], valid[k], heat[k]
+                stages[a].strip(), seq[k], time[k], counts[k], angles[k], step[k], valid[k], heat[k]
             )
 
 
-def write_csv(stream: TextIO, blocks: Iterator[SampleBlock]) -> None:
+def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     """Write blocks as the contract's CSV: integers exact, floats so that they read back the same."""
     stream.write(",".join(COLUMNS) + "\n")
     for block in blocks:

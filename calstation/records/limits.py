@@ -83,7 +83,7 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
 
 
 def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
-    """Parameters that a stage was asked for and the data did not determine (sigma over 0.9 of the prior's)."""
+    """Parameters that a stage was asked for and the data did not determine: sigma over 0.9 of its prior's."""
     if not solutions:
         return []
     before, after = prior.sigma, solutions[-1].belief.sigma

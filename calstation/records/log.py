@@ -64,7 +64,7 @@ class Log:
             )
 
     def facts(self) -> LogFacts:
-        """Range, gaps, temperature and sha256 of the whole log; reads it unless `blocks` has run to its end."""
+        """Range, gaps, temperature and sha256 of the whole log, read once."""
         if self._facts is None:
             builder = FactsBuilder(self.meta)
             for block in self._scan():
@@ -134,9 +134,7 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
             contents.sha256,
         )
     if not path.name.endswith((".csv", ".csv.gz")):
-        raise InputError(
-            f"{path}: not a log; give a raw log ({SUFFIX}) or a .csv or .csv.gz beside its .toml"
-        )
+        raise InputError(f"{path}: not a log; give a raw log ({SUFFIX}) or a .csv(.gz) beside its .toml")
     if not path.is_file():
         raise InputError(f"{path}: no such file; give the path of an existing log")
     meta = load_meta(meta_file or meta_path(path))

@@ -1,5 +1,6 @@
-"""`LogMeta`: everything beside the samples that solving needs, as the TOML beside a CSV and inside a raw log."""
+"""`LogMeta`: all that solving needs beside the samples, as the TOML beside a CSV and inside a raw log."""
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any, Literal
@@ -74,8 +75,8 @@ class ProductSection(StrictModel):
     """`[product]`: the unit type, its limits and the sigmas at which a stage may stop."""
 
     name: str
-    limits: dict[str, Limit] = {}
-    targets: dict[str, float] = {}
+    limits: dict[str, Limit] = Field(default_factory=dict)
+    targets: dict[str, float] = Field(default_factory=dict)
 
     @field_validator("limits")
     @classmethod
@@ -109,12 +110,12 @@ class LogMeta(StrictModel):
     site: SiteSection
     imu: ImuSection
     table: TableSection = TableSection()
-    prior: dict[str, PriorSection] = {}
+    prior: dict[str, PriorSection] = Field(default_factory=dict)
     product: ProductSection | None = None
     run: RunSection | None = None
-    schedule: dict[str, dict[str, JsonValue]] = {}
-    profiles: dict[str, str] = {}
-    registers: dict[str, float] = {}
+    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
+    profiles: dict[str, str] = Field(default_factory=dict)
+    registers: dict[str, float] = Field(default_factory=dict)
 
     @field_validator("prior", "registers")
     @classmethod
@@ -127,6 +128,10 @@ class LogMeta(StrictModel):
     def to_json(self) -> str:
         """Canonical JSON: the configuration's part of a log's sha256."""
         return json.dumps(self._plain(), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+    def sha256(self) -> str:
+        """Digest of the configuration."""
+        return hashlib.sha256(self.to_json().encode()).hexdigest()
 
     def to_toml(self) -> str:
         """TOML that reads back to an equal `LogMeta`."""

@@ -1,11 +1,13 @@
 """The raw log: HDF5 in SWMR mode, appended and flushed so that a kill or a power cut costs next to nothing.
 
-One compound dataset holds the samples, so their columns cannot differ in length after a crash; configuration,
-events, results and the closing word are JSON lines in byte datasets. Everything is created before SWMR mode is
-switched on, because nothing can be created afterwards. Samples are not compressed: rewriting a partly filled
-compressed chunk at every flush would leak file space, and a torn one would lose all its rows.
+One compound dataset holds the samples, so their columns cannot differ in length after a crash;
+configuration, events, results and the closing word are JSON lines in byte datasets. Everything is created
+before SWMR mode is switched on, because nothing can be created afterwards. Samples are not compressed:
+rewriting a partly filled compressed chunk at every flush would leak file space, and a torn one would lose all
+its rows.
 """
 
+import itertools
 import json
 import os
 import time
@@ -16,6 +18,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import DTypeLike
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.samples import SampleBlock
@@ -70,12 +73,10 @@ class RawLogWriter:
         configuration = np.frombuffer(meta.to_json().encode(), np.uint8)
         self._file.attrs["format"] = FORMAT
         self._file.create_dataset("meta", data=configuration)
-        self._samples = self._file.create_dataset(
-            "samples", (0,), ROW, maxshape=(None,), chunks=(_CHUNK_ROWS,)
-        )
-        self._stage_names = self._file.create_dataset("stages", (0,), "S64", maxshape=(None,), chunks=(16,))
+        self._samples = self._growing("samples", ROW, _CHUNK_ROWS)
+        self._stage_names = self._growing("stages", "S64", 16)
         for name in _TEXTS:
-            self._file.create_dataset(name, (0,), np.uint8, maxshape=(None,), chunks=(8192,))
+            self._growing(name, np.uint8, 8192)
         self._file.swmr_mode = True
         self._facts = FactsBuilder(meta)
         self._stages: dict[str, int] = {}
@@ -149,6 +150,9 @@ class RawLogWriter:
         os.fsync(self._sync_handle)
         os.close(self._sync_handle)
         return facts
+
+    def _growing(self, name: str, dtype: DTypeLike, chunk: int) -> h5py.Dataset:
+        return self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(chunk,))
 
     def _sync(self) -> None:
         self.flush()
@@ -234,7 +238,7 @@ def raw_blocks(path: Path) -> Iterator[SampleBlock]:
 def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
     stage = rows["stage"]
     edges = np.concatenate(([0], np.flatnonzero(stage[1:] != stage[:-1]) + 1, [len(rows)]))
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in itertools.pairwise(edges.tolist()):
         part = rows[a:b]
         yield SampleBlock(
             names[int(part["stage"][0])],

@@ -1,0 +1,154 @@
+"""What the sequencer may ask of a table and an IMU, and what they answer; all angles in rad."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics.table import JointLimits
+
+
+@dataclass(frozen=True)
+class TableIdentity:
+    """Who answers on the table's link."""
+
+    model: str
+    serial: str
+
+
+@dataclass(frozen=True)
+class TableStatus:
+    """A table as polled once.
+
+    Attributes
+    ----------
+    angles, rates : of the joints outer, inner, cumulative, rad and rad/s, shape (2,)
+    enabled, homed, moving, settled : of both axes
+    fault : what is latched, None where nothing is
+    interlock_closed : True where the axes may be powered
+    watchdog : timeout of the table's own watchdog, host seconds, 0 where it is off
+    limits : travel set in the table; its rates and accelerations are the profile's
+    """
+
+    angles: FloatArray
+    rates: FloatArray
+    enabled: bool
+    homed: bool
+    moving: bool
+    settled: bool
+    fault: str | None
+    interlock_closed: bool
+    watchdog: float
+    limits: JointLimits
+
+
+class Table(Protocol):
+    """A two-axis table. Every call is bounded in time and raises DeviceFaultError where it fails."""
+
+    def identify(self) -> TableIdentity:
+        """Model and serial number."""
+
+    def status(self) -> TableStatus:
+        """Poll the table."""
+
+    def enable(self) -> None:
+        """Switch both axes on."""
+
+    def disable(self) -> None:
+        """Switch both axes off."""
+
+    def home(self) -> None:
+        """Start slow homing; `status` tells when it is done."""
+
+    def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
+        """Start both joints towards absolute angles, rad, with rad/s and rad/s² at most; does not wait."""
+
+    def stop(self) -> None:
+        """Decelerate to rest; does not wait."""
+
+    def reset_fault(self) -> None:
+        """Clear a latched fault; never restarts motion."""
+
+    def heartbeat(self) -> None:
+        """Feed the table's watchdog."""
+
+    def close(self) -> None:
+        """Hang up."""
+
+
+@dataclass(frozen=True)
+class ImuIdentity:
+    """Who answers on the IMU's link."""
+
+    model: str
+    serial: str
+    firmware: str
+
+
+@dataclass(frozen=True)
+class SampleBatch:
+    """Samples decoded since the last read.
+
+    Attributes
+    ----------
+    seq : unwrapped counter, shape (n,)
+    time : IMU clock at the end of each sample, s, shape (n,)
+    counts : gyro x y z, accel x y z, shape (n, 6)
+    temperature : °C, NaN where the frames carry none, shape (n,)
+    status : status word, 0 where the frames carry none, shape (n,)
+    arrival : host monotonic time at which each sample's bytes were read, s, shape (n,)
+    """
+
+    seq: IntArray
+    time: FloatArray
+    counts: FloatArray
+    temperature: FloatArray
+    status: IntArray
+    arrival: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+
+@dataclass(frozen=True)
+class LinkStats:
+    """Counts since the link was opened: frames and bytes read, frames with a wrong check, bytes that belong
+    to no frame, interruptions of the counter."""
+
+    frames: int = 0
+    bytes: int = 0
+    crc_errors: int = 0
+    skipped: int = 0
+    gaps: int = 0
+
+
+class Imu(Protocol):
+    """An IMU. Calls raise DeviceFaultError where the link or the unit fails."""
+
+    @property
+    def stats(self) -> LinkStats:
+        """Counts so far."""
+
+    def start(self) -> None:
+        """Begin to stream."""
+
+    def read(self) -> SampleBatch:
+        """Everything decoded since the last call, possibly nothing; never waits."""
+
+    def identify(self) -> ImuIdentity:
+        """Model, serial number and firmware."""
+
+    def read_registers(self) -> dict[str, float]:
+        """Calibration registers by the contract's parameter names, SI."""
+
+    def write_registers(self, values: Mapping[str, float]) -> None:
+        """Write calibration registers (volatile until `commit`)."""
+
+    def commit(self) -> None:
+        """Make the registers permanent."""
+
+    def reset(self) -> None:
+        """Restart the unit."""
+
+    def close(self) -> None:
+        """Hang up."""
