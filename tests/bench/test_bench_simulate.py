@@ -1,0 +1,89 @@
+"""The simulator without protocol: stamps, continuity between stages, grades, and its speed."""
+
+from dataclasses import fields
+from itertools import count
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from calstation.bench.grades import GRADES
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
+from calstation.physics.parameters import COUNT, PARAMETERS
+
+RATE, ACCELERATION = np.deg2rad(30.0), np.deg2rad(60.0)
+
+
+def endless():
+    for number in count(1):
+        yield Move(0.0, np.pi, RATE, ACCELERATION)
+        yield Dwell(1.0)
+        yield Move(0.0, 0.0, RATE, ACCELERATION)
+        yield Dwell(1.0)
+        yield RoundEnd(number)
+
+
+def test_time_counter_step_and_joints_carry_on_from_stage_to_stage():
+    simulator = Simulator(BenchTruth.draw("nav", 1), 1)
+    first = simulator.run(
+        [Prepare(), Dwell(2.0), Move(np.pi / 2, 0.0, RATE, ACCELERATION), Dwell(3.0)], "rate"
+    )
+    second = simulator.run([Dwell(1.0), Move(0.0, 0.0, RATE, ACCELERATION), Finish()], "six_position")
+    assert np.array_equal(first.step[:401], [0] * 400 + [1])
+    seq = np.concatenate([first.seq, second.seq])
+    assert np.array_equal(seq, np.arange(len(seq)))
+    assert np.concatenate([first.time, second.time]) == pytest.approx((seq + 1) / 200.0, abs=1e-12)
+    assert (second.step[0], second.step[-1]) == (1, 2)
+    assert second.angles[9] == pytest.approx([np.pi / 2, 0.0], abs=np.deg2rad(0.25))
+
+
+def test_angles_come_at_the_polls_and_are_nan_between():
+    result = Simulator(BenchTruth.draw("nav", 1), 1, poll_interval=0.1).run([Dwell(1.0)], "rate")
+    polled = np.flatnonzero(np.isfinite(result.angles[:, 0]))
+    assert np.array_equal(polled, np.arange(19, 200, 20))
+
+
+def test_an_endless_plan_ends_at_the_round_that_was_asked():
+    result = Simulator(BenchTruth.draw("mems", 1), 1).run(endless(), "azimuth_flip", rounds=3)
+    assert result.step[-1] == 6
+
+
+def test_equal_seeds_give_equal_samples_and_others_do_not():
+    results = [Simulator(BenchTruth.draw("nav", 2), s).run([Dwell(1.0)], "rate") for s in (1, 1, 2)]
+    for field in fields(results[0]):
+        a, b = (getattr(r, field.name) for r in results[:2])
+        assert a == b if isinstance(a, str) else np.array_equal(a, b, equal_nan=True)
+    assert not np.array_equal(results[0].counts, results[2].counts)
+
+
+@pytest.mark.parametrize("grade", list(GRADES))
+def test_units_of_a_grade_scatter_with_its_sigmas(grade):
+    drawn = np.array([BenchTruth.draw(grade, seed).parameters for seed in range(200)])
+    assert drawn.shape == (200, COUNT)
+    sigma = np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
+    assert drawn.std(axis=0) / sigma == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_fixed_lever_is_zero_and_a_unit_out_of_limits_is_far_out():
+    fixed = BenchTruth.draw("nav", 3, outer_lever="fixed").parameters
+    assert np.all(fixed[-3:] == 0.0)
+    assert np.all(fixed[:27] == BenchTruth.draw("nav", 3).parameters[:27])
+    bad = BenchTruth.draw("nav", 3, out_of_limits=True).parameters
+    assert bad[0] == pytest.approx(20.0 * GRADES["nav"].sigma["gyro_bias"])
+
+
+def test_the_mount_is_turned_within_the_told_range():
+    angles = [np.linalg.norm(BenchTruth.draw("nav", s, mount=(0.002, 0.005)).table.mount) for s in range(50)]
+    assert 0.002 <= min(angles)
+    assert max(angles) <= 0.005
+
+
+def test_half_an_hour_at_100_hz_takes_well_under_two_seconds():
+    truth = BenchTruth.draw("nav", 1, sample_rate=100.0)
+    Simulator(truth, 1).run(endless(), "warm", rounds=1)
+    start = perf_counter()
+    result = Simulator(truth, 1).run(endless(), "azimuth_flip", rounds=120)
+    assert len(result.seq) > 180_000
+    assert perf_counter() - start < 2.0
