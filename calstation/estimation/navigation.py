@@ -30,6 +30,9 @@ from calstation.physics.strapdown import PARAMETER_START, STATES, IntervalWork, 
 POSITION_SIGMA = 1e-3
 """Start of δp, m: the table holds the unit; no observation depends on it."""
 
+START_VELOCITY_SIGMA = 1.0
+"""Start of δv before the first observation, m/s."""
+
 
 @dataclass
 class History:
@@ -86,34 +89,45 @@ class NavigationFilter:
         s = slice(PARAMETER_START, STATES)
         return Belief(self.point + self.kf.x[s], self.kf.P[s, s].copy())
 
-    def begin(self, start: Start, attitude: FloatArray) -> None:
-        """Start (again) at rest: navigation states afresh about `attitude`, parameters carry on."""
+    def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
+        """Start (again) at rest: navigation states afresh about `attitude`, parameters carry on.
+
+        The velocity starts unknown and is observed at once: a velocity assumed zero would deny that the rate,
+        hence the lever's velocity, is only as well known as the gyro bias.
+        """
         kf = self.kf
         kf.x[:PARAMETER_START] = 0.0
         kf.x[:3] = rotation_vector(start.prior @ attitude.T)
         kf.P[:PARAMETER_START, :] = 0.0
         kf.P[:, :PARAMETER_START] = 0.0
-        variances = [*start.prior_sigma**2, *[self.noise.velocity] * 3, *[POSITION_SIGMA**2] * 3]
+        variances = [*start.prior_sigma**2, *[START_VELOCITY_SIGMA**2] * 3, *[POSITION_SIGMA**2] * 3]
         kf.P[range(PARAMETER_START), range(PARAMETER_START)] = variances
         self._offset = kf.x.copy()
         self.work.attitude[:] = attitude
         self.work.velocity[:] = 0.0
+        propagate(
+            self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start.begin, start.begin, self.work
+        )
+        self._observe()
 
     def interval(self, data: StageData, start: int, stop: int) -> None:
         """One observation interval: strapdown over samples start to stop, predict, observe, feed back."""
-        kf, work, c = self.kf, self.work, self.constants
-        propagate(c, self.earth, self.gravity, self.dt, data.gyro, data.accel, start, stop, work)
+        kf, work = self.kf, self.work
+        propagate(self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start, stop, work)
         _process_noise(work.force, self.noise.rate, self.noise.force, (stop - start) * self.dt, kf.Q)
         kf.predict()
-        z = np.empty(3)
-        _observation(work, self.earth, c, z, kf.H)
-        kf.update(z, R=self.observation_variance)
+        self._observe()
         history = self.history
         history.index.append(stop)
         history.attitude.append(work.attitude.copy())
         history.rate.append(work.rate.copy())
         history.innovation.append(kf.y.copy())
         history.nis.append(float(kf.y @ kf.SI @ kf.y))
+
+    def _observe(self) -> None:
+        kf, z = self.kf, np.empty(3)
+        _observation(self.work, self.earth, self.constants, z, kf.H)
+        kf.update(z, R=self.observation_variance)
         self._feed_back()
 
     def _feed_back(self) -> None:
@@ -138,7 +152,7 @@ class NavigationFilter:
 
     def run(self, data: StageData, start: Start, attitude: FloatArray) -> None:
         """The whole of a segment, in intervals of the stride; the rest shorter than one is left."""
-        self.begin(start, attitude)
+        self.begin(data, start, attitude)
         for k in range(start.begin, start.end - self.stride + 1, self.stride):
             self.interval(data, k, k + self.stride)
 

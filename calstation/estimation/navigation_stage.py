@@ -44,7 +44,7 @@ class LiveFilter:
                 consumed = first
                 if not self._aligned:
                     continue
-                run.begin(found[0], found[0].attitude)
+                run.begin(data, found[0], found[0].attitude)
                 consumed = found[0].begin
             while consumed + run.stride < last:
                 run.interval(data, consumed, consumed + run.stride)

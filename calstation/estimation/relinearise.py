@@ -24,8 +24,6 @@ from calstation.physics.strapdown import body_rotation
 MOST_PASSES = 8
 SETTLED = 0.01
 """A pass that moves no parameter by more than this many sigmas is the last."""
-SETTLED_ANGLE = 2e-5
-"""... and no start attitude by more than this, rad: its square is below any sensor's resolution."""
 AZIMUTHS_TRIED = 8
 
 
@@ -86,11 +84,10 @@ def solve_navigation(
         settled_at = np.where(estimated, belief.mean, prior.mean)
         sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
         moved = float(np.max(np.abs(settled_at - point) / sigma))
-        carried = _carry_back(run, data, settled_at, found, ends)
-        turned = max(float(np.abs(a @ b.T - np.eye(3)).max()) for a, b in zip(carried, attitudes, strict=True))
-        if (moved < SETTLED and turned < SETTLED_ANGLE) or passes == MOST_PASSES:
+        if moved < SETTLED or passes == MOST_PASSES:
             break
-        point, attitudes = settled_at, carried
+        attitudes = _carry_back(run, data, settled_at, found, ends)
+        point = settled_at
     return NavigationResult(belief, run.history, tuple(found), tuple(attitudes), point, passes, free)
 
 

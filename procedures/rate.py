@@ -1,0 +1,257 @@
+"""Rate: whole turns about each gyro axis both ways against the table's angle; gyro scale factors.
+
+Over a whole turn the earth's rate across the axis averages out; both ways together cancel what lies along it and the
+bias. The axis of turn is not taken for the gyro's: mount, table axes and misalignments are unknowns with their prior,
+and so is every encoder reading at rest.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from calstation.errors import InsufficientDataError
+from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.least_squares import gauss_newton
+from calstation.estimation.method import Method, Solution
+from calstation.estimation.noise import filter_noise
+from calstation.estimation.relinearise import nis_consistency, restricted
+from calstation.estimation.samples import SampleBlock
+from calstation.estimation.stage_data import StageData, mean_angles, rests, stage_data
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import rotation_rate
+from calstation.physics.motion import Dwell, Move, Step
+from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
+from calstation.physics.rotation import axis_rotation, rotation_matrix
+from calstation.physics.table import INNER, OUTER, TableGeometry
+
+ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
+SMALLEST_TURN = np.deg2rad(300.0)
+"""A smaller rotation between two rests only moves the unit into place."""
+WHOLE = np.deg2rad(5.0)
+"""A turn counts as whole when it ends this close to where it began."""
+AXIS_SIGMA = np.deg2rad(0.1)
+"""How far a table's axes may lie from where its profile says: non-orthogonality and wobble, rad."""
+FREE_AZIMUTH = np.pi / np.sqrt(3.0)
+
+
+class Schedule(BaseModel):
+    """Whole turns each way; rates in °/s and °/s², times in s."""
+
+    model_config = ConfigDict(extra="forbid")
+    turns: int = Field(2, ge=1, le=50)
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
+    dwell_s: float = Field(5.0, ge=2.0, le=600.0)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A whole turn between two rests.
+
+    start, stop : samples at rest before and after; total : integral of the raw rate, rad, shape (3,)
+    joint : 0 outer, 1 inner; angles : encoder before and after, rad, shape (2, 2); rest : places of the two rests
+    duration : s
+    """
+
+    start: int
+    stop: int
+    total: FloatArray
+    joint: int
+    angles: FloatArray
+    rest: tuple[int, int]
+    duration: float
+
+
+def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
+    """About x, y and z: into place, rest, whole turns one way, rest, whole turns back, rest."""
+    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    outer, inner = 0.0, 0.0
+    for axis in range(3):
+        direction = np.zeros(3)
+        direction[axis] = 1.0
+        turn = geometry.body_turn(direction, inner)
+        inner = inner if turn.inner is None else turn.inner
+        yield Move(outer, inner, rate, acceleration, ("into_place", "xyz"[axis]))
+        yield Dwell(schedule.dwell_s)
+        for way in _ways(geometry, turn.joint, turn.sign, (outer, inner)[turn.joint], schedule.turns):
+            if turn.joint == OUTER:
+                outer += way
+            else:
+                inner += way
+            label = ("whole_turns", "xyz"[axis], float(np.rad2deg(way * turn.sign)))
+            yield Move(outer, inner, rate, acceleration, label)
+            yield Dwell(schedule.dwell_s)
+
+
+def _ways(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int) -> tuple[float, float]:
+    """There and back, first the positive way about the body axis unless the travel has room only for the other."""
+    way = 2.0 * np.pi * turns * sign
+    return (way, -way) if geometry.limits.within(joint, at + way) else (-way, way)
+
+
+def estimates(context: SolveContext) -> tuple[str, ...]:
+    """Gyro scale factors."""
+    return ESTIMATED
+
+
+class RateSolver:
+    """Collects the stage; solves it from its whole turns."""
+
+    def __init__(self, context: SolveContext, prior: Belief, schedule: Schedule) -> None:
+        self.context, self.prior = context, prior
+        self._blocks: list[SampleBlock] = []
+
+    def feed(self, block: SampleBlock) -> None:
+        """Take further samples of the stage."""
+        self._blocks.append(block)
+
+    def sigma(self) -> FloatArray:
+        """The prior's sigmas until the stage is solved, SI, shape (30,)."""
+        return self.prior.sigma
+
+    def finish(self) -> Solution:
+        """Solve. Raises InsufficientDataError naming the turns that are missing."""
+        data = stage_data(self._blocks, self.context.imu)
+        turns, assumed = find_turns(data, self.context, self.prior)
+        _require_turns(turns)
+        return _solve(data, turns, self.context, self.prior, assumed)
+
+
+def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[list[Turn], bool]:
+    """Whole turns between rests, and whether their angle was assumed whole for want of an encoder."""
+    geometry = TableGeometry(context.table.outer_axis, context.table.inner_axis)
+    bias = group_indices("gyro_bias")
+    found, assumed, rest_count = [], False, 0
+    for segment in data.segments:
+        still = rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max()))
+        for number, ((a0, a1), (b0, b1)) in enumerate(zip(still[:-1], still[1:], strict=True)):
+            start, stop = (a0 + a1) // 2, (b0 + b1) // 2
+            duration = (stop - start) * data.dt
+            total = data.gyro[start:stop].sum(axis=0) * data.dt
+            turned = total - duration * 0.5 * (data.gyro[a0:a1].mean(axis=0) + data.gyro[b0:b1].mean(axis=0))
+            if np.linalg.norm(turned) < SMALLEST_TURN:
+                continue
+            before, after = mean_angles(data, a0, a1), mean_angles(data, b0, b1)
+            if before is None or after is None:
+                assumed = True
+                before, after, joint = _whole_turn(geometry, turned)
+            else:
+                joint = int(np.argmax(np.abs(after - before)))
+            way = after[joint] - before[joint]
+            if abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))) < WHOLE and abs(way) > SMALLEST_TURN:
+                rest = (rest_count + number, rest_count + number + 1)
+                found.append(Turn(start, stop, total, joint, np.vstack([before, after]), rest, duration))
+        rest_count += len(still)
+    return found, assumed
+
+
+def _whole_turn(geometry: TableGeometry, turned: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """Joint angles of a turn without encoder: the nearest whole number of turns about the nearest body axis."""
+    axis = np.zeros(3)
+    axis[int(np.argmax(np.abs(turned)))] = 1.0
+    body_turn = geometry.body_turn(axis, 0.0)
+    before = np.array([0.0, body_turn.inner or 0.0])
+    after = before.copy()
+    angle = float(turned @ axis) * body_turn.sign
+    after[body_turn.joint] += 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+    return before, after, body_turn.joint
+
+
+def _require_turns(turns: list[Turn]) -> None:
+    missing = []
+    for axis in range(3):
+        for sign, way in ((1.0, "+"), (-1.0, "-")):
+            if not any(np.argmax(np.abs(t.total)) == axis and sign * t.total[axis] > 0.0 for t in turns):
+                missing.append(f"{way}{'xyz'[axis]}")
+    if missing:
+        raise InsufficientDataError(
+            f"rate: no whole turn about {', '.join(missing)} between two rests ({len(turns)} turns found); "
+            "include both ways about every axis with the rests before and after"
+        )
+
+
+def _solve(
+    data: StageData, turns: list[Turn], context: SolveContext, prior: Belief, assumed: bool
+) -> Solution:
+    table, site = context.table, context.site
+    geometry = TableGeometry(table.outer_axis, table.inner_axis)
+    noise = filter_noise(context)
+    places = sorted({r for t in turns for r in t.rest})
+    earth = rotation_rate(site.latitude)
+    earths = [_earth_integral(data, t, geometry, earth, site.azimuth or 0.0) for t in turns]
+
+    # nuisances: mount (3), azimuth (1), direction of the outer and the inner axis (3 + 3), encoders at each rest (2)
+    azimuth_sigma = table.azimuth_sigma if site.azimuth is not None and not assumed else FREE_AZIMUTH
+    sigma = np.concatenate(
+        [[table.mount_sigma] * 3, [azimuth_sigma], [AXIS_SIGMA] * 6, [table.encoder_sigma] * (2 * len(places))]
+    )
+
+    def model(parameters: FloatArray, nuisance: FloatArray) -> FloatArray:
+        M = np.eye(3) + group_matrix(parameters, "gyro_scale", "gyro_misalign")
+        bias = group_vector(parameters, "gyro_bias")
+        mount = rotation_matrix(nuisance[:3]).T
+        outer_axis = rotation_matrix(nuisance[4:7]) @ np.array(table.outer_axis)
+        inner_axis = rotation_matrix(nuisance[7:10]) @ np.array(table.inner_axis)
+        encoder = dict(zip(places, nuisance[10:].reshape(-1, 2), strict=True))
+        predicted = []
+        for t, (level, north) in zip(turns, earths, strict=True):
+            before, after = t.angles[0] + encoder[t.rest[0]], t.angles[1] + encoder[t.rest[1]]
+            angle = after[t.joint] - before[t.joint]
+            inner = 0.5 * (before[INNER] + after[INNER])
+            bent = inner_axis if t.joint == INNER else axis_rotation(table.inner_axis, -inner) @ outer_axis
+            earth_b = level + np.cos(nuisance[3]) * north[0] + np.sin(nuisance[3]) * north[1]
+            predicted.append(M @ mount @ (bent * angle + earth_b) + bias * t.duration)
+        return np.concatenate(predicted)
+
+    observed = np.concatenate([t.total for t in turns])
+    variance = np.repeat([noise.rate * t.duration + noise.parameter_walk[0] * t.duration**3 / 3 for t in turns], 3)
+    mask = np.array([name in ESTIMATED for name in NAMES])
+    result = gauss_newton(model, observed, variance, prior, np.zeros(len(sigma)), sigma, mask)
+    residual = result.residual.reshape(-1, 3)
+    return Solution(
+        stage="rate",
+        belief=restricted(prior, result.belief, mask),
+        estimated=ESTIMATED,
+        consistency=nis_consistency(result.chi2, len(turns), 3),
+        gaps=data.gaps,
+        details={
+            "turns": [
+                {
+                    "first_seq": int(data.seq[t.start]),
+                    "last_seq": int(data.seq[t.stop - 1]),
+                    "joint": ("outer", "inner")[t.joint],
+                    "angle": float(t.angles[1, t.joint] - t.angles[0, t.joint]),
+                    "residual": r.tolist(),
+                }
+                for t, r in zip(turns, residual, strict=True)
+            ]
+        },
+        messages=(("turns_assumed_whole", {"stage": "rate"}),) if assumed else (),
+    )
+
+
+def _earth_integral(
+    data: StageData, turn: Turn, geometry: TableGeometry, earth: FloatArray, azimuth: float
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+    """Integral of the earth's rate in b over a turn: its vertical part, and north as cos and sin of a heading error.
+
+    The joint's angle follows the gyros' own integral between the encoder's end points. Each shape (3,), rad.
+    """
+    progress = np.cumsum(np.linalg.norm(data.gyro[turn.start : turn.stop], axis=1))
+    progress = progress / progress[-1]
+    way = turn.angles[1] - turn.angles[0]
+    stride = max(len(progress) // 2000, 1)
+    vertical, north, east = np.zeros(3), np.zeros(3), np.zeros(3)
+    for share in progress[stride // 2 :: stride]:
+        outer, inner = turn.angles[0] + way * share
+        C_nb = geometry.body_to_level(outer, inner, azimuth).T
+        vertical += C_nb[:, 2] * earth[2]
+        north += C_nb[:, 1] * earth[1]
+        east += C_nb[:, 0] * earth[1]
+    weight = turn.duration / len(progress[stride // 2 :: stride])
+    return vertical * weight, (north * weight, east * weight)
+
+
+METHOD = Method("rate", Schedule, plan, RateSolver, estimates)

@@ -1,0 +1,196 @@
+"""Six positions: each accelerometer axis up and down; the modulus of gravity gives scale factors and bias.
+
+No face is taken for level: the direction of gravity in the body is an unknown of every rest, and only its length
+is known. What six faces cannot separate (second-order term from bias, misalignment times tilt from scale) stands
+in the sigmas through the prior covariance of the parameters that this stage does not estimate.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from calstation.errors import InsufficientDataError
+from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.least_squares import gauss_newton
+from calstation.estimation.method import Method, Solution
+from calstation.estimation.noise import rest_mean_variance
+from calstation.estimation.relinearise import nis_consistency, restricted
+from calstation.estimation.samples import SampleBlock
+from calstation.estimation.stage_data import StageData, mean_angles, rests, slope_weights, stage_data
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import normal_gravity
+from calstation.physics.imu_model import compensation
+from calstation.physics.motion import Dwell, Move, Step
+from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
+from calstation.physics.rotation import rotation_matrix
+from calstation.physics.table import TableGeometry
+
+ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
+SHORTEST_REST = 1.0
+"""A rest shorter than this, s, is a pause in a turn and no position."""
+FREE_DIRECTION_SIGMA = 1.0
+"""Prior of a direction of which nothing is known, rad about the measured one."""
+ON_FACE = np.deg2rad(30.0)
+"""A rest further than this from every face supports the fit but is no face."""
+
+
+class Schedule(BaseModel):
+    """Angles in degrees, rates in °/s and °/s², times in s."""
+
+    model_config = ConfigDict(extra="forbid")
+    dwell_s: float = Field(30.0, ge=2.0, le=600.0)
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
+
+
+@dataclass(frozen=True)
+class Position:
+    """One rest: samples, mean raw specific force (m/s², shape (3,)), its variance, encoder angles or None."""
+
+    start: int
+    stop: int
+    force: FloatArray
+    variance: float
+    angles: FloatArray | None
+
+
+def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
+    """z up, z down, y up, y down, x up, x down, each from the joint angles nearest the last."""
+    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    pose = (0.0, 0.0)
+    for axis in (2, 1, 0):
+        for sign in (1.0, -1.0):
+            direction = np.zeros(3)
+            direction[axis] = sign
+            pose = geometry.pose_up(direction, pose)
+            face = f"{'+' if sign > 0 else '-'}{'xyz'[axis]}"
+            yield Move(*pose, rate, acceleration, ("face_up", face))
+            yield Dwell(schedule.dwell_s)
+
+
+def estimates(context: SolveContext) -> tuple[str, ...]:
+    """Accelerometer scale factors, and a coarse bias."""
+    return ESTIMATED
+
+
+class SixPositionSolver:
+    """Collects the stage; solves it from its rests."""
+
+    def __init__(self, context: SolveContext, prior: Belief, schedule: Schedule) -> None:
+        self.context, self.prior = context, prior
+        self._blocks: list[SampleBlock] = []
+
+    def feed(self, block: SampleBlock) -> None:
+        """Take further samples of the stage."""
+        self._blocks.append(block)
+
+    def sigma(self) -> FloatArray:
+        """The prior's sigmas until the stage is solved, SI, shape (30,)."""
+        return self.prior.sigma
+
+    def finish(self) -> Solution:
+        """Solve. Raises InsufficientDataError naming the faces that are missing."""
+        data = stage_data(self._blocks, self.context.imu)
+        positions = find_positions(data, self.context, self.prior)
+        _require_faces(positions, self.prior)
+        return _solve(data, positions, self.context, self.prior)
+
+
+def find_positions(data: StageData, context: SolveContext, prior: Belief) -> list[Position]:
+    """The rests of a stage, found from the data, with their mean force."""
+    bias = group_indices("gyro_bias")
+    found = []
+    for segment in data.segments:
+        for a, b in rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max())):
+            if (b - a) * data.dt >= SHORTEST_REST:
+                force = slope_weights(b - a) @ data.accel[a:b]
+                variance = rest_mean_variance(context, (b - a) * data.dt)
+                found.append(Position(a, b, force, variance, mean_angles(data, a, b)))
+    return found
+
+
+def _require_faces(positions: list[Position], prior: Belief) -> None:
+    inverse, bias = compensation(prior.mean).accel_inverse, group_vector(prior.mean, "accel_bias")
+    seen = set()
+    for p in positions:
+        up = inverse @ (p.force - bias)
+        axis = int(np.argmax(np.abs(up)))
+        if abs(up[axis]) > np.cos(ON_FACE) * np.linalg.norm(up):
+            seen.add(("+" if up[axis] > 0 else "-") + "xyz"[axis])
+    missing = [f for f in ("+x", "-x", "+y", "-y", "+z", "-z") if f not in seen]
+    if missing:
+        raise InsufficientDataError(
+            f"six_position: no rest of {SHORTEST_REST:.0f} s or more with {', '.join(missing)} upward "
+            f"({len(positions)} rests found); include all six faces"
+        )
+
+
+def _solve(
+    data: StageData, positions: list[Position], context: SolveContext, prior: Belief
+) -> Solution:
+    site, table = context.site, context.table
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    geometry = TableGeometry(table.outer_axis, table.inner_axis)
+    tilt = float(np.sqrt(table.mount_sigma**2 + table.base_tilt_sigma**2 + table.encoder_sigma**2))
+    constants = compensation(prior.mean)
+    directions, frames, nuisance, sigma = [], [], [], []
+    for p in positions:
+        measured = constants.accel_inverse @ (p.force - constants.accel_bias)
+        measured /= np.linalg.norm(measured)
+        frame = _tangents(measured)
+        offset, width = np.zeros(2), FREE_DIRECTION_SIGMA
+        if p.angles is not None:
+            nominal = geometry.body_to_home(*p.angles)[2]
+            if nominal @ measured > np.cos(10.0 * tilt):
+                offset, width = frame @ np.cross(measured, nominal), tilt
+        directions.append(measured)
+        frames.append(frame)
+        nuisance.append(offset)
+        sigma.append([width, width])
+    observed = np.concatenate([p.force for p in positions])
+    noise = np.repeat([p.variance for p in positions], 3)
+
+    def model(parameters: FloatArray, tilts: FloatArray) -> FloatArray:
+        M = np.eye(3) + group_matrix(parameters, "accel_scale", "accel_misalign")
+        K2, bias = group_vector(parameters, "accel_quadratic"), group_vector(parameters, "accel_bias")
+        predicted = []
+        for up, frame, t in zip(directions, frames, tilts.reshape(-1, 2), strict=True):
+            force = gravity * (rotation_matrix(t @ frame) @ up)
+            predicted.append(M @ force + K2 * force**2 + bias)
+        return np.concatenate(predicted)
+
+    mask = np.array([name in ESTIMATED for name in NAMES])
+    result = gauss_newton(model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask)
+    residual = result.residual.reshape(-1, 3)
+    return Solution(
+        stage="six_position",
+        belief=restricted(prior, result.belief, mask),
+        estimated=ESTIMATED,
+        consistency=nis_consistency(result.chi2, len(positions), 3),
+        gaps=data.gaps,
+        details={
+            "positions": [
+                {
+                    "first_seq": int(data.seq[p.start]),
+                    "last_seq": int(data.seq[p.stop - 1]),
+                    "force": p.force.tolist(),
+                    "residual": r.tolist(),
+                }
+                for p, r in zip(positions, residual, strict=True)
+            ]
+        },
+    )
+
+
+def _tangents(direction: FloatArray) -> FloatArray:
+    """Two unit vectors perpendicular to `direction` and each other, as rows, shape (2, 3)."""
+    other = np.zeros(3)
+    other[int(np.argmin(np.abs(direction)))] = 1.0
+    first = np.cross(direction, other)
+    first /= np.linalg.norm(first)
+    return np.vstack([first, np.cross(direction, first)])
+
+
+METHOD = Method("six_position", Schedule, plan, SixPositionSolver, estimates)
