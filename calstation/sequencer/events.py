@@ -19,7 +19,7 @@ class StateChanged:
 
 @dataclass(frozen=True)
 class StageStarted:
-    """Stage number `index` (from 0) of `count` begins; `duration` is what its plan takes, s of station time."""
+    """Stage number `index` (from 0) of `count` begins; `duration` is what its plan takes, s."""
 
     stage: str
     index: int
@@ -29,7 +29,7 @@ class StageStarted:
 
 @dataclass(frozen=True)
 class StageProgress:
-    """How far a stage is: `fraction` 0..1, `remaining` s, `sigma` the largest per parameter group so far, SI."""
+    """How far a stage is: `fraction` 0..1, `remaining` s, `sigma` the largest per group so far, SI."""
 
     stage: str
     fraction: float
@@ -39,7 +39,7 @@ class StageProgress:
 
 @dataclass(frozen=True)
 class StepStarted:
-    """A step begins: `kind` of step, `step` number stamped on its samples, `label` id and values of the plan."""
+    """A step begins: `kind` of step, `step` its samples' number, `label` id and values of the plan."""
 
     stage: str
     step: int

@@ -4,6 +4,7 @@ import math
 
 from calstation.devices.interfaces import TableStatus
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.physics.motion import Move
 from calstation.physics.table import JointLimits
 
 JOINTS = ("outer", "inner")
@@ -12,7 +13,9 @@ JOINTS = ("outer", "inner")
 def check_power(status: TableStatus) -> None:
     """May the axes be enabled? Raises DeviceFaultError where fault, interlock or watchdog say no."""
     if status.fault is not None:
-        raise DeviceFaultError(f"table: fault '{status.fault}' is latched; remove its cause and reset it at the table")
+        raise DeviceFaultError(
+            f"table: fault '{status.fault}' is latched; remove its cause and reset it at the table"
+        )
     if not status.interlock_closed:
         raise DeviceFaultError("table: the interlock is open; close the cover and start again")
     if not status.watchdog > 0.0:
@@ -30,24 +33,34 @@ def check_motion(status: TableStatus) -> None:
         raise DeviceFaultError("table: the axes are not homed; home the table first")
 
 
-def check_move(
-    status: TableStatus, limits: JointLimits, target: tuple[float, float], rate: float, acceleration: float
-) -> None:
-    """May the table make this move? `target` rad, `rate` rad/s, `acceleration` rad/s².
-
-    Raises DeviceFaultError for the table's state and ConfigurationError for a move outside the limits.
-    """
+def check_move(status: TableStatus, limits: JointLimits, move: Move) -> None:
+    """May the table make this move now? Raises DeviceFaultError or ConfigurationError with the reason."""
     check_motion(status)
-    for name, value, unit in (("rate", rate, "°/s"), ("acceleration", acceleration, "°/s²")):
-        allowed = min(limits.rate if name == "rate" else limits.acceleration)
+    check_limits(limits, move)
+    check_travel(status.limits, move)
+
+
+def check_limits(limits: JointLimits, move: Move) -> None:
+    """Does a move lie within travel, rate and acceleration? Raises ConfigurationError where not."""
+    for name, value, bounds, unit in (
+        ("rate", move.rate, limits.rate, "°/s"),
+        ("acceleration", move.acceleration, limits.acceleration, "°/s²"),
+    ):
+        allowed = min(bounds)
         if not (math.isfinite(value) and 0.0 < value <= allowed * (1.0 + 1e-9)):
             raise ConfigurationError(
                 f"schedule: {name} {math.degrees(value):g} {unit} is outside the table's "
-                f"0 to {math.degrees(allowed):g} {unit}; lower it in the product's schedule"
+                f"0 to {math.degrees(allowed):g} {unit}; change it in the product's schedule"
             )
-    for joint, name in enumerate(JOINTS):
-        if not (math.isfinite(target[joint]) and limits.within(joint, target[joint])):
+    check_travel(limits, move)
+
+
+def check_travel(limits: JointLimits, move: Move) -> None:
+    """Do a move's targets lie within the joints' travel? Raises ConfigurationError where not."""
+    for joint, (name, target) in enumerate(zip(JOINTS, (move.outer, move.inner), strict=True)):
+        if not (math.isfinite(target) and limits.within(joint, target)):
             raise ConfigurationError(
-                f"schedule: {name} axis target {math.degrees(target[joint]):.1f}° is outside the table's travel "
-                f"{math.degrees(limits.low[joint]):.0f}° to {math.degrees(limits.high[joint]):.0f}°"
+                f"schedule: {name} axis target {math.degrees(target):.1f}° is outside the table's travel "
+                f"{math.degrees(limits.low[joint]):.0f}° to {math.degrees(limits.high[joint]):.0f}°; "
+                "change the schedule, or the travel in the table profile"
             )

@@ -31,6 +31,9 @@ class Journal(Protocol):
     def event(self, event: Mapping[str, Any]) -> None:
         """Keep an event."""
 
+    def service(self) -> None:
+        """Write out what is due; called at every tick."""
+
 
 class Solving(Protocol):
     """The chain of stage solvers."""

@@ -199,7 +199,8 @@ class Preflight:
                 f"IMU: gravity points {np.rad2deg(away):.1f}° away from the declared mounting; "
                 "check how the unit is mounted and the table profile's axes"
             )
-        return mean[:3]
+        rates: FloatArray = mean[:3]
+        return rates
 
     def _check_signs(self, bias: FloatArray) -> None:
         """A small turn of each joint, there and back: the gyro must see it with its size, axis and sign."""
@@ -221,7 +222,7 @@ class Preflight:
             if abs(along / size - 1.0) > self._limits.turn_tolerance + np.deg2rad(0.5) / size:
                 raise DeviceFaultError(
                     f"IMU: a turn of {np.rad2deg(size):.1f}° of the {name} axis measures "
-                    f"{np.rad2deg(along):.1f}° about it; check the table profile's axes, the mounting and gyro_lsb"
+                    f"{np.rad2deg(along):.1f}° about it; check axes, mounting and gyro_lsb"
                 )
             self._runner.drive(self._turn_to(0.0, 0.0))
 

@@ -1,11 +1,15 @@
 """How long a plan takes: the same steps that the run executes, counted instead of driven."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from itertools import islice
 
 from calstation.physics.motion import Dwell, Finish, Move, RoundEnd, Step
 from calstation.sequencer.stop_rule import StopRule
 
 _STEPS_AT_MOST = 10_000
+
+_SETTLE = 1.5
+"""What a preview allows for settling after a move, s."""
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:
@@ -22,23 +26,37 @@ def _profile_time(distance: float, rate: float, acceleration: float) -> float:
     return distance / rate + rate / acceleration
 
 
-def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float) -> float:
-    """Seconds that a plan takes from joint angles `start` (rad), `settle` s after each move.
+def planned(
+    steps: Iterable[Step], rule: StopRule, start: tuple[float, float]
+) -> Iterator[tuple[Step, float]]:
+    """The steps that a run will execute from joint angles `start` (rad), each with its seconds.
 
     A repeated plan is followed until its rounds or duration are reached, or one round where only
     sigmas or the operator end it.
     """
     elapsed = 0.0
-    for count, step in enumerate(steps):
+    open_ended = rule.rounds is None and rule.duration is None
+    for step in islice(steps, _STEPS_AT_MOST):
+        seconds = step_time(step, start)
+        elapsed += seconds
         if isinstance(step, Move):
-            elapsed += move_time(start, step) + settle
             start = (step.outer, step.inner)
-        elif isinstance(step, Dwell):
-            elapsed += step.duration
-        elif isinstance(step, RoundEnd):
-            open_ended = rule.rounds is None and rule.duration is None
-            if open_ended or rule.reason(step.rounds, elapsed, None, False):
-                break
-        if isinstance(step, Finish) or count > _STEPS_AT_MOST:
-            break
-    return elapsed
+        yield step, seconds
+        if isinstance(step, RoundEnd) and (
+            open_ended or rule.reason(step.rounds, elapsed, None, word=False) is not None
+        ):
+            return
+        if isinstance(step, Finish):
+            return
+
+
+def step_time(step: Step, start: tuple[float, float]) -> float:
+    """Seconds of a step from joint angles `start` (rad), settling included."""
+    if isinstance(step, Move):
+        return move_time(start, step) + _SETTLE
+    return step.duration if isinstance(step, Dwell) else 0.0
+
+
+def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float]) -> float:
+    """Seconds of all steps that `planned` lists."""
+    return sum(seconds for _, seconds in planned(steps, rule, start))

@@ -1,4 +1,4 @@
-"""The engine's tick: time passes, the table is polled, samples are drained, the watchdog fed, commands heard."""
+"""The engine's tick: poll the table, drain samples, feed the watchdog, hear commands."""
 
 import time
 from collections.abc import Callable
@@ -32,7 +32,14 @@ class Pulse:
     """
 
     def __init__(
-        self, table: Table, imu: Imu, acquisition: Acquisition, clock: Clock, control: Control, emit: Emit
+        self,
+        table: Table,
+        imu: Imu,
+        acquisition: Acquisition,
+        clock: Clock,
+        control: Control,
+        emit: Emit,
+        service: Callable[[], None],
     ) -> None:
         self._table = table
         self._imu = imu
@@ -40,6 +47,7 @@ class Pulse:
         self._clock = clock
         self._control = control
         self._emit = emit
+        self._service = service
         self._fed = self._shown_table = self._shown_samples = -1e9
         self.status: TableStatus = table.status()
         self.flow = Flow(0, 0, False, False, False)
@@ -61,7 +69,7 @@ class Pulse:
         self.status = self._table.status()
         self._acquisition.poll(self.status, asked, self._clock.now())
         self.flow = self._acquisition.drain()
-        self.feed_watchdog()
+        self.keep_alive()
         self._show()
         self._check_table()
         self.hear()
@@ -76,8 +84,9 @@ class Pulse:
         if self._control.pausing and self.pausable:
             raise PauseRequested
 
-    def feed_watchdog(self) -> None:
-        """Write the heartbeat if a quarter of the watchdog's time (host time) has gone by."""
+    def keep_alive(self) -> None:
+        """Feed the table's watchdog every quarter of its time (host time); let the journal write."""
+        self._service()
         now = time.monotonic()
         if self.status.watchdog > 0.0 and now - self._fed > 0.25 * self.status.watchdog:
             self._table.heartbeat()
@@ -104,7 +113,9 @@ class Pulse:
 
     def _check_table(self) -> None:
         if self.status.fault is not None:
-            raise DeviceFaultError(f"table: fault '{self.status.fault}'; remove its cause and reset it at the table")
+            raise DeviceFaultError(
+                f"table: fault '{self.status.fault}'; remove its cause and reset it at the table"
+            )
         if self.powered and not self.status.interlock_closed:
             raise DeviceFaultError("table: the interlock was opened; close the cover and start again")
         if self.powered and not self.status.enabled:
@@ -124,7 +135,9 @@ class Pulse:
             self._shown_table = now
             (outer, inner), (outer_rate, inner_rate) = self.status.angles, self.status.rates
             self._emit(
-                TableMoved(float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving)
+                TableMoved(
+                    float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving
+                )
             )
         if now - self._shown_samples >= _SHOW_SAMPLES and self._acquisition.recent is not None:
             self._shown_samples = now

@@ -1,4 +1,4 @@
-"""Runs a calibration from preparation to verdict in the engine's thread; every way out stops the table safely."""
+"""Runs a calibration from preparation to verdict; every way out leaves the table at rest, axes off."""
 
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -11,8 +11,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation.context import ImuModel
 from calstation.estimation.method import Solution
 from calstation.estimation.samples import SampleBlock
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Dwell, Finish, Move, Prepare, Prompt, RoundEnd, Step
+from calstation.physics.motion import Finish, Move, Prepare, RoundEnd, Step
 from calstation.physics.parameters import GROUPS, INDEX, group_indices
 from calstation.physics.table import TableGeometry
 from calstation.sequencer import states
@@ -30,17 +29,15 @@ from calstation.sequencer.events import (
     StateChanged,
     to_json,
 )
+from calstation.sequencer.guard import check_limits
 from calstation.sequencer.ports import Clock, Emit, Journal, Solving
 from calstation.sequencer.preflight import Preflight, PreflightLimits
-from calstation.sequencer.preview import move_time, plan_time
+from calstation.sequencer.preview import plan_time, planned, step_time
 from calstation.sequencer.pulse import TICK, Pulse
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.stop_rule import StopRule
-
-_SETTLE_ALLOWANCE = 1.5
-"""What a preview allows for settling after a move, s."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +60,15 @@ class Task:
     geometry : table axes and limits
     imu : stream of the unit; masks : bits of its status word
     latency : of a table poll, s
-    load_angle : joint angles at which a unit is changed, rad; travel_rate, travel_acceleration : on the way there
+    load_angle : joint angles at which a unit is changed, rad
+    travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
     """
 
     stages: tuple[StagePlan, ...]
     preflight: PreflightLimits
     geometry: TableGeometry
     imu: ImuModel
-    masks: StatusMasks = StatusMasks()
+    masks: StatusMasks = field(default_factory=StatusMasks)
     latency: float = 0.0
     load_angle: tuple[float, float] = (0.0, 0.0)
     travel_rate: float = np.deg2rad(20.0)
@@ -89,8 +87,8 @@ class Ended:
 class Sequencer:
     """One run. `run` returns when it is over; `control` takes the operator's commands from any thread.
 
-    `verify(solution)` says after each stage whether to go on; `conclude(solutions)`, called with the axes off,
-    checks the limits, writes the registers and says whether the unit passed.
+    `verify(solution)` says after each stage whether to go on; `conclude(solutions)`, called with the axes
+    off, checks the limits, writes the registers and says whether the unit passed.
     """
 
     def __init__(
@@ -136,6 +134,7 @@ class Sequencer:
         """
         try:
             self._go(State.PREPARING)
+            self._check_plans()
             self._prepare()
             self._go(State.RUNNING)
             for index, stage in enumerate(self._task.stages):
@@ -176,9 +175,25 @@ class Sequencer:
         if block.stage:
             self._solving.feed(block)
 
+    def _check_plans(self) -> None:
+        """Every move of every plan against the limits, before anything moves."""
+        position = self._task.load_angle
+        for stage in self._task.stages:
+            for step, _ in planned(stage.steps(), stage.rule, position):
+                if isinstance(step, Move):
+                    check_limits(self._task.geometry.limits, step)
+
     def _prepare(self) -> None:
         task = self._task
-        self._pulse = Pulse(self._table, self._imu, self._acquisition, self._clock, self.control, self.emit)
+        self._pulse = Pulse(
+            self._table,
+            self._imu,
+            self._acquisition,
+            self._clock,
+            self.control,
+            self.emit,
+            self._journal.service,
+        )
         self._runner = StepRunner(
             self._table,
             self._pulse,
@@ -204,7 +219,7 @@ class Sequencer:
     def _run_stage(self, stage: StagePlan, index: int) -> bool:
         """Drive and solve a stage; False where the run should not go on."""
         position = self._runner.position()
-        duration = plan_time(stage.steps(), stage.rule, position, _SETTLE_ALLOWANCE)
+        duration = plan_time(stage.steps(), stage.rule, position)
         self.emit(StageStarted(stage.name, index, len(self._task.stages), duration))
         self._solving.start(stage.name)
         self.control.enough = False
@@ -237,7 +252,7 @@ class Sequencer:
             elif not isinstance(step, Prepare):
                 start = self._runner.position()
                 self._runner.run(step)
-                done += _step_time(step, start)
+                done += step_time(step, start)
                 self._progress(stage, done, duration)
         return "plan", rounds
 
@@ -259,7 +274,7 @@ class Sequencer:
                 if self._clock.now() > before:
                     self._pulse.look()
                 else:
-                    self._pulse.feed_watchdog()
+                    self._pulse.keep_alive()
                     self._pulse.hear()
             return future.result()
 
@@ -308,9 +323,3 @@ class Sequencer:
             self._acquisition.drain()
         except DeviceFaultError as error:
             self.emit(Message("safe_stop_incomplete", {"text": str(error)}))
-
-
-def _step_time(step: Move | Dwell | Prompt, start: tuple[float, float]) -> float:
-    if isinstance(step, Move):
-        return move_time(start, step) + _SETTLE_ALLOWANCE
-    return step.duration if isinstance(step, Dwell) else 0.0

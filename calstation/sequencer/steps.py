@@ -1,4 +1,4 @@
-"""Executes the steps of a plan: each is a checkpoint, repeated from its start after a pause or lost samples."""
+"""Executes a plan's steps: each is a checkpoint, repeated from its start after a pause or lost samples."""
 
 from collections.abc import Callable
 
@@ -81,8 +81,7 @@ class StepRunner:
 
     def drive(self, move: Move) -> None:
         """Move both joints and wait until they have arrived and settled."""
-        status = self._pulse.status
-        check_move(status, self._limits, (move.outer, move.inner), move.rate, move.acceleration)
+        check_move(self._pulse.status, self._limits, move)
         start = self.position()
         self._acquisition.step += 1
         self._target = None

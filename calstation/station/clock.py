@@ -49,7 +49,9 @@ class BenchClock:
         try:
             self._socket = socket.create_connection(endpoint, timeout=_ANSWER_WITHIN)
         except OSError as exc:
-            raise DeviceFaultError(f"virtual bench: its clock does not answer ({exc}); start the run again") from exc
+            raise DeviceFaultError(
+                f"virtual bench: its clock does not answer ({exc}); start the run again"
+            ) from exc
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._file = self._socket.makefile("rb")
         self._now = 0.0

@@ -40,7 +40,7 @@ def find(kind: str, name: str) -> Path:
 
 def names(kind: str) -> list[str]:
     """Names of all profiles of a kind, the site's and the shipped, sorted."""
-    found = set()
+    found: set[str] = set()
     for folder in (site_folder(), shipped_folder()):
         found.update(path.stem for path in (folder / kind).glob("*.toml"))
     return sorted(found)

@@ -1,4 +1,4 @@
-"""One chain of stage solvers, fed by a run as samples come or by `resolve` from a log: the same calls, the same bits."""
+"""One chain of stage solvers, fed by a run as samples come or from a log: same calls, same bits."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

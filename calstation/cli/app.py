@@ -1,0 +1,136 @@
+"""The commands and their options; what they do is imported when called, so that help answers at once."""
+
+import sys
+import traceback
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calstation.errors import CalstationError, ConfigurationError
+
+app = typer.Typer(
+    name="calstation",
+    help="Calibrates inertial measurement units on a two-axis rate table.",
+    epilog="--debug with any command shows where an error came from.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+StagesOption = Annotated[
+    str | None, typer.Option("--stages", help="Stages in order, e.g. rate,six_position.", metavar="A,B,...")
+]
+JsonOption = Annotated[
+    str | None, typer.Option("--json", help="Write the result JSON to this file; - for standard output.")
+]
+
+
+@app.command()
+def run(
+    stages: StagesOption = None,
+    station: Annotated[Path | None, typer.Option(help="Station file; default: the virtual bench.")] = None,
+    product: Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")] = None,
+    serial: Annotated[str | None, typer.Option(help="Serial number of the unit in the fixture.")] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Virtual bench: multiple of real time, 0 as fast as it goes.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Virtual bench: seed of unit and noise.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for log and result.")] = Path("runs"),
+    json: JsonOption = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the first motion.")] = False,
+) -> None:
+    """Calibrate the unit on the station: one click without a window."""
+    from calstation.cli.run import run_command
+
+    raise typer.Exit(run_command(_stages(stages), station, product, serial, speed, seed, out, json, yes))
+
+
+@app.command()
+def resolve(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Raw log, or CSV beside its TOML.")],
+    first: Annotated[int | None, typer.Option("--from", help="First sequence number.", metavar="SEQ")] = None,
+    last: Annotated[int | None, typer.Option("--to", help="Last sequence number.", metavar="SEQ")] = None,
+    stages: StagesOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Solve a stored log again."""
+    from calstation.cli.offline import resolve_command
+
+    raise typer.Exit(resolve_command(log, _stages(stages), first, last, json))
+
+
+@app.command(name="import")
+def import_(
+    source: Annotated[Path, typer.Argument(metavar="FILE.csv", help="CSV, also .csv.gz.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write.", metavar="LOG")],
+    meta: Annotated[Path | None, typer.Option(help="TOML of the CSV; default: beside it.")] = None,
+) -> None:
+    """Turn a CSV into a raw log."""
+    from calstation.cli.offline import import_command
+
+    raise typer.Exit(import_command(source, out, meta))
+
+
+@app.command()
+def export(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Raw log.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="CSV to write, its TOML beside it.")],
+) -> None:
+    """Turn a raw log into a CSV and its TOML."""
+    from calstation.cli.offline import export_command
+
+    raise typer.Exit(export_command(log, out))
+
+
+@app.command()
+def study(
+    grade: Annotated[str | None, typer.Option(help="nav, tactical or mems; default: all.")] = None,
+    seeds: Annotated[int | None, typer.Option(help="Monte Carlo runs per grade.")] = None,
+    json: JsonOption = None,
+) -> None:
+    """Monte Carlo of the whole method against truth and the Cramer-Rao bound."""
+    from calstation.cli.study import study_command
+
+    raise typer.Exit(study_command(grade, seeds, json))
+
+
+def run_app(arguments: list[str]) -> int:
+    """Run a command; returns the contract's exit code, errors told in a line or two on standard error."""
+    debug = "--debug" in arguments
+    arguments = [argument for argument in arguments if argument != "--debug"]
+    try:
+        code = app(arguments or ["--help"], standalone_mode=False)
+    except CalstationError as error:
+        if debug:
+            traceback.print_exc()
+        _complain(str(error))
+        return error.exit_code
+    except typer.TyperException as error:
+        _complain(f"{error.format_message()} (calstation --help shows commands and options)")
+        return 2
+    except (typer.Abort, KeyboardInterrupt):
+        _complain("stopped")
+        return 4
+    except BrokenPipeError:
+        return 2
+    return code if isinstance(code, int) else 0
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"calstation: {text}\n")
+
+
+def _stages(text: str | None) -> tuple[str, ...] | None:
+    """The stages of an option's comma-separated list. Raises ConfigurationError."""
+    if text is None:
+        return None
+    stages = tuple(part.strip() for part in text.split(",") if part.strip())
+    if not stages:
+        raise ConfigurationError("--stages names no stage; give e.g. --stages rate,six_position")
+    if len(set(stages)) != len(stages):
+        raise ConfigurationError("--stages names a stage twice; each stage is solved once")
+    from procedures import method
+
+    for stage in stages:
+        method(stage)
+    return stages

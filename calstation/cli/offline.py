@@ -1,0 +1,51 @@
+"""`resolve`, `import` and `export`: what is done with stored logs."""
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from calstation.cli.show import emit_json, result_table
+from calstation.cli.wording import word
+from calstation.records.convert import export_csv, import_csv
+from calstation.station.resolve import resolve
+
+
+def resolve_command(
+    log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
+) -> int:
+    """Solve `log` again and show the answer; 0 within the limits or without any, 1 outside."""
+    console = Console(stderr=True)
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(f"reading {log.name}")
+        resolved = resolve(
+            log,
+            stages,
+            first,
+            last,
+            lambda stage, seq: bar.update(task, description=f"solving {stage}, sample {seq}"),
+        )
+    for key, values in resolved.messages:
+        console.print(word(key, values), highlight=False, markup=False)
+    emit_json(resolved.result, json)
+    if json != "-":
+        result_table(Console(file=sys.stdout), resolved.result)
+    return 1 if resolved.result["passed"] is False else 0
+
+
+def import_command(source: Path, target: Path, meta: Path | None) -> int:
+    """Write the raw log `target` from a CSV."""
+    facts = import_csv(source, target, meta)
+    Console(stderr=True).print(
+        f"{target}: {facts.samples} samples, {facts.gaps} gaps", highlight=False, markup=False
+    )
+    return 0
+
+
+def export_command(log: Path, target: Path) -> int:
+    """Write `target` and its TOML from a raw log."""
+    facts = export_csv(log, target)
+    Console(stderr=True).print(f"{target}: {facts.samples} samples", highlight=False, markup=False)
+    return 0

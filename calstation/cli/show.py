@@ -1,0 +1,74 @@
+"""Results as people read them: a table in human units, and the JSON where it was asked for."""
+
+import json as json_module
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from calstation.physics.units import display
+from calstation.station.result import write_json
+
+
+def emit_json(result: Mapping[str, Any], target: str | None) -> None:
+    """Write the JSON to a file or, for ``-``, to standard output; nothing for None."""
+    if target == "-":
+        sys.stdout.write(json_module.dumps(result, indent=1, allow_nan=False) + "\n")
+        sys.stdout.flush()
+    elif target is not None:
+        write_json(Path(target), result)
+
+
+def result_table(console: Console, result: Mapping[str, Any]) -> None:
+    """Show every parameter with sigma, unit, limit and verdict, then the other checks."""
+    parameters: Mapping[str, Any] = result["parameters"]
+    checks = {check["name"]: check for check in result["checks"]}
+    table = Table(title=f"unit {result['unit']['serial']}", title_justify="left")
+    table.add_column("parameter")
+    for heading in ("value", "sigma", "unit", "limit", "sigma limit"):
+        table.add_column(heading, justify="left" if heading == "unit" else "right")
+    table.add_column("verdict")
+    for name, row in parameters.items():
+        value, unit = display(name, row["value"])
+        sigma, _ = display(name, row["sigma"])
+        within = checks.pop(f"{name} within", None)
+        below = checks.pop(f"{name} sigma below", None)
+        table.add_row(
+            name,
+            number(value, sigma),
+            f"{sigma:.2g}",
+            unit,
+            "" if within is None else _interval(name, within["limit"]),
+            "" if below is None else f"{display(name, below['limit'])[0]:.3g}",
+            _verdict(name in result["unobservable"], [c for c in (within, below) if c is not None]),
+        )
+    console.print(table)
+    for check in checks.values():
+        verdict = "ok" if check["passed"] else "OUTSIDE"
+        console.print(
+            f"{check['name']}: {check['value']:.4g} (limit {check['limit']:.4g})  {verdict}", highlight=False
+        )
+
+
+def number(value: float, sigma: float) -> str:
+    """`value` with the digits that its `sigma` is worth (two of sigma's)."""
+    if not 0.0 < sigma < float("inf"):
+        return f"{value:.6g}"
+    exponent = int(f"{sigma:e}".partition("e")[2])
+    return f"{value:.{max(0, min(12, 1 - exponent))}f}"
+
+
+def _interval(name: str, limit: list[float]) -> str:
+    low, high = (display(name, bound)[0] for bound in limit)
+    return f"±{high:.4g}" if low == -high else f"{low:.4g} to {high:.4g}"
+
+
+def _verdict(unobservable: bool, checks: list[Mapping[str, Any]]) -> str:
+    if unobservable:
+        return "not determined"
+    if not checks:
+        return ""
+    return "ok" if all(check["passed"] for check in checks) else "OUTSIDE"

@@ -1,0 +1,81 @@
+"""The English sentence for every message id of events and solutions; the engine itself knows no sentences."""
+
+from collections.abc import Mapping
+from typing import Any
+
+MESSAGES: dict[str, str] = {
+    "identified": "Table {table} ({table_serial}), IMU {imu} {serial}.",
+    "waiting_ready": "Waiting for the unit to be ready.",
+    "homing": "Homing the table, slowly.",
+    "warming_up": "Warming up, {seconds:g} s at least.",
+    "checking_mounting": "Checking gravity, signs and data flow.",
+    "prompt": "{text}",
+    "step_repeated": "Step repeated ({reason}), attempt {attempt}.",
+    "finishing": "To the load angle, axes off.",
+    "safe_stop_incomplete": "Safe stop: {text}",
+    "listener_lost": "Nobody listens any more: safe stop.",
+    "azimuth_from_data": "{stage}: azimuth found from the data, not from the station file.",
+    "registers_kept": "Outside the limits: the unit keeps its registers.",
+    "registers_not_asked": "No limits for what was solved: the unit keeps its registers.",
+    "registers_written": "Registers written, read back and equal.",
+    "solving": "Solving {stage}.",
+    "stopped_early": "{stage} is outside the limits: the remaining stages are left out.",
+}
+"""Sentence by message id, with the values' names in braces."""
+
+STATES: dict[str, str] = {
+    "idle": "idle",
+    "preparing": "preparing",
+    "running": "running",
+    "pausing": "coming to rest",
+    "paused": "paused",
+    "stopping": "stopping safely",
+    "stopped": "stopped",
+    "fault": "fault",
+    "passed": "passed",
+    "failed": "failed",
+}
+
+REASONS: dict[str, str] = {
+    "gap": "samples lost",
+    "no_data": "no data",
+    "saturated": "output saturated",
+}
+
+OUTCOMES: dict[str, str] = {
+    "passed": "PASSED: inside every limit, registers written and verified",
+    "failed": "FAILED: outside the limits",
+    "stopped": "STOPPED by the operator",
+    "fault": "FAULT",
+    "incomplete": "INCOMPLETE",
+}
+
+STEPS: dict[str, str] = {
+    "return": "Back to the start of the step",
+    "check": "A small turn to check mounting and signs",
+    "load": "To the load angle",
+}
+
+
+def word(key: str, values: Mapping[str, Any]) -> str:
+    """The sentence of a message; an unknown id is shown with its values."""
+    shown = {**values, "reason": REASONS.get(str(values.get("reason")), values.get("reason"))}
+    template = MESSAGES.get(key)
+    if template is None:
+        details = ", ".join(f"{name} {value}" for name, value in values.items())
+        return f"{key.replace('_', ' ')}{': ' if details else ''}{details}"
+    return template.format(**shown)
+
+
+def word_step(kind: str, label: tuple[str | float, ...]) -> str:
+    """What a step does, in a few words."""
+    if kind == "dwell":
+        return "Resting"
+    if not label:
+        return "Moving"
+    known = STEPS.get(str(label[0]))
+    if known is not None:
+        return known
+    return " ".join(
+        f"{part:g}" if isinstance(part, float | int) else part.replace("_", " ") for part in label
+    )

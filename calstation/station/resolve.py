@@ -1,0 +1,49 @@
+"""Solves a stored log again: the offline side of the one chain of solvers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from calstation.errors import ConfigurationError
+from calstation.records.log import open_log
+from calstation.station.result import Ending, build_result, judge
+from calstation.station.solve import solve
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """The result JSON and the stages' remarks, (message id, values)."""
+
+    result: dict[str, Any]
+    messages: tuple[tuple[str, dict[str, Any]], ...]
+
+
+def resolve(
+    path: Path,
+    stages: tuple[str, ...] | None = None,
+    first_seq: int | None = None,
+    last_seq: int | None = None,
+    progress: Callable[[str, int], None] | None = None,
+) -> Resolved:
+    """Solve a log's stages between two sequence numbers (both included, unwrapped).
+
+    Raises InputError or ConfigurationError with file, field and mend.
+    """
+    if first_seq is not None and last_seq is not None and first_seq > last_seq:
+        raise ConfigurationError(f"--from {first_seq} lies behind --to {last_seq}; swap them")
+    log = open_log(path)
+    chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
+    facts = log.facts()
+    solutions = tuple(chain.solutions)
+    ending = Ending(
+        "resolved",
+        str(path),
+        facts,
+        duration=(facts.last_seq - facts.first_seq + 1) / log.meta.imu.sample_rate_hz,
+        first_seq=first_seq,
+        last_seq=last_seq,
+    )
+    result = build_result(log.meta, chain.prior, solutions, judge(log.meta, chain.prior, solutions), ending)
+    messages = tuple((key, dict(values)) for solution in solutions for key, values in solution.messages)
+    return Resolved(result, messages)

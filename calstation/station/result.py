@@ -1,0 +1,160 @@
+"""The result JSON of the contract, the same for a run and for a log solved again."""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calstation import __version__
+from calstation.errors import ConfigurationError
+from calstation.estimation.context import Belief
+from calstation.estimation.method import Consistency, Solution
+from calstation.physics.parameters import INDEX, PARAMETERS
+from calstation.records.facts import LogFacts
+from calstation.records.limits import Check, check_limits, estimated_stage, unobservable
+from calstation.records.meta import LogMeta
+
+SCHEMA = "calstation.result/1"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Checks of a chain's answer against its product's limits; `passed` is None where there are no limits."""
+
+    checks: tuple[Check, ...]
+    passed: bool | None
+
+
+def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
+    """Compare what was solved with the limits in the log's meta; stages that are missing fail the unit."""
+    limits = meta.product.limits if meta.product is not None else {}
+    checks = tuple(check_limits(limits, prior, solutions))
+    if not limits:
+        return Judgement(checks, None)
+    return Judgement(checks, bool(checks) and all(check.passed for check in checks))
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What a result says about how it came to be: `outcome`, log, registers and time.
+
+    log_file : path as text; first_seq, last_seq : range solved, None for all of the log
+    """
+
+    outcome: str
+    log_file: str
+    facts: LogFacts
+    duration: float
+    first_seq: int | None = None
+    last_seq: int | None = None
+    registers: Mapping[str, Any] | None = None
+    error: str | None = None
+
+
+def build_result(
+    meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
+) -> dict[str, Any]:
+    """The contract's result, JSON-ready; every value SI."""
+    run, facts = meta.run, ending.facts
+    result: dict[str, Any] = {
+        "schema": SCHEMA,
+        "unit": {"serial": meta.imu.serial},
+        "stages": [solution.stage for solution in solutions],
+        "passed": judgement.passed,
+        "parameters": _parameters(solutions),
+        "unobservable": unobservable(prior, solutions),
+        "checks": [check.to_json() for check in judgement.checks],
+        "consistency": {s.stage: consistency_json(s.consistency) for s in solutions},
+        "observability": {s.stage: dict(s.observability) for s in solutions if s.observability},
+        "details": {s.stage: dict(s.details) for s in solutions if s.details},
+        "outcome": ending.outcome,
+        "attempt": run.attempt if run else 1,
+        "operator": run.operator if run else None,
+        "station": run.station if run else None,
+        "product": meta.product.name if meta.product else None,
+        "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
+        "temperature_c": _temperature(facts),
+        "registers": ending.registers,
+        "log": {
+            "file": ending.log_file,
+            "sha256": facts.sha256,
+            "first_seq": facts.first_seq
+            if ending.first_seq is None
+            else max(ending.first_seq, facts.first_seq),
+            "last_seq": facts.last_seq if ending.last_seq is None else min(ending.last_seq, facts.last_seq),
+            "gaps": facts.gaps,
+        },
+        "software": {"version": __version__},
+        "started_utc": run.started_utc if run else None,
+        "duration_s": ending.duration,
+    }
+    if ending.error is not None:
+        result["error"] = ending.error
+    plain: dict[str, Any] = _plain(result)
+    return plain
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and containers as JSON knows them; what is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def consistency_json(consistency: Consistency) -> dict[str, Any]:
+    """A stage's innovation test as the result holds it."""
+    return {
+        "nis_mean": consistency.nis_mean,
+        "nis_low": consistency.nis_low,
+        "nis_high": consistency.nis_high,
+        "passed": consistency.passed,
+        "warning": consistency.warning,
+    }
+
+
+def _parameters(solutions: tuple[Solution, ...]) -> dict[str, dict[str, Any]]:
+    if not solutions:
+        return {}
+    belief = solutions[-1].belief
+    sigma = belief.sigma
+    return {
+        name: {
+            "value": float(belief.mean[INDEX[name]]),
+            "sigma": float(sigma[INDEX[name]]),
+            "unit": PARAMETERS[INDEX[name]].unit,
+            "stage": stage,
+        }
+        for name, stage in estimated_stage(solutions).items()
+    }
+
+
+def _temperature(facts: LogFacts) -> dict[str, float] | None:
+    if facts.temperature is None:
+        return None
+    mean, low, high = facts.temperature
+    return {"mean": mean, "min": low, "max": high}
+
+
+def write_json(path: Path, result: Mapping[str, Any]) -> None:
+    """Write a result file. Raises ConfigurationError where the place cannot be written."""
+    try:
+        path.write_text(
+            json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
+    except OSError as exc:
+        raise ConfigurationError(
+            f"{path}: cannot be written ({exc.strerror or exc}); choose another folder"
+        ) from exc
