@@ -1,0 +1,312 @@
+"""A table, an IMU and a clock without protocol or noise, for the sequencer alone."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from calstation.devices.interfaces import (
+    ImuIdentity,
+    LinkStats,
+    SampleBatch,
+    TableIdentity,
+    TableStatus,
+)
+from calstation.errors import DeviceFaultError
+from calstation.estimation.context import Belief, ImuModel
+from calstation.estimation.method import Consistency, Solution
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.motion import Dwell, Move, RoundEnd, Step
+from calstation.physics.parameters import COUNT
+from calstation.physics.rotation import rotation_vector
+from calstation.physics.table import JointLimits, TableGeometry
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event
+from calstation.sequencer.preflight import PreflightLimits
+from calstation.sequencer.sequencer import Sequencer, StagePlan, Task
+from calstation.sequencer.stop_rule import StopRule
+
+GRAVITY = 9.8
+RATE = 100.0
+MODEL = ImuModel("SN-1", RATE, "rate", 1e-6, 1e-5, 1e-6, 1e-5)
+LIMITS = JointLimits((-20.0, -20.0), (20.0, 20.0), (1.0, 1.0), (2.0, 2.0))
+GEOMETRY = TableGeometry(limits=LIMITS)
+
+
+class FakeClock:
+    """Time that passes only when somebody sleeps; `scripts` act at their time."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.scripts: list[tuple[float, Any]] = []
+
+    def now(self) -> float:
+        return self.time
+
+    def sleep(self, seconds: float) -> None:
+        self.time += seconds
+        for moment, action in list(self.scripts):
+            if self.time >= moment:
+                self.scripts.remove((moment, action))
+                action()
+
+    def idle(self, seconds: float) -> None:
+        return
+
+    def at(self, moment: float, action: Any) -> None:
+        self.scripts.append((moment, action))
+
+
+@dataclass
+class FakeTable:
+    """Moves both joints at constant rate; writes down what it was told."""
+
+    clock: FakeClock
+    homed: bool = True
+    watchdog: float = 1.0
+    fault: str | None = None
+    interlock: bool = True
+    dead: bool = False
+    stuck: bool = False
+    enabled: bool = False
+    told: list[str] = field(default_factory=list)
+    origin: tuple[float, float] = (0.0, 0.0)
+    target: tuple[float, float] = (0.0, 0.0)
+    rate: float = 1.0
+    begun: float = 0.0
+    beats: int = 0
+
+    def angles_at(self, time: float) -> tuple[float, float]:
+        """Joint angles at a station time, rad."""
+        way = max(0.0, time - self.begun) * self.rate
+        return tuple(  # type: ignore[return-value]
+            a + math.copysign(min(way, abs(b - a)), b - a)
+            for a, b in zip(self.origin, self.target, strict=True)
+        )
+
+    def _answer(self) -> None:
+        if self.dead:
+            raise DeviceFaultError("table: no answer")
+
+    def identify(self) -> TableIdentity:
+        self._answer()
+        return TableIdentity("fake table", "T1")
+
+    def status(self) -> TableStatus:
+        self._answer()
+        angles = np.array(self.angles_at(self.clock.time))
+        moving = not np.array_equal(angles, np.array(self.target))
+        return TableStatus(
+            angles,
+            np.zeros(2),
+            self.enabled,
+            self.homed,
+            moving,
+            not moving,
+            self.fault,
+            self.interlock,
+            self.watchdog,
+            LIMITS,
+        )
+
+    def enable(self) -> None:
+        self.told.append("enable")
+        self.enabled = True
+
+    def disable(self) -> None:
+        self._answer()
+        self.told.append("disable")
+        self.enabled = False
+
+    def home(self) -> None:
+        self.told.append("home")
+        self.homed = True
+
+    def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
+        self.told.append(f"move {math.degrees(outer):.0f} {math.degrees(inner):.0f}")
+        self.origin, self.begun = self.angles_at(self.clock.time), self.clock.time
+        self.target, self.rate = (outer, inner), (1e-6 if self.stuck else rate)
+
+    def stop(self) -> None:
+        self._answer()
+        self.told.append("stop")
+        self.origin = self.target = self.angles_at(self.clock.time)
+
+    def reset_fault(self) -> None:
+        self.fault = None
+
+    def heartbeat(self) -> None:
+        self._answer()
+        self.beats += 1
+
+    def close(self) -> None:
+        return
+
+
+@dataclass
+class FakeImu:
+    """Noise-free samples of the fake table's motion at `RATE`."""
+
+    clock: FakeClock
+    table: FakeTable
+    serial: str = "SN-1"
+    sign: float = 1.0
+    upside_down: bool = False
+    ready_at: float = 0.0
+    silent: bool = False
+    sent: int = 0
+    drop: int = 0
+    saturated: bool = False
+    stats: LinkStats = field(default_factory=LinkStats)
+
+    def start(self) -> None:
+        return
+
+    def read(self) -> SampleBatch:
+        end = int(self.clock.time * RATE + 1e-6)
+        if self.silent:
+            self.sent = end
+        seq = np.arange(self.sent, end) + 1
+        self.sent = end
+        if self.drop and len(seq) > self.drop:
+            seq, self.drop = seq[self.drop :], 0
+        status = np.where(seq / RATE >= self.ready_at, 1, 0) | (2 if self.saturated else 0)
+        counts = np.array([self._counts(s / RATE) for s in seq]).reshape(-1, 6)
+        self.saturated = False
+        return SampleBatch(seq, seq / RATE, counts, np.full(len(seq), 25.0), status, np.zeros(len(seq)))
+
+    def _counts(self, time: float) -> np.ndarray:
+        before = GEOMETRY.body_to_home(*self.table.angles_at(time - 1.0 / RATE))
+        now = GEOMETRY.body_to_home(*self.table.angles_at(time))
+        gyro = rotation_vector(before.T @ now) * RATE * self.sign
+        force = now.T @ np.array([0.0, 0.0, -GRAVITY if self.upside_down else GRAVITY])
+        return np.concatenate([gyro / MODEL.gyro_lsb, force / MODEL.accel_lsb])
+
+    def identify(self) -> ImuIdentity:
+        return ImuIdentity("fake imu", self.serial, "1")
+
+    def read_registers(self) -> dict[str, float]:
+        return {}
+
+    def write_registers(self, values: Any) -> None:
+        return
+
+    def commit(self) -> None:
+        return
+
+    def reset(self) -> None:
+        return
+
+    def close(self) -> None:
+        return
+
+
+class FakeSolving:
+    """Takes samples, answers with sigmas that halve with every `sigma` call."""
+
+    def __init__(self) -> None:
+        self.blocks: dict[str, list[SampleBlock]] = {}
+        self.stage = ""
+        self.level = 1.0
+
+    def start(self, stage: str) -> None:
+        self.stage = stage
+        self.blocks[stage] = []
+
+    def feed(self, block: SampleBlock) -> None:
+        self.blocks[self.stage].append(block)
+
+    def sigma(self) -> np.ndarray:
+        self.level *= 0.5
+        return np.full(COUNT, self.level)
+
+    def finish(self) -> Solution:
+        belief = Belief(np.zeros(COUNT), np.eye(COUNT))
+        return Solution(self.stage, belief, ("gyro_bias_x",), Consistency(1.0, 0.9, 1.1, 10))
+
+
+class FakeJournal:
+    """Keeps samples and events in memory."""
+
+    def __init__(self) -> None:
+        self.blocks: list[SampleBlock] = []
+        self.events: list[Any] = []
+
+    def append(self, block: SampleBlock) -> None:
+        self.blocks.append(block)
+
+    def event(self, event: Any) -> None:
+        self.events.append(event)
+
+    def service(self) -> None:
+        return
+
+
+def quarter_turns() -> Iterator[Step]:
+    """Two moves of the outer axis, a rest after each."""
+    for angle in (0.5 * math.pi, 0.0):
+        yield Move(angle, 0.0, 0.5, 1.0, ("turn", "x"))
+        yield Dwell(3.0)
+
+
+def endless() -> Iterator[Step]:
+    """Rests without end, a round each."""
+    for rounds in range(1, 1000):
+        yield Dwell(1.0)
+        yield RoundEnd(rounds)
+
+
+class Scene:
+    """A sequencer among fakes."""
+
+    def __init__(self, *stages: StagePlan, serial: str = "SN-1", **preflight: Any) -> None:
+        self.clock = FakeClock()
+        self.table = FakeTable(self.clock)
+        self.imu = FakeImu(self.clock, self.table)
+        self.journal = FakeJournal()
+        self.solving = FakeSolving()
+        self.control = Control()
+        self.events: list[Event] = []
+        self.passes = True
+        self.concluded = 0
+        limits = PreflightLimits(serial, r"SN-\d+", GRAVITY, **preflight)
+        from calstation.sequencer.acquisition import StatusMasks
+
+        self.task = Task(
+            stages or (StagePlan("rate", quarter_turns),),
+            limits,
+            GEOMETRY,
+            MODEL,
+            StatusMasks(ready=1, saturated=2, failed=4),
+        )
+
+    def run(self) -> Any:
+        """Run to the end."""
+        self.sequencer = Sequencer(
+            self.task,
+            self.table,
+            self.imu,
+            self.clock,
+            self.journal,
+            self.solving,
+            self.events.append,
+            verify=lambda solution: True,
+            conclude=self._conclude,
+            control=self.control,
+        )
+        return self.sequencer.run()
+
+    def _conclude(self, solutions: Any) -> bool:
+        self.concluded += 1
+        return self.passes
+
+    def told(self, kind: type) -> list[Any]:
+        """Events of a kind."""
+        return [event for event in self.events if isinstance(event, kind)]
+
+
+def repeated(rule: StopRule) -> StagePlan:
+    """A stage of endless rounds that ends by `rule`."""
+    return StagePlan("excitation", endless, rule)

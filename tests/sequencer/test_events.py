@@ -1,0 +1,37 @@
+"""Events survive the pipe and the log."""
+
+import json
+from dataclasses import FrozenInstanceError
+
+import pytest
+
+from calstation.sequencer.events import (
+    Fault,
+    Message,
+    SampleStats,
+    StageProgress,
+    StateChanged,
+    StepStarted,
+    from_json,
+    to_json,
+)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        StateChanged("running", "preparing"),
+        StepStarted("rate", 3, "move", ("turn", "x", 2.0)),
+        SampleStats(10, 0, 1, (0.1, 0.2), None),
+        StageProgress("rate", 0.5, 3.0, {"gyro_bias": 1e-6}),
+        Message("homing"),
+        Fault("device", "text", 3),
+    ],
+)
+def test_json_and_back(event: object) -> None:
+    assert from_json(json.loads(json.dumps(to_json(event)))) == event  # type: ignore[arg-type]
+
+
+def test_events_do_not_change() -> None:
+    with pytest.raises(FrozenInstanceError):
+        Message("a").id = "b"  # type: ignore[misc]

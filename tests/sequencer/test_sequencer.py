@@ -1,0 +1,280 @@
+"""A run among fakes: order of things, pause, stop, faults, repeated steps, stop rules."""
+
+import numpy as np
+import pytest
+
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.physics.motion import Move
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import Fault, Message, StageEnded, StageProgress, StateChanged, StepStarted
+from calstation.sequencer.sequencer import StagePlan
+from calstation.sequencer.states import State
+from calstation.sequencer.stop_rule import StopRule
+from tests.sequencer.fakes import Scene, repeated
+
+
+def states(scene: Scene) -> list[str]:
+    return [event.state for event in scene.told(StateChanged)]
+
+
+def test_a_run_passes_and_leaves_the_axes_off() -> None:
+    scene = Scene()
+    assert scene.run().state is State.PASSED
+    assert states(scene) == ["preparing", "running", "passed"]
+    assert scene.table.told[0] == "enable"
+    assert scene.table.told[-1] == "disable"
+    assert scene.concluded == 1
+
+
+def test_samples_carry_stage_step_and_angles() -> None:
+    scene = Scene()
+    scene.run()
+    blocks = scene.solving.blocks["rate"]
+    assert {block.stage for block in blocks} == {"rate"}
+    seq = np.concatenate([b.seq for b in scene.journal.blocks])
+    assert np.all(np.diff(seq) == 1)
+    steps = np.concatenate([b.step for b in blocks])
+    assert list(np.unique(np.diff(steps))) == [0, 1]
+    assert steps[-1] - steps[0] == 1
+    angles = np.concatenate([b.angles for b in blocks])
+    polled = ~np.isnan(angles[:, 0])
+    assert 0.1 < polled.mean() < 0.5
+    assert np.all(np.concatenate([b.valid for b in blocks]))
+    times = np.concatenate([b.time for b in blocks])
+    truth = np.array([scene.table.angles_at(t)[0] for t in times[polled]][-20:])
+    assert np.allclose(angles[polled, 0][-20:], truth, atol=1e-9)
+
+
+def test_each_rest_lasts_its_time_in_imu_time() -> None:
+    scene = Scene()
+    scene.run()
+    blocks = scene.solving.blocks["rate"]
+    last = [b for b in blocks if b.step[0] == blocks[-1].step[0]]
+    angles = np.concatenate([b.angles[:, 0] for b in last])
+    times = np.concatenate([b.time for b in last])[~np.isnan(angles)]
+    resting = times[np.abs(angles[~np.isnan(angles)]) < 1e-9]
+    assert 3.0 <= resting[-1] - resting[0] + 0.1 < 3.4
+
+
+def test_outside_the_limits_is_failed() -> None:
+    scene = Scene()
+    scene.passes = False
+    assert scene.run().state is State.FAILED
+
+
+def test_stop_in_every_state_is_a_safe_stop() -> None:
+    for moment in (0.05, 1.0, 4.0, 8.0, 12.0, 16.0):
+        scene = Scene()
+        scene.clock.at(moment, lambda scene=scene: scene.control.send(Command.STOP))
+        assert scene.run().state is State.STOPPED
+        assert scene.table.told[-2:] == ["stop", "disable"]
+        assert scene.concluded == 0
+
+
+def test_stop_before_anything_was_prepared() -> None:
+    scene = Scene()
+    scene.control.send(Command.STOP)
+    assert scene.run().state is State.STOPPED
+    assert not [told for told in scene.table.told if told.startswith("move")]
+
+
+def in_stage(scene: Scene, delay: float, action: object) -> None:
+    """Act `delay` s after the first step of the stage begins."""
+
+    def watch(event: object, append=scene.events.append) -> None:
+        append(event)
+        if isinstance(event, StepStarted) and event.stage and not hasattr(scene, "armed"):
+            scene.armed = True  # type: ignore[attr-defined]
+            scene.clock.at(scene.clock.time + delay, action)
+
+    scene.events = _Watched(watch, scene.events)  # type: ignore[assignment]
+
+
+class _Watched(list):  # type: ignore[type-arg]
+    def __init__(self, watch: object, events: list[object]) -> None:
+        super().__init__(events)
+        self._watch = watch
+        self.append_plain = super().append
+
+    def append(self, event: object) -> None:
+        self._watch(event, self.append_plain)  # type: ignore[operator]
+
+
+def test_pause_and_resume_repeats_the_step_from_its_start() -> None:
+    scene = Scene()
+
+    def pause() -> None:
+        scene.control.send(Command.PAUSE)
+        scene.clock.at(scene.clock.time + 5.0, lambda: scene.control.send(Command.RESUME))
+
+    in_stage(scene, 1.0, pause)
+    assert scene.run().state is State.PASSED
+    assert states(scene)[1:-1] == ["running", "pausing", "paused", "running"]
+    told = scene.table.told
+    i = told.index("stop")
+    assert told[i - 1] == "move 90 0"
+    assert told[i + 1 : i + 3] == ["move 0 0", "move 90 0"]
+    step = np.concatenate([b.step for b in scene.solving.blocks["rate"]])
+    valid = np.concatenate([b.valid for b in scene.solving.blocks["rate"]])
+    first = step[0]
+    assert not valid[step == first].all()
+    assert valid[step == first][:10].all()
+    assert not valid[step == first + 1].any()
+    assert valid[step > first + 1].all()
+    assert step[-1] == first + 4
+
+
+def test_pause_during_a_rest_starts_the_rest_again() -> None:
+    scene = Scene()
+
+    def pause() -> None:
+        scene.control.send(Command.PAUSE)
+        scene.clock.at(scene.clock.time + 2.0, lambda: scene.control.send(Command.RESUME))
+
+    in_stage(scene, 5.0, pause)
+    assert scene.run().state is State.PASSED
+    rests = [s for s in scene.told(StepStarted) if s.kind == "dwell"]
+    assert len(rests) == 3
+    assert rests[1].step == rests[0].step + 1
+
+
+def test_lost_samples_repeat_the_step() -> None:
+    scene = Scene()
+    in_stage(scene, 1.0, lambda: setattr(scene.imu, "drop", 2))
+    assert scene.run().state is State.PASSED
+    repeated_steps = [m for m in scene.told(Message) if m.id == "step_repeated"]
+    assert [m.values["reason"] for m in repeated_steps] == ["gap"]
+
+
+def test_an_imu_that_falls_silent_is_a_fault_after_bounded_repeats() -> None:
+    scene = Scene()
+    in_stage(scene, 1.0, lambda: setattr(scene.imu, "silent", True))
+    ended = scene.run()
+    assert ended.state is State.FAULT
+    assert "data" in str(ended.error)
+    assert scene.table.told[-2:] == ["stop", "disable"]
+
+
+def test_saturation_repeats_the_step() -> None:
+    scene = Scene()
+    in_stage(scene, 1.0, lambda: setattr(scene.imu, "saturated", True))
+    assert scene.run().state is State.PASSED
+    assert [m.values["reason"] for m in scene.told(Message) if m.id == "step_repeated"] == ["saturated"]
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "word"),
+    [
+        ("fault", "drive", "drive"),
+        ("interlock", False, "interlock"),
+        ("enabled", False, "axes off"),
+        ("dead", True, "no answer"),
+    ],
+)
+def test_a_table_that_fails_is_a_fault_and_a_safe_stop(attribute: str, value: object, word: str) -> None:
+    scene = Scene()
+    in_stage(scene, 1.0, lambda: setattr(scene.table, attribute, value))
+    ended = scene.run()
+    assert ended.state is State.FAULT
+    assert word in str(ended.error)
+    assert scene.told(Fault)[0].exit_code == 3
+    if attribute != "dead":
+        assert scene.table.told[-2:] == ["stop", "disable"]
+
+
+def test_a_stalled_move_times_out() -> None:
+    scene = Scene()
+    scene.table.stuck = True
+    ended = scene.run()
+    assert isinstance(ended.error, DeviceFaultError)
+    assert "did not reach" in str(ended.error)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "word"),
+    [
+        (lambda s: setattr(s.imu, "serial", "SN-2"), "serial"),
+        (lambda s: setattr(s.table, "watchdog", 0.0), "watchdog"),
+        (lambda s: setattr(s.table, "interlock", False), "interlock"),
+        (lambda s: setattr(s.imu, "sign", -1.0), "axis measures"),
+        (lambda s: setattr(s.imu, "upside_down", True), "gravity points"),
+        (lambda s: setattr(s.imu, "ready_at", 1e6), "not ready"),
+    ],
+)
+def test_preflight_refuses(break_it: object, word: str) -> None:
+    scene = Scene()
+    break_it(scene)  # type: ignore[operator]
+    ended = scene.run()
+    assert ended.state is State.FAULT
+    assert word in str(ended.error)
+    assert states(scene) == ["preparing", "fault"]
+
+
+def test_a_serial_number_outside_the_pattern_is_refused() -> None:
+    scene = Scene(serial="XX-1")
+    scene.imu.serial = "XX-1"
+    ended = scene.run()
+    assert isinstance(ended.error, ConfigurationError)
+
+
+def test_an_unhomed_table_is_homed() -> None:
+    scene = Scene()
+    scene.table.homed = False
+    assert scene.run().state is State.PASSED
+    assert scene.table.told[:2] == ["enable", "home"]
+
+
+def test_warm_up_waits() -> None:
+    scene = Scene(warm_up=30.0, warm_up_slope=0.5)
+    assert scene.run().state is State.PASSED
+    assert scene.told(Message)[0].id == "identified"
+    cold = Scene()
+    cold.run()
+    assert scene.clock.time > cold.clock.time + 29.0
+
+
+def test_a_plan_outside_the_limits_is_refused_before_anything_moves() -> None:
+    scene = Scene(StagePlan("rate", lambda: iter([Move(30.0, 0.0, 0.5, 1.0)])))
+    ended = scene.run()
+    assert isinstance(ended.error, ConfigurationError)
+    assert scene.table.told == ["stop", "disable"]
+
+
+@pytest.mark.parametrize(
+    ("rule", "reason", "rounds"),
+    [
+        (StopRule(rounds=3), "rounds", 3),
+        (StopRule(duration=4.5), "duration", 5),
+        (StopRule(targets={"gyro_bias": 1e-2, "accel_scale_x": 1e-2}), "targets", None),
+    ],
+)
+def test_a_repeated_plan_ends_by_its_rule(rule: StopRule, reason: str, rounds: int | None) -> None:
+    scene = Scene(repeated(rule))
+    assert scene.run().state is State.PASSED
+    (ended,) = scene.told(StageEnded)
+    assert ended.reason == reason
+    assert rounds is None or ended.rounds == rounds
+
+
+def test_the_operator_ends_a_repeated_plan() -> None:
+    scene = Scene(repeated(StopRule()))
+    in_stage(scene, 2.5, lambda: scene.control.send(Command.ENOUGH))
+    assert scene.run().state is State.PASSED
+    assert scene.told(StageEnded)[0].reason == "operator"
+
+
+def test_progress_rises_to_one() -> None:
+    scene = Scene()
+    scene.run()
+    fractions = [p.fraction for p in scene.told(StageProgress)]
+    assert fractions == sorted(fractions)
+    assert fractions[0] == 0.0
+    assert fractions[-1] == pytest.approx(1.0)
+
+
+def test_the_journal_keeps_what_happened() -> None:
+    scene = Scene()
+    scene.run()
+    kinds = [event["event"] for event in scene.journal.events]
+    assert kinds.index("StageStarted") < kinds.index("StageEnded") < kinds.index("StageSolved")
+    assert "TableMoved" not in kinds
