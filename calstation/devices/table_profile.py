@@ -1,0 +1,191 @@
+"""Table profiles (`data/tables`): axes, limits, accuracy and Modbus registers, checked as a whole."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from calstation.configuration import StrictModel, load, suggestion
+from calstation.devices.link import SerialSettings
+from calstation.physics.table import JointLimits, TableGeometry
+
+RegisterType = Literal["u16", "i16", "u32", "i32", "text"]
+JOINTS = ("outer", "inner")
+JOINT_REGISTERS = ("position", "rate", "target", "target_rate", "acceleration", "low", "high")
+REGISTERS = (
+    "model",
+    "serial",
+    "controlword",
+    "statusword",
+    "fault",
+    "interlock",
+    "watchdog",
+    "heartbeat",
+    "command",
+    *(f"{joint}_{name}" for joint in JOINTS for name in JOINT_REGISTERS),
+)
+STATUS_BITS = ("enabled", "fault", "settled", "homed", "moving")
+COMMANDS = ("move", "stop", "home")
+_WORDS = {"u16": 1, "i16": 1, "u32": 2, "i32": 2}
+
+
+class ModbusRegister(StrictModel):
+    """A holding register, 0-based; value = raw × scale in degrees, °/s, °/s² or s; text has `words`."""
+
+    address: int = Field(ge=0, le=0xFFFF)
+    type: RegisterType
+    scale: float = Field(default=1.0, gt=0)
+    words: int | None = Field(default=None, ge=1, le=64)
+
+    @property
+    def count(self) -> int:
+        """Registers that it takes."""
+        return self.words if self.words is not None else _WORDS[self.type]
+
+    @property
+    def bounds(self) -> tuple[int, int]:
+        """Lowest and highest raw value."""
+        bits = 16 * self.count
+        return (-(1 << bits - 1), (1 << bits - 1) - 1) if self.type[0] == "i" else (0, (1 << bits) - 1)
+
+    @model_validator(mode="after")
+    def _words_for_text(self) -> "ModbusRegister":
+        if (self.type == "text") != (self.words is not None):
+            raise ValueError('words belongs to type "text" and only there; add or remove it')
+        return self
+
+
+class ModbusSection(StrictModel):
+    """`[modbus]`: unit number, timeouts and what may be read in one transfer.
+
+    timeout_s : host time for an answer; gap : unused registers that may be read along
+    """
+
+    unit: int = Field(ge=0, le=255)
+    timeout_s: float = Field(gt=0, le=60)
+    gap: int = Field(default=0, ge=0, le=100)
+    serial: SerialSettings = SerialSettings()
+
+
+class JointSection(StrictModel):
+    """`[outer]`, `[inner]`: travel in degrees, largest rate and acceleration in °/s and °/s²."""
+
+    low_deg: float
+    high_deg: float
+    max_rate_dps: float = Field(gt=0)
+    max_acceleration_dps2: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "JointSection":
+        if self.low_deg >= self.high_deg:
+            raise ValueError(f"low_deg = {self.low_deg:g} must be below high_deg = {self.high_deg:g}")
+        return self
+
+
+class AccuracySection(StrictModel):
+    """`[accuracy]`: worth of angles and rest under the names of a log's `[table]`, and when angles come.
+
+    poll_latency_s, poll_jitter_s : age of an angle beyond the middle of request and answer, and its sigma
+    """
+
+    encoder_sigma_deg: float = Field(gt=0, le=90)
+    mount_sigma_deg: float = Field(gt=0, le=180)
+    azimuth_sigma_deg: float = Field(gt=0, le=180)
+    base_tilt_sigma_deg: float = Field(gt=0, le=90)
+    velocity_sigma: float = Field(gt=0)
+    velocity_interval_s: float = Field(gt=0)
+    poll_latency_s: float = Field(default=0.0, ge=0)
+    poll_jitter_s: float = Field(default=0.0, ge=0)
+
+
+class TableProfile(StrictModel):
+    """One type of table: all that driver, plans and solvers must know of it.
+
+    model : text that the table's own model name must contain
+    status_bits : bit numbers in the statusword; commands : values of the command register
+    faults : meaning of the fault codes
+    """
+
+    name: str
+    model: str
+    protocol: Literal["modbus"]
+    outer_axis: list[float] = Field(min_length=3, max_length=3)
+    inner_axis: list[float] = Field(min_length=3, max_length=3)
+    outer_lever: Literal["estimated", "fixed"]
+    outer: JointSection
+    inner: JointSection
+    accuracy: AccuracySection
+    modbus: ModbusSection
+    status_bits: dict[str, int]
+    commands: dict[str, int]
+    faults: dict[str, str]
+    registers: dict[str, ModbusRegister]
+
+    @field_validator("outer_axis", "inner_axis")
+    @classmethod
+    def _unit_vector(cls, axis: list[float]) -> list[float]:
+        if abs(float(np.linalg.norm(axis)) - 1.0) > 1e-3:
+            raise ValueError(f"{axis} has length {np.linalg.norm(axis):.6g}; give a unit vector")
+        return axis
+
+    @model_validator(mode="after")
+    def _whole(self) -> "TableProfile":
+        if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
+            raise ValueError("outer_axis and inner_axis are less than 60° apart; correct one of them")
+        _complete("status_bits", self.status_bits, STATUS_BITS)
+        _complete("commands", self.commands, COMMANDS)
+        _complete("registers", self.registers, REGISTERS)
+        for name, bit in self.status_bits.items():
+            if not 0 <= bit <= 15:
+                raise ValueError(f"status_bits.{name} = {bit} is out of range; it must be 0 to 15")
+        for code in self.faults:
+            if not code.isdecimal():
+                raise ValueError(f'faults.{code} must be a number in quotes, like "2"')
+        ordered = sorted(self.registers.items(), key=lambda item: item[1].address)
+        for (first, a), (second, b) in pairwise(ordered):
+            if b.address < a.address + a.count:
+                raise ValueError(
+                    f"registers.{first} ({a.address}-{a.address + a.count - 1}) and registers.{second}"
+                    f" ({b.address}) overlap; correct an address"
+                )
+        return self
+
+    def geometry(self) -> TableGeometry:
+        """Axes and limits in rad."""
+        joints = (self.outer, self.inner)
+        return TableGeometry(
+            _normalised(self.outer_axis),
+            _normalised(self.inner_axis),
+            JointLimits(
+                low=_radians(joints[0].low_deg, joints[1].low_deg),
+                high=_radians(joints[0].high_deg, joints[1].high_deg),
+                rate=_radians(joints[0].max_rate_dps, joints[1].max_rate_dps),
+                acceleration=_radians(joints[0].max_acceleration_dps2, joints[1].max_acceleration_dps2),
+            ),
+        )
+
+
+def _complete(section: str, found: Mapping[str, object], needed: tuple[str, ...]) -> None:
+    for name in needed:
+        if name not in found:
+            raise ValueError(f"{section}.{name} is missing; add it")
+    for name in found:
+        if name not in needed:
+            raise ValueError(f"{section}.{name} is unknown{suggestion(name, needed) or '; remove it'}")
+
+
+def _radians(outer: float, inner: float) -> tuple[float, float]:
+    return float(np.deg2rad(outer)), float(np.deg2rad(inner))
+
+
+def _normalised(axis: list[float]) -> tuple[float, float, float]:
+    unit = np.asarray(axis) / np.linalg.norm(axis)
+    return float(unit[0]), float(unit[1]), float(unit[2])
+
+
+def load_table_profile(path: Path) -> TableProfile:
+    """Read and check a table profile; raises ConfigurationError naming file, entry and mend."""
+    return load(TableProfile, path)
