@@ -51,13 +51,14 @@ class Simulator:
     def __init__(
         self,
         truth: BenchTruth,
-        seed: int,
+        seed: int | np.random.SeedSequence,
         *,
         poll_interval: float = 0.05,
         start_angles: tuple[float, float] = (0.0, 0.0),
         temperature: float = 25.0,
     ) -> None:
-        stream_seed, encoder_seed = np.random.SeedSequence(seed).spawn(2)
+        root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+        stream_seed, encoder_seed = root.spawn(2)
         self._stream = SensorStream(truth.imu, truth.table, stream_seed)
         self._drive = TableDrive(truth.encoder, start_angles, encoder_seed)
         self._every = max(1, round(poll_interval * truth.imu.sample_rate))

@@ -1,0 +1,52 @@
+"""`python -m calstation.bench --config FILE_OR_JSON`: one virtual bench; its links come as one JSON line."""
+
+import argparse
+import json
+import os
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from calstation.bench.config import BenchConfig
+from calstation.bench.process import serve
+
+
+def read_config(text: str) -> dict[str, Any]:
+    """Configuration from JSON text, or from a .json or .toml file. Raises ValueError, OSError."""
+    if not text.lstrip().startswith("{"):
+        path = Path(text)
+        content = path.read_text(encoding="utf-8")
+        values = tomllib.loads(content) if path.suffix == ".toml" else json.loads(content)
+    else:
+        values = json.loads(text)
+    if not isinstance(values, dict):
+        raise ValueError("the configuration is not a table of names and values")
+    return values
+
+
+def main() -> int:
+    """Exit code 0, or 2 where the configuration cannot be used."""
+    parser = argparse.ArgumentParser(prog="calstation.bench", description="Virtual calibration bench.")
+    parser.add_argument("--config", default="{}", help="JSON text, or a .json or .toml file")
+    argument = parser.parse_args().config
+    try:
+        config = BenchConfig.model_validate(read_config(argument))
+    except ValidationError as exc:
+        first = exc.errors()[0]
+        field = ".".join(str(part) for part in first["loc"])
+        print(f"bench configuration: {field}: {first['msg']}", file=sys.stderr)
+        return 2
+    except (OSError, ValueError) as exc:
+        print(f"bench configuration: {exc}", file=sys.stderr)
+        return 2
+    serve(config)
+    sys.stdout.flush()
+    # The thread that waits on standard input may still hold it: leave without asking it.
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,150 @@
+"""The IMU's processor: identity, calibration registers with a flash image, power-up, frames sent."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from calstation.bench.imu_frames import (
+    READY,
+    REPLY_SYNC,
+    SATURATED,
+    pack,
+    stream_frames,
+)
+from calstation.bench.stream_truth import StreamOutput
+from calstation.physics.arrays import FloatArray
+
+MODEL = "bench-imu"
+FIRMWARE = "1.0.0"
+
+#: Registers: gyro bias from 0, gyro matrix 3, accel bias 12, accel matrix 15, quadratic 24, inner levers 27.
+REGISTERS = 30
+
+IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, ERROR = 1, 2, 3, 4, 5, 6, 0xFF
+BAD_OP, BAD_ADDRESS, FLASH_BUSY = 1, 2, 3
+
+#: Device time during which the flash is busy after a commit, and silence after power-up or reset, s.
+FLASH_TIME = 0.2
+BOOT_TIME = 0.1
+
+_FLASH = struct.Struct(f"<{REGISTERS}fI")
+
+
+class ImuUnit:
+    """Answers commands and turns samples into frames; all times are device time, s.
+
+    Parameters
+    ----------
+    serial : what the unit says it is
+    ready_time : from power-up or reset to the ready bit, s
+    ambient, warm_up, warm_up_time : °C, °C, s: temperature rises as warm_up·(1 − e^(−t/warm_up_time))
+    flash_file : keeps the flash image over runs; None keeps it in memory
+    """
+
+    def __init__(
+        self,
+        serial: str,
+        *,
+        ready_time: float = 1.0,
+        ambient: float = 23.0,
+        warm_up: float = 4.0,
+        warm_up_time: float = 30.0,
+        flash_file: Path | None = None,
+    ) -> None:
+        self._serial = serial
+        self._ready_time = ready_time
+        self._ambient, self._warm_up, self._warm_up_time = ambient, warm_up, warm_up_time
+        self._flash_file = flash_file
+        self.flash_cycles = 0
+        self._flash = np.zeros(REGISTERS, dtype=np.float32)
+        if flash_file is not None and flash_file.exists():
+            *values, self.flash_cycles = _FLASH.unpack(flash_file.read_bytes())
+            self._flash[:] = values
+        self._busy_until = -np.inf
+        self.streaming = True
+        self._start(0.0)
+
+    def _start(self, time: float) -> None:
+        self.registers = self._flash.copy()
+        self._started = time
+        self._counter = 0
+
+    def temperature(self, time: float) -> float:
+        """Sensor temperature, °C."""
+        return float(self._ambient + self._warm_up * -np.expm1(-time / self._warm_up_time))
+
+    def restart(self, time: float) -> None:
+        """Reset: RAM registers from flash, counter from 0, ready bit after the ready time."""
+        self._start(time)
+
+    def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
+        """Frames of samples that end at `ends`, s, shape (n,); none while it boots or its stream is off."""
+        awake = ends > self._started + BOOT_TIME
+        counter = self._counter + np.cumsum(awake) - 1
+        self._counter += int(awake.sum())
+        if not self.streaming or not awake.any():
+            return b""
+        status = np.where(ends >= self._started + self._ready_time, READY, 0)
+        status |= np.where(output.saturated, SATURATED, 0)
+        return stream_frames(
+            counter[awake], output.counts[awake], self.temperature(float(ends[-1])), status[awake]
+        )
+
+    def answer(self, op: int, payload: bytes, time: float) -> bytes:
+        """Reply frame to one command at `time`, s."""
+        handlers = {
+            IDENTIFY: self._identify,
+            READ: self._read,
+            WRITE: self._write,
+            COMMIT: self._commit,
+            RESET: self._reset,
+            STREAM: self._stream,
+        }
+        handler = handlers.get(op)
+        result = BAD_OP if handler is None else handler(payload, time)
+        if isinstance(result, int):
+            return pack(REPLY_SYNC, ERROR, bytes([result]))
+        return pack(REPLY_SYNC, op, result)
+
+    def _identify(self, payload: bytes, time: float) -> bytes | int:
+        return f"{MODEL};{self._serial};{FIRMWARE}".encode("ascii", "replace")
+
+    def _read(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) != 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload)
+        if count == 0 or address + count > REGISTERS:
+            return BAD_ADDRESS
+        return payload + self.registers[address : address + count].astype("<f4").tobytes()
+
+    def _write(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) < 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload[:3])
+        if count == 0 or address + count > REGISTERS or len(payload) != 3 + 4 * count:
+            return BAD_ADDRESS
+        if time < self._busy_until:
+            return FLASH_BUSY
+        self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
+        return payload[:3]
+
+    def _commit(self, payload: bytes, time: float) -> bytes | int:
+        if time < self._busy_until:
+            return FLASH_BUSY
+        self._busy_until = time + FLASH_TIME
+        self._flash = self.registers.copy()
+        self.flash_cycles += 1
+        if self._flash_file is not None:
+            self._flash_file.write_bytes(_FLASH.pack(*self._flash.tolist(), self.flash_cycles))
+        return struct.pack("<BI", 0, self.flash_cycles)
+
+    def _reset(self, payload: bytes, time: float) -> bytes | int:
+        self.restart(time)
+        return b"\x00"
+
+    def _stream(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) != 1:
+            return BAD_ADDRESS
+        self.streaming = payload != b"\x00"
+        return payload

@@ -1,0 +1,158 @@
+"""The bench in time: joints, controller, stream and unit moved on together, faults at their hour."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from calstation.bench.config import BenchConfig, Order
+from calstation.bench.imu_frames import STREAM
+from calstation.bench.imu_unit import ImuUnit
+from calstation.bench.stream_truth import SensorStream
+from calstation.bench.table_drive import TableDrive
+from calstation.bench.table_machine import Fault, TableMachine
+from calstation.bench.table_registers import TableRegisters
+
+TABLE_MODEL = "bench-table"
+
+_FAULTS = {"drive_fault": Fault.DRIVE, "limit_fault": Fault.LIMIT, "stall": Fault.STALL}
+
+#: Largest joint angle at power-on where it is drawn, rad.
+_START = np.deg2rad(15.0)
+
+
+class LiveBench:
+    """All devices on one time; knows no socket.
+
+    Parameters
+    ----------
+    config : of the bench
+    host_time : clock of the watchdog, s
+
+    Attributes
+    ----------
+    now : time of the clock service, s
+    sampled : samples produced so far
+    hang_up, mute : called by orders that cut the IMU's link, or leave table requests unanswered
+    """
+
+    def __init__(self, config: BenchConfig, host_time: Callable[[], float]) -> None:
+        self.truth = config.truth()
+        stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1]).spawn(3)
+        self._random = np.random.default_rng(other_seed)
+        if config.start_deg is None:
+            drawn = self._random.uniform(-_START, _START, 2)
+            start = (float(drawn[0]), float(drawn[1]))
+        else:
+            start = (np.deg2rad(config.start_deg[0]), np.deg2rad(config.start_deg[1]))
+        self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed)
+        self._host_time = host_time
+        self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
+        self._latency, self._jitter = config.latency_s, config.jitter_s
+        self._orders = sorted(config.orders, key=lambda order: order.at)
+        self._corrupt = self._drop = 0
+        self._silent_until = -np.inf
+        self.now = 0.0
+        self.hang_up: Callable[[], None] = lambda: None
+        self.mute: Callable[[int], None] = lambda count: None
+        self.machine = TableMachine(
+            TableDrive(self.truth.encoder, start, encoder_seed),
+            config.limits(),
+            interlock_closed=config.interlock_closed,
+            watchdog=config.watchdog_ms / 1000.0,
+        )
+        self.registers = TableRegisters(
+            self.machine,
+            model=TABLE_MODEL,
+            serial=config.table_serial,
+            device_time=lambda: self.device_time,
+            host_time=host_time,
+            reading_time=self._reading_time,
+        )
+        self.unit = ImuUnit(
+            config.serial,
+            ready_time=config.ready_time_s,
+            ambient=config.ambient_c,
+            warm_up=config.warm_up_c,
+            warm_up_time=config.warm_up_time_s,
+            flash_file=config.flash_file,
+        )
+
+    @property
+    def device_time(self) -> float:
+        """Time of the devices, s."""
+        return self.now * self._gain
+
+    @property
+    def sampled(self) -> int:
+        """Samples produced so far."""
+        return self._stream.produced
+
+    def answer(self, op: int, payload: bytes) -> bytes:
+        """The unit's reply to a command."""
+        return self.unit.answer(op, payload, self.device_time)
+
+    def watch(self) -> None:
+        """Let the table's watchdog look at the host's clock."""
+        self.machine.watch(self._host_time(), self.device_time)
+
+    def advance(self, now: float) -> bytes:
+        """Move on to `now`, s; the frames that the unit sends on the way."""
+        parts = []
+        while self._orders and self._orders[0].at <= now * self._gain:
+            due = self._orders.pop(0)
+            parts.append(self._produce(max(due.at / self._gain, self.now)))
+            self.obey(due)
+        parts.append(self._produce(now))
+        return b"".join(parts)
+
+    def obey(self, order: Order) -> None:
+        """Carry out an order at once."""
+        time, value = self.device_time, order.value
+        if order.order == "interlock":
+            self.machine.set_interlock(value != 0.0, time)
+        elif order.order in _FAULTS:
+            self.machine.trip(_FAULTS[order.order], time)
+        elif order.order == "corrupt_frames":
+            self._corrupt += int(value)
+        elif order.order == "drop_frames":
+            self._drop += int(value)
+        elif order.order == "silence_imu":
+            self._silent_until = time + value
+        elif order.order == "reset_imu":
+            self.unit.restart(time)
+        elif order.order == "hang_up_imu":
+            self.hang_up()
+        elif order.order == "mute_table":
+            self.mute(int(value))
+
+    def _produce(self, now: float) -> bytes:
+        self.now = now
+        interval = self._stream.interval
+        first = self._stream.produced
+        count = int(self.device_time / interval + 1e-6) - first
+        if count <= 0:
+            return b""
+        output = self._stream.produce(count, *self.machine.drive.profiles)
+        self.machine.advance(self.device_time)
+        ends = np.arange(first + 1, first + count + 1, dtype=np.float64) * interval
+        frames = self.unit.frames(output, ends)
+        if self._corrupt or self._drop or self.device_time < self._silent_until:
+            frames = self._spoil(frames)
+        return frames
+
+    def _spoil(self, frames: bytes) -> bytes:
+        if self.device_time < self._silent_until:
+            return b""
+        size = STREAM.itemsize
+        kept = [bytearray(frames[i : i + size]) for i in range(0, len(frames), size)]
+        dropped = min(self._drop, len(kept))
+        self._drop -= dropped
+        kept = kept[dropped:]
+        for frame in kept[: self._corrupt]:
+            self._corrupt -= 1
+            frame[int(self._random.integers(2, size - 2))] ^= 1 << int(self._random.integers(8))
+        return b"".join(kept)
+
+    def _reading_time(self) -> float:
+        delay = self._latency + self._jitter * self._random.uniform(-1.0, 1.0)
+        return max(0.0, self.device_time - max(0.0, delay))

@@ -1,0 +1,134 @@
+"""The bench as a process: opens the devices' links, announces them, lives as long as its parent."""
+
+import asyncio
+import json
+import sys
+import threading
+import time
+from typing import Any
+
+from calstation.bench.clock_link import ClockLink
+from calstation.bench.config import BenchConfig
+from calstation.bench.imu_frames import crc16
+from calstation.bench.imu_link import SocketLine, TerminalLine
+from calstation.bench.live import LiveBench
+from calstation.bench.simulate import Simulator
+from calstation.bench.table_link import TableLink
+from calstation.physics.motion import Dwell, Move, Step
+
+#: Host time between looks of the watchdog and, where time follows the host's, between its steps, s.
+TICK = 0.005
+#: Device time produced at once: keeps an advance of hours from holding its samples in memory, s.
+SLICE = 0.5
+
+
+class BenchProcess:
+    """Runs a bench on an event loop until `stop`."""
+
+    def __init__(self, config: BenchConfig) -> None:
+        self._config = config
+        self._bench = LiveBench(config, time.monotonic)
+        self._table = TableLink(self._bench.registers)
+        line_kind = SocketLine if config.imu_transport == "socket" else TerminalLine
+        self._line: SocketLine | TerminalLine = line_kind(self._bench.answer)
+        self._clock = ClockLink(self._advance, self._bench.obey, self._report, self.stop)
+        self._bench.hang_up = self._line.hang_up
+        self._bench.mute = self._mute
+        self._moving = asyncio.Lock()
+        self._moved = asyncio.Condition()
+        self._stopped = asyncio.Event()
+
+    def stop(self) -> None:
+        """End the process soon."""
+        self._stopped.set()
+
+    async def run(self) -> None:
+        """Open everything, announce it on standard output, serve until stopped."""
+        if self._config.table_transport == "rtu":
+            await self._table.serve_rtu()
+        else:
+            await self._table.serve_tcp()
+        await self._line.open()
+        await self._clock.open()
+        tasks = [asyncio.create_task(self._tick())]
+        print(json.dumps(self.endpoints()), flush=True)
+        try:
+            await self._stopped.wait()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await self._clock.close()
+            await self._line.close()
+            await self._table.close()
+
+    def endpoints(self) -> dict[str, Any]:
+        """What is announced: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
+        return {
+            "table": self._table.endpoint,
+            "table_transport": self._config.table_transport,
+            "imu": self._line.endpoint,
+            "clock": self._clock.endpoint,
+            "serial": self._config.serial,
+        }
+
+    async def _tick(self) -> None:
+        """Watchdog on host time; device time too where it follows the host's."""
+        begun = time.monotonic()
+        while True:
+            await asyncio.sleep(TICK)
+            self._bench.watch()
+            if self._config.speed > 0.0:
+                await self._reach((time.monotonic() - begun) * self._config.speed)
+                async with self._moved:
+                    self._moved.notify_all()
+
+    async def _advance(self, seconds: float) -> None:
+        until = self._bench.now + seconds
+        if self._config.speed == 0.0:
+            await self._reach(until)
+            return
+        async with self._moved:
+            await self._moved.wait_for(lambda: self._bench.now >= until)
+
+    async def _reach(self, until: float) -> None:
+        async with self._moving:
+            while self._bench.now < until:
+                await self._line.send(self._bench.advance(min(until, self._bench.now + SLICE)))
+
+    def _report(self) -> dict[str, Any]:
+        return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": self._line.sent}
+
+    def _mute(self, count: int) -> None:
+        self._table.mute += count
+
+
+def warm_up(config: BenchConfig) -> None:
+    """Compile, or load from the cache, all that would else hold up the first samples."""
+    steps: list[Step] = [Move(0.01, 0.01, 1.0, 1.0), Dwell(0.1)]
+    Simulator(config.truth(), 0).run(steps, "")
+    crc16(bytes(2))
+
+
+async def _main(config: BenchConfig) -> None:
+    bench = BenchProcess(config)
+    loop = asyncio.get_running_loop()
+
+    def wait_for_parent() -> None:
+        try:
+            while sys.stdin.buffer.read(4096):
+                pass
+        except (OSError, ValueError):
+            pass
+        try:
+            loop.call_soon_threadsafe(bench.stop)
+        except RuntimeError:
+            return
+
+    threading.Thread(target=wait_for_parent, name="parent", daemon=True).start()
+    await bench.run()
+
+
+def serve(config: BenchConfig) -> None:
+    """Run a bench until its standard input closes or its last clock connection ends."""
+    warm_up(config)
+    asyncio.run(_main(config))

@@ -1,0 +1,221 @@
+"""The table's controller: drive states after CiA 402, homing, moves, limits, interlock, faults and watchdog.
+
+Motion goes by device time; the watchdog counts host time. Angles rad, rates rad/s, accelerations rad/s².
+"""
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+import numpy as np
+
+from calstation.bench.table_drive import TableDrive
+from calstation.physics.arrays import FloatArray
+
+
+class Fault(IntEnum):
+    """Latched faults."""
+
+    NONE = 0
+    INTERLOCK = 1
+    WATCHDOG = 2
+    LIMIT = 3
+    DRIVE = 4
+    STALL = 5
+
+
+class Power(Enum):
+    """Drive states that matter here, with their statusword bits (CiA 402-2, table 29)."""
+
+    DISABLED = 0x40
+    READY = 0x21
+    ON = 0x23
+    ENABLED = 0x27
+
+
+class Refusal(Exception):  # noqa: N818 - an answer of the protocol, not an error of the program
+    """A command that the controller does not take."""
+
+
+class OutOfRange(Refusal):
+    """Target, rate or acceleration outside what the table allows."""
+
+
+class NotPermitted(Refusal):
+    """Not enabled, not homed, in fault, halted or moving."""
+
+
+@dataclass(frozen=True)
+class TableLimits:
+    """Travel (outer, inner), largest rate and acceleration of both joints; rate of homing."""
+
+    low: tuple[float, float] = (-6.0 * np.pi, -6.0 * np.pi)
+    high: tuple[float, float] = (6.0 * np.pi, 6.0 * np.pi)
+    rate: float = np.deg2rad(120.0)
+    acceleration: float = np.deg2rad(200.0)
+    homing_rate: float = np.deg2rad(5.0)
+
+
+#: Both joints must have been settled this long before the target counts as reached, s.
+SETTLING_TIME = 0.1
+
+QUICK_STOP_BIT, FAULT_BIT, REMOTE_BIT, REACHED_BIT = 1 << 5, 1 << 3, 1 << 9, 1 << 10
+LIMIT_BIT, HOMED_BIT, MOVING_BIT = 1 << 11, 1 << 12, 1 << 14
+
+
+class TableMachine:
+    """State of the controller over the joints.
+
+    Parameters
+    ----------
+    drive : the joints, at their true power-on angles
+    limits : travel and speeds
+    interlock_closed : state of the interlock at power-on
+    watchdog : timeout, host s, 0 where it is off
+    """
+
+    def __init__(
+        self,
+        drive: TableDrive,
+        limits: TableLimits,
+        *,
+        interlock_closed: bool = True,
+        watchdog: float = 2.0,
+    ) -> None:
+        self.drive = drive
+        self.limits = limits
+        self.watchdog = watchdog
+        self.fault = Fault.NONE
+        self.power = Power.DISABLED
+        self.homed = False
+        self._interlock_closed = interlock_closed
+        self._controlword = 0
+        self._homing = False
+        self._fed: float | None = None
+        # Encoders count from wherever they were switched on until homing finds their zero.
+        self._zero = drive.states(0.0)[:, 0]
+
+    @property
+    def interlock_closed(self) -> bool:
+        """Whether the axes may be powered."""
+        return self._interlock_closed
+
+    def set_interlock(self, closed: bool, time: float) -> None:
+        """Open or close the interlock; opening it trips."""
+        self._interlock_closed = closed
+        if not closed:
+            self.trip(Fault.INTERLOCK, time)
+
+    def trip(self, fault: Fault, time: float) -> None:
+        """Decelerate, drop the enable, latch the fault; the first fault stays."""
+        self._halt(time)
+        self.power = Power.DISABLED
+        if self.fault is Fault.NONE:
+            self.fault = fault
+
+    def feed(self, host_time: float) -> None:
+        """The watchdog is fed at `host_time`, s."""
+        self._fed = host_time
+
+    def watch(self, host_time: float, time: float) -> None:
+        """Trip if enabled axes were not fed in time."""
+        if self.power is not Power.ENABLED or self.watchdog == 0.0 or self._fed is None:
+            return
+        if host_time - self._fed > self.watchdog:
+            self.trip(Fault.WATCHDOG, time)
+
+    def advance(self, time: float) -> None:
+        """Finish homing once the joints have settled at home."""
+        if self._homing and self.settled(time):
+            self._homing = False
+            self.homed = True
+            self._zero = np.zeros(2)
+
+    def settled(self, time: float) -> bool:
+        """Both joints at rest, and that for the settling time."""
+        return time >= self.drive.settled + SETTLING_TIME
+
+    def control(self, word: int, time: float, host_time: float) -> None:
+        """Take a controlword: 0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt."""
+        reset = bool(word & 0x80) and not self._controlword & 0x80
+        self._controlword = word
+        if reset and self._interlock_closed and self.settled(time):
+            self.fault = Fault.NONE
+        if self.fault is not Fault.NONE:
+            return
+        command = word & 0x0F
+        if not command & 0x02 or not command & 0x04:
+            # Disable voltage, or quick stop: decelerate and switch off.
+            self._halt(time)
+            self.power = Power.DISABLED
+        elif command & 0x07 == 0x06:
+            self._halt(time)
+            self.power = Power.READY
+        elif command == 0x07:
+            self._halt(time)
+            if self.power is not Power.DISABLED:
+                self.power = Power.ON
+        elif command == 0x0F and self.power in (Power.READY, Power.ON) and self._interlock_closed:
+            self.power = Power.ENABLED
+            self.feed(host_time)
+        if word & 0x100:
+            self._halt(time)
+
+    def home(self, time: float) -> None:
+        """Start towards home, slowly. Raises NotPermitted."""
+        self._permit(time)
+        rate = self.limits.homing_rate
+        self.drive.move(time, (0.0, 0.0), (rate, rate), (self.limits.acceleration / 10.0,) * 2)
+        self._homing = True
+
+    def move(
+        self,
+        time: float,
+        targets: tuple[float, float],
+        rates: tuple[float, float],
+        accelerations: tuple[float, float],
+    ) -> None:
+        """Start both joints. Raises OutOfRange, NotPermitted."""
+        limits = self.limits
+        for joint in (0, 1):
+            if not limits.low[joint] <= targets[joint] <= limits.high[joint]:
+                raise OutOfRange
+            if not (0.0 < rates[joint] <= limits.rate and 0.0 < accelerations[joint] <= limits.acceleration):
+                raise OutOfRange
+        self._permit(time)
+        if not self.homed:
+            raise NotPermitted
+        self.drive.move(time, targets, rates, accelerations)
+
+    def stop(self, time: float) -> None:
+        """Decelerate to rest, stay enabled."""
+        self._halt(time)
+
+    def positions(self, time: float) -> FloatArray:
+        """Encoder angles of the joints, rad, shape (2,)."""
+        return np.asarray(self.drive.readings(np.array([time]))[0] - self._zero)
+
+    def statusword(self, time: float) -> int:
+        """CiA 402 statusword with the table's own bits."""
+        word = self.power.value | REMOTE_BIT | QUICK_STOP_BIT
+        if not self._controlword & 0x04:
+            word &= ~QUICK_STOP_BIT
+        if self.fault is not Fault.NONE:
+            word |= FAULT_BIT
+        word |= REACHED_BIT if self.settled(time) else MOVING_BIT
+        if self.homed:
+            word |= HOMED_BIT
+        angles = self.drive.states(time)[:, 0]
+        if np.any(angles <= np.array(self.limits.low)) or np.any(angles >= np.array(self.limits.high)):
+            word |= LIMIT_BIT
+        return word
+
+    def _permit(self, time: float) -> None:
+        """Raise NotPermitted unless a motion may start."""
+        halted = bool(self._controlword & 0x100)
+        ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self._interlock_closed
+        if not ready or halted or time < self.drive.end:
+            raise NotPermitted
+
+    def _halt(self, time: float) -> None:
+        self._homing = False
+        self.drive.stop(time, (self.limits.acceleration,) * 2)
