@@ -28,7 +28,6 @@ class PreflightLimits:
     Attributes
     ----------
     serial : the serial number that the unit must answer to; serial_pattern : regular expression for it
-    table_model : text that the table's model must contain, "" for any
     ready_timeout, home_timeout : s
     warm_up : s at least; warm_up_slope : °C/min at most, None where temperature does not matter;
         warm_up_timeout : s, after which a still drifting unit is a fault
@@ -41,7 +40,6 @@ class PreflightLimits:
     serial: str
     serial_pattern: str
     gravity: float
-    table_model: str = ""
     ready_timeout: float = 30.0
     home_timeout: float = 180.0
     warm_up: float = 0.0
@@ -97,14 +95,9 @@ class Preflight:
         self._check_signs(bias)
 
     def identify(self) -> tuple[TableIdentity, ImuIdentity]:
-        """Read who is there; refuses a wrong table, a wrong serial number or one outside the pattern."""
+        """Read who is there; refuses a wrong serial number or one outside the pattern."""
         limits = self._limits
         table = self._table.identify()
-        if limits.table_model not in table.model:
-            raise DeviceFaultError(
-                f"table: model '{table.model}' answers, the profile is for '{limits.table_model}'; "
-                "choose the right table profile in the station file"
-            )
         imu = self._imu.identify()
         self._emit(
             Message(

@@ -29,7 +29,7 @@ from calstation.sequencer.events import (
     StateChanged,
     to_json,
 )
-from calstation.sequencer.guard import check_limits
+from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.ports import Clock, Emit, Journal, Solving
 from calstation.sequencer.preflight import Preflight, PreflightLimits
 from calstation.sequencer.preview import plan_time, planned, step_time
@@ -134,7 +134,6 @@ class Sequencer:
         """
         try:
             self._go(State.PREPARING)
-            self._check_plans()
             self._prepare()
             self._go(State.RUNNING)
             for index, stage in enumerate(self._task.stages):
@@ -177,11 +176,12 @@ class Sequencer:
 
     def _check_plans(self) -> None:
         """Every move of every plan against the limits, before anything moves."""
-        position = self._task.load_angle
+        position = self._runner.position()
         for stage in self._task.stages:
             for step, _ in planned(stage.steps(), stage.rule, position):
                 if isinstance(step, Move):
                     check_limits(self._task.geometry.limits, step)
+                    check_travel(self._pulse.status.limits, step)
 
     def _prepare(self) -> None:
         task = self._task
@@ -203,6 +203,7 @@ class Sequencer:
             task.geometry.limits,
             self._go,
         )
+        self._check_plans()
         Preflight(
             self._table,
             self._imu,

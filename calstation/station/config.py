@@ -1,0 +1,133 @@
+"""Station and product files: one place and one unit type, checked before anything moves."""
+
+import re
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, JsonValue, field_validator, model_validator
+
+from calstation.configuration import StrictModel, load
+from calstation.devices.link import SerialSettings
+from calstation.records.limits import Limit, check_limit_names
+from calstation.records.meta import SiteSection
+from calstation.station import library
+from procedures import DEFAULT_STAGES, method
+
+DEFAULT_STATION = "virtual_bench"
+DEFAULT_PRODUCT = "nav_a"
+
+
+class DeviceSection(StrictModel):
+    """A device's link at this place: port, and the serial settings where they differ from the profile's.
+
+    port : for a table ``tcp://host:port`` or a serial port, for an IMU a serial port or ``socket://host:port``
+    timeout_s : host time for an answer, the profile's where absent
+    """
+
+    port: str | None = None
+    serial: SerialSettings | None = None
+    timeout_s: float | None = Field(default=None, gt=0, le=60)
+
+
+class TableLinkSection(DeviceSection):
+    """`[table]` of a station: which table stands here."""
+
+    profile: str
+
+
+class StationConfig(StrictModel):
+    """A station file: this place, its table and its ports.
+
+    bench : settings of the virtual bench in place of hardware (`calstation.bench.config.BenchConfig`)
+    """
+
+    name: str
+    site: SiteSection
+    table: TableLinkSection
+    imu: DeviceSection = DeviceSection()
+    bench: dict[str, JsonValue] | None = None
+
+    @model_validator(mode="after")
+    def _ports(self) -> "StationConfig":
+        for device, section in (("table", self.table), ("imu", self.imu)):
+            if self.bench is None and not section.port:
+                raise ValueError(
+                    f"{device}.port is missing; add the port, or a [bench] for the virtual bench"
+                )
+            if self.bench is not None and section.port:
+                raise ValueError(f"{device}.port and [bench] exclude each other; remove one")
+        return self
+
+
+class WarmUpSection(StrictModel):
+    """`[warm_up]`: s at least, then until the temperature drifts by less than the slope."""
+
+    time_s: float = Field(default=0.0, ge=0, le=86_400)
+    slope_c_per_min: float | None = Field(default=None, gt=0)
+    timeout_s: float = Field(default=3600.0, gt=0, le=86_400)
+
+
+class LoadAngleSection(StrictModel):
+    """`[load_angle]`: where the table stands while units are changed, degrees."""
+
+    outer_deg: float = 0.0
+    inner_deg: float = 0.0
+
+
+class ProductConfig(StrictModel):
+    """A product file: one unit type, how it is calibrated and what it must reach.
+
+    imu : name of its profile; serial_pattern : regular expression for the whole serial number
+    bench_grade : grade of a virtual unit of this type
+    schedule : parameters of each stage's method; targets : sigmas at which a repeated stage may stop, SI
+    end_on_failure : leave out the remaining stages once a limit is missed
+    """
+
+    name: str
+    imu: str
+    bench_grade: Literal["nav", "tactical", "mems"] = "nav"
+    serial_pattern: str
+    stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
+    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
+    targets: dict[str, float] = Field(default_factory=dict)
+    limits: dict[str, Limit] = Field(default_factory=dict)
+    load_angle: LoadAngleSection = LoadAngleSection()
+    warm_up: WarmUpSection = WarmUpSection()
+    end_on_failure: bool = False
+
+    @field_validator("serial_pattern")
+    @classmethod
+    def _pattern(cls, pattern: str) -> str:
+        try:
+            re.compile(pattern)
+        except re.error as exc:
+            raise ValueError(f"'{pattern}' is no regular expression ({exc})") from None
+        return pattern
+
+    @field_validator("stages")
+    @classmethod
+    def _stages(cls, stages: list[str]) -> list[str]:
+        if len(set(stages)) != len(stages):
+            raise ValueError("names a stage twice; each stage is solved once")
+        return stages
+
+    @field_validator("limits")
+    @classmethod
+    def _limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
+        check_limit_names(limits)
+        return limits
+
+
+def load_station(path: Path | None) -> tuple[Path, StationConfig]:
+    """A station file, the virtual bench by default. Raises ConfigurationError."""
+    path = path or library.find("stations", DEFAULT_STATION)
+    return path, load(StationConfig, path)
+
+
+def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
+    """A product file, `DEFAULT_PRODUCT` by default; its stages must exist. Raises ConfigurationError."""
+    path = path or library.find("products", DEFAULT_PRODUCT)
+    product = load(ProductConfig, path)
+    for stage in (*product.stages, *product.schedule):
+        method(stage)
+    return path, product

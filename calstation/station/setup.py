@@ -1,0 +1,243 @@
+"""All of a run's configuration, read and checked before anything is opened or moves."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, JsonValue
+
+from calstation import __version__
+from calstation.configuration import validate
+from calstation.devices.imu_profile import ImuProfile, load_imu_profile
+from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.errors import ConfigurationError
+from calstation.physics.earth import normal_gravity
+from calstation.physics.motion import Step
+from calstation.records.meta import (
+    ImuSection,
+    LogMeta,
+    PriorSection,
+    ProductSection,
+    RunSection,
+    TableSection,
+    context_from_meta,
+)
+from calstation.sequencer.acquisition import StatusMasks
+from calstation.sequencer.preflight import PreflightLimits
+from calstation.sequencer.sequencer import StagePlan, Task
+from calstation.sequencer.stop_rule import StopRule, named
+from calstation.station import library
+from calstation.station.config import ProductConfig, StationConfig, load_product, load_station
+from calstation.station.request import RunRequest
+from procedures import method
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A checked run: its request, configuration files and profiles; `schedules` by stage, validated."""
+
+    request: RunRequest
+    station: StationConfig
+    product: ProductConfig
+    table: TableProfile
+    imu: ImuProfile
+    stages: tuple[str, ...]
+    schedules: dict[str, BaseModel]
+    texts: dict[str, str]
+
+    def meta(self, started: datetime, attempt: int, registers: dict[str, float]) -> LogMeta:
+        """The log's configuration: all that solving needs. `registers`: the unit's, see `LogMeta`."""
+        profile, accuracy, stream, noise = self.imu, self.table.accuracy, self.imu.stream, self.imu.noise
+        return LogMeta(
+            site=self.station.site,
+            imu=ImuSection(
+                serial=self.request.serial,
+                sample_rate_hz=stream.sample_rate_hz,
+                output=stream.output,
+                gyro_lsb=stream.gyro_lsb,
+                accel_lsb=stream.accel_lsb,
+                gyro_arw=noise.gyro_arw,
+                accel_vrw=noise.accel_vrw,
+                gyro_bias_instability=noise.gyro_bias_instability,
+                accel_bias_instability=noise.accel_bias_instability,
+            ),
+            table=TableSection(
+                outer_axis=self.table.outer_axis,
+                inner_axis=self.table.inner_axis,
+                outer_lever=self.table.outer_lever,
+                encoder_sigma_deg=accuracy.encoder_sigma_deg,
+                mount_sigma_deg=accuracy.mount_sigma_deg,
+                azimuth_sigma_deg=accuracy.azimuth_sigma_deg,
+                base_tilt_sigma_deg=accuracy.base_tilt_sigma_deg,
+                velocity_sigma=accuracy.velocity_sigma,
+                velocity_interval_s=accuracy.velocity_interval_s,
+            ),
+            prior={name: PriorSection(sigma=sigma) for name, sigma in profile.prior_sigmas().items()},
+            product=ProductSection(
+                name=self.product.name, limits=self.product.limits, targets=self.product.targets
+            ),
+            run=RunSection(
+                stages=list(self.stages),
+                station=self.station.name,
+                operator=self.request.operator,
+                seed=self.bench_seed,
+                attempt=attempt,
+                software=__version__,
+                started_utc=started.astimezone(UTC).isoformat(timespec="seconds"),
+            ),
+            schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
+            profiles=self.texts,
+            registers=registers,
+        )
+
+    @property
+    def bench_seed(self) -> int | None:
+        """Seed of the virtual bench, None on hardware."""
+        config = self.bench_config()
+        return None if config is None else int(config.get("seed", 1))
+
+    def bench_config(self) -> dict[str, Any] | None:
+        """What the bench process is told: this site, table and unit, then the station file's own words."""
+        if self.station.bench is None:
+            return None
+        site, table, stream = self.station.site, self.table, self.imu.stream
+        told: dict[str, Any] = {
+            "grade": self.product.bench_grade,
+            "serial": self.request.serial,
+            "sample_rate_hz": stream.sample_rate_hz,
+            "output": stream.output,
+            "outer_lever": table.outer_lever,
+            "latitude_deg": site.latitude_deg,
+            "height_m": site.height_m,
+            "azimuth_deg": site.azimuth_deg or 0.0,
+            "gravity_mps2": site.gravity_mps2,
+            "outer_axis": table.outer_axis,
+            "inner_axis": table.inner_axis,
+            "low_deg": [table.outer.low_deg, table.inner.low_deg],
+            "high_deg": [table.outer.high_deg, table.inner.high_deg],
+            **self.station.bench,
+        }
+        if self.request.seed is not None:
+            told["seed"] = self.request.seed
+        if self.request.speed is not None:
+            told["speed"] = self.request.speed
+        return told
+
+    def task(self, meta: LogMeta) -> Task:
+        """What the sequencer is to do."""
+        context = context_from_meta(meta)
+        geometry = self.table.geometry()
+        gravity = context.site.gravity or normal_gravity(context.site.latitude, context.site.height)
+        warm_up, load, status = self.product.warm_up, self.product.load_angle, self.imu.status
+        return Task(
+            stages=tuple(StagePlan(s, self._steps(s), _stop_rule(self.schedules[s])) for s in self.stages),
+            preflight=PreflightLimits(
+                serial=self.request.serial,
+                serial_pattern=self.product.serial_pattern,
+                gravity=gravity,
+                warm_up=warm_up.time_s,
+                warm_up_slope=warm_up.slope_c_per_min,
+                warm_up_timeout=warm_up.timeout_s,
+            ),
+            geometry=geometry,
+            imu=context.imu,
+            masks=StatusMasks(status.ready, status.saturated, status.failed),
+            latency=self.table.accuracy.poll_latency_s,
+            load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
+        )
+
+    def _steps(self, stage: str) -> "_Steps":
+        return _Steps(self, stage)
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """A fresh plan of a stage at every call."""
+
+    setup: Setup
+    stage: str
+
+    def __call__(self) -> Iterator[Step]:
+        return method(self.stage).plan(self.setup.table.geometry(), self.setup.schedules[self.stage])
+
+
+def prepare(request: RunRequest) -> Setup:
+    """Read and check everything that a run needs. Raises ConfigurationError with file, field and mend."""
+    station_path, station = load_station(request.station)
+    product_path, product = load_product(request.product)
+    if not product.limits:
+        raise ConfigurationError(
+            f"{product_path}: has no limits; add [limits.NAME] before a unit is judged by it"
+        )
+    table_path = library.find("tables", station.table.profile)
+    imu_path = library.find("imus", product.imu)
+    stages = request.stages or tuple(product.stages)
+    setup = Setup(
+        request=request,
+        station=station,
+        product=product,
+        table=load_table_profile(table_path),
+        imu=load_imu_profile(imu_path),
+        stages=stages,
+        schedules={stage: _schedule(product, stage, product_path) for stage in stages},
+        texts={
+            kind: path.read_text(encoding="utf-8")
+            for kind, path in (
+                ("station", station_path),
+                ("product", product_path),
+                ("table", table_path),
+                ("imu", imu_path),
+            )
+        },
+    )
+    _check_serial(setup, product_path)
+    _check_bench(setup, station_path)
+    for name in product.targets:
+        if not named(name):
+            raise ConfigurationError(f"{product_path}: targets.{name} is no parameter or group; remove it")
+    return setup
+
+
+def _check_serial(setup: Setup, product_path: Path) -> None:
+    import re
+
+    pattern = setup.product.serial_pattern
+    if not re.fullmatch(pattern, setup.request.serial):
+        raise ConfigurationError(
+            f"--serial '{setup.request.serial}' does not fit the pattern '{pattern}' of {product_path}; "
+            "correct the number or choose another --product"
+        )
+
+
+def _check_bench(setup: Setup, station_path: Path) -> None:
+    config = setup.bench_config()
+    if config is None:
+        for option, value in (("--speed", setup.request.speed), ("--seed", setup.request.seed)):
+            if value is not None:
+                raise ConfigurationError(
+                    f"{option} belongs to the virtual bench; {station_path} is hardware, leave it out"
+                )
+        return
+    from calstation.bench.config import BenchConfig
+
+    validate(BenchConfig, config, f"{station_path} [bench]")
+
+
+def _schedule(product: ProductConfig, stage: str, path: Path) -> BaseModel:
+    chosen = method(stage)
+    given: dict[str, JsonValue] = dict(product.schedule.get(stage, {}))
+    if "targets" in chosen.schedule.model_fields and product.targets and "targets" not in given:
+        given["targets"] = dict(product.targets)
+    return validate(chosen.schedule, given, f"{path}: schedule.{stage}")
+
+
+def _stop_rule(schedule: BaseModel) -> StopRule:
+    """The stop rule in a schedule; a plan that does not repeat has none."""
+    return StopRule(
+        rounds=getattr(schedule, "rounds", None),
+        duration=getattr(schedule, "duration_s", None),
+        targets=getattr(schedule, "targets", {}),
+    )
