@@ -1,12 +1,81 @@
 """Excitation: rotations about y, x, z, then z, x, y, repeated; the 39-state filter finds all parameters.
 
-Each body axis is turned through four quarter turns with a rest after each, always the same way round; a joint
-unwinds by whole turns only where its travel demands it.
+Each body axis is turned once round in quarter turns with a rest after each, always the same way; a joint unwinds
+by whole turns only where its travel demands it. The inner axis turns while it lies level, where gravity sees it.
 """
 
+from collections.abc import Iterator
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
 from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.method import Method
 from calstation.estimation.navigation_stage import NavigationStage
+from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import NAMES
+from calstation.physics.table import TableGeometry
+
+ORDER = "yxzzxy"
+QUARTERS = 4
+
+
+class Schedule(BaseModel):
+    """Rests and rates of the turns, and when to stop: the first of rounds, duration and targets that is met.
+
+    dwell_s : rest after a quarter turn and before the first; place_dwell_s : after a turn that only brings an axis
+    into place; rates in °/s, °/s²; targets : largest sigma per parameter or group, SI
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    dwell_s: float = Field(20.0, ge=2.0, le=600.0)
+    place_dwell_s: float = Field(5.0, ge=1.0, le=600.0)
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
+    rounds: int | None = Field(1, ge=1)
+    duration_s: float | None = Field(None, gt=0.0)
+    targets: dict[str, float] = Field(default_factory=dict)
+
+
+def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
+    """Endless rounds of y, x, z, z, x, y; `RoundEnd` after each."""
+    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    joints = [0.0, 0.0]
+    yield Move(0.0, 0.0, rate, acceleration, ("start",))
+    yield Dwell(schedule.dwell_s)
+    rounds = 0
+    while True:
+        for name in ORDER:
+            axis = np.zeros(3)
+            axis["xyz".index(name)] = 1.0
+            turn = geometry.body_turn(axis, joints[1])
+            place = [joints[0], joints[1]]
+            if turn.inner is None:
+                place[0] = geometry.level_inner((joints[0], joints[1]))
+            else:
+                place[1] = turn.inner
+            if max(abs(a - b) for a, b in zip(place, joints, strict=True)) > 1e-9:
+                joints = place
+                yield Move(joints[0], joints[1], rate, acceleration, ("into_place", name))
+                yield Dwell(schedule.place_dwell_s)
+            quarter = turn.sign * 0.5 * np.pi
+            for _ in range(QUARTERS):
+                if not geometry.limits.within(turn.joint, joints[turn.joint] + quarter):
+                    joints[turn.joint] = _unwound(geometry, turn.joint, joints[turn.joint], turn.sign)
+                    yield Move(joints[0], joints[1], rate, acceleration, ("unwind", name))
+                    yield Dwell(schedule.place_dwell_s)
+                joints[turn.joint] += quarter
+                yield Move(joints[0], joints[1], rate, acceleration, ("turn_about", name, 90.0))
+                yield Dwell(schedule.dwell_s)
+        rounds += 1
+        yield RoundEnd(rounds)
+
+
+def _unwound(geometry: TableGeometry, joint: int, angle: float, sign: int) -> float:
+    """The same attitude as many whole turns back as the travel allows, a quarter turn's room assured."""
+    end = geometry.limits.low[joint] if sign > 0 else geometry.limits.high[joint]
+    turns = np.floor(abs(end - angle) / (2.0 * np.pi) + 1e-9)
+    return float(geometry.nearest(joint, angle, angle - sign * 2.0 * np.pi * max(turns, 1.0)))
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:
@@ -14,6 +83,9 @@ def estimates(context: SolveContext) -> tuple[str, ...]:
     return tuple(n for n in NAMES if context.table.outer_lever == "estimated" or not n.startswith("outer"))
 
 
-def solver(context: SolveContext, prior: Belief) -> NavigationStage:
+def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> NavigationStage:
     """The 39-state filter over the stage."""
     return NavigationStage("excitation", context, prior, estimates(context))
+
+
+METHOD = Method("excitation", Schedule, plan, solver, estimates)

@@ -1,4 +1,4 @@
-"""The 39-state filter: one pass over a stage, closed loop in attitude and velocity, linear in the parameters.
+"""The 39-state filter: one pass over a stage, linear in the parameters, closed loop in attitude and velocity.
 
 States: φ, δv, δp and the errors of the 30 parameters relative to the point the pass is linearised about.
 Observed: the velocity of the table's centre of rotation, which is zero but for the base's vibration, at rest
@@ -53,9 +53,17 @@ class NavigationFilter:
     context : site, IMU and table
     prior : of the parameters
     point : parameter values to linearise about, SI, shape (30,)
+    closed_loop : feed attitude and velocity errors back at every observation, as a first pass and a live display
+        must. Without it the pass linearises about one unbroken trajectory, which a later pass can, because its
+        start and parameters are the last pass's answer. It must, too: transitions along a reference that
+        jumps with every observation disagree by the size of the jumps about which direction is still
+        unknown, and a bias and a tilt that only their sum betrays would seem to be known apart
+        (Huang, Mourikis, Roumeliotis, *Observability-based rules for consistent EKF SLAM*, IJRR 29(5), 2010).
     """
 
-    def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
+    def __init__(
+        self, context: SolveContext, prior: Belief, point: FloatArray, closed_loop: bool = True
+    ) -> None:
         site = context.site
         self.noise = filter_noise(context)
         self.earth = rotation_rate(site.latitude)
@@ -80,6 +88,7 @@ class NavigationFilter:
         kf.Q[parameters, parameters] = self.noise.parameter_walk * interval
         self.kf = kf
         self._offset = kf.x.copy()
+        self._closed_loop = closed_loop
         lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
         self.observation_variance = self.noise.velocity + lever * self.noise.end_rate
 
@@ -128,14 +137,15 @@ class NavigationFilter:
         kf, z = self.kf, np.empty(3)
         _observation(self.work, self.earth, self.constants, z, kf.H)
         kf.update(z, R=self.observation_variance)
-        self._feed_back()
+        if self._closed_loop:
+            self._feed_back()
 
     def _feed_back(self) -> None:
         """Close the loop on what the observations said, not on where the prior's mean lies.
 
         x = offset + correction: the offset is the mean the filter would have, had every observation agreed with
         the point linearised about. It stays in x and dies away as data come; only the correction turns the
-        reference. So every pass linearises about the last one's answer from its first sample on.
+        reference, which so stays near the levelled start from the first sample on.
         """
         kf, work = self.kf, self.work
         predicted = kf.F @ self._offset

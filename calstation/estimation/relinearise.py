@@ -79,12 +79,12 @@ def solve_navigation(
     attitudes = [s.attitude for s in found]
     point = prior.mean
     for passes in range(1, MOST_PASSES + 1):
-        run, ends = _pass(data, context, prior, point, found, attitudes)
+        run, ends = _pass(data, context, prior, point, found, attitudes, passes == 1)
         belief = run.belief
         settled_at = np.where(estimated, belief.mean, prior.mean)
         sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
         moved = float(np.max(np.abs(settled_at - point) / sigma))
-        if moved < SETTLED or passes == MOST_PASSES:
+        if (moved < SETTLED and passes > 1) or passes == MOST_PASSES:
             break
         attitudes = _carry_back(run, data, settled_at, found, ends)
         point = settled_at
@@ -98,8 +98,9 @@ def _pass(
     point: FloatArray,
     found: list[Start],
     attitudes: list[FloatArray],
+    closed_loop: bool,
 ) -> tuple[NavigationFilter, list[FloatArray]]:
-    run = NavigationFilter(context, prior, point)
+    run = NavigationFilter(context, prior, point, closed_loop)
     ends = []
     for start, attitude in zip(found, attitudes, strict=True):
         run.run(data, start, attitude)
@@ -128,6 +129,6 @@ def _best_azimuth(
     for k in range(AZIMUTHS_TRIED):
         turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
         turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
-        run, _ = _pass(data, context, prior, prior.mean, turned, [s.attitude for s in turned])
+        run, _ = _pass(data, context, prior, prior.mean, turned, [s.attitude for s in turned], True)
         candidates.append((sum(run.history.nis), k, turned))
     return min(candidates, key=lambda c: c[:2])[2]

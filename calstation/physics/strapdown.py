@@ -10,7 +10,7 @@ State order of the errors: φ (0:3), δv (3:6), δp (6:9), the 30 parameters (9:
 References
 ----------
 P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, J. Guidance Control Dynamics
-21(1-2), 1998: coning and sculling from the last and the present increment (part 1 eq. 42, part 2 eq. 57).
+21(1-2), 1998: coning and sculling from the last and the present increment (part 1 eq. 42, part 2 eq. 57); the third-order term is that of ω constant, f quadratic over the sample.
 P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.
 """
 
@@ -178,15 +178,18 @@ def propagate(
         for i in range(3):
             force[i] += c.inner_lever[i] * jf[i, 24 + i]
 
-        # rotation and velocity increments in b, coning and sculling to second order
+        # rotation and velocity increments in b: coning, sculling, and the third-order term ωdt×(ωdt×f dt)/6 without
+        # which gravity seen from a steadily turning body is short by (ω dt)²/6
         _cross(last_omega, omega, cross)
         for i in range(3):
             rotvec[i] = omega[i] * dt + cross[i] * dt * dt / 12.0
         _cross(omega, force, dv)
+        _cross(omega, dv, turned[0])
         _cross(last_omega, force, cross)
         _cross(last_force, omega, step)
         for i in range(3):
-            dv[i] = force[i] * dt + 0.5 * dv[i] * dt * dt + (cross[i] + step[i]) * dt * dt / 12.0
+            second = 0.5 * dv[i] + (cross[i] + step[i]) / 12.0
+            dv[i] = force[i] * dt + second * dt * dt + turned[0, i] * dt**3 / 6.0
 
         # C_new = (I − [Ω dt×] + ½[Ω dt×]²) C Exp(rotvec)
         angle2 = rotvec[0] ** 2 + rotvec[1] ** 2 + rotvec[2] ** 2
@@ -273,7 +276,7 @@ def propagate(
 
     T = (stop - start) * dt
     for i in range(3):
-        work.force[i] = force_sum[i] / T
+        work.force[i] = force_sum[i] / T if stop > start else 0.0
         for p in range(27):
             F[i, 9 + p] = psi_phi[i, p]
             F[3 + i, 9 + p] = psi_v[i, p]

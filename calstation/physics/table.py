@@ -129,6 +129,21 @@ class TableGeometry:
             )
         return min(options, key=lambda o: (abs((o.inner or 0.0) - near_inner), -o.sign))
 
+    def level_inner(self, near: tuple[float, float]) -> float:
+        """Outer angle (rad) nearest `near` that lays the inner axis horizontal, where gravity sees its turns.
+
+        Returns the outer angle of `near` where the outer axis cannot change the inner one's height.
+        """
+        w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
+        # height of R(w1, o) w2 = a + b cos o + c sin o
+        a, b, c = w1[2] * (w1 @ w2), w2[2] - w1[2] * (w1 @ w2), np.cross(w1, w2)[2]
+        size = float(np.hypot(b, c))
+        if size < 1e-6 or abs(a) > size:
+            return near[OUTER]
+        middle, half = float(np.arctan2(c, b)), float(np.arccos(-a / size))
+        options = [self.nearest(OUTER, middle + s * half, near[OUTER]) for s in (1.0, -1.0)]
+        return min(options, key=lambda o: (abs(o - near[OUTER]), -o))
+
     def vertical_joint(self, near: tuple[float, float]) -> tuple[int, tuple[float, float]]:
         """The joint that turns about the vertical, and the pose (outer, inner; rad) in which it does."""
         if _parallel(np.array(self.outer_axis), UP):

@@ -1,0 +1,66 @@
+"""Azimuth flips: half turns about the vertical, +, −, −, +, with long rests; the 12-state filter finds the biases.
+
+States: φ, δv, gyro and accelerometer bias. Everything else the excitation found counts with its covariance as
+consider states, so a bias that flips determine weakly (the gyro along the vertical) keeps what was known before.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from calstation.errors import ConfigurationError
+from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.method import Method
+from calstation.estimation.navigation_stage import NavigationStage
+from calstation.physics.motion import Dwell, Move, RoundEnd, Step
+from calstation.physics.table import TableGeometry
+
+ESTIMATED = tuple(f"{group}_{axis}" for group in ("gyro_bias", "accel_bias") for axis in "xyz")
+WAYS = (1.0, -1.0, -1.0, 1.0)
+
+
+class Schedule(BaseModel):
+    """Rests in s, rates in °/s, °/s²; the first of rounds, duration and targets (sigmas, SI) that is met stops."""
+
+    model_config = ConfigDict(extra="forbid")
+    dwell_s: float = Field(60.0, ge=2.0, le=3600.0)
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
+    rounds: int | None = Field(2, ge=1)
+    duration_s: float | None = Field(None, gt=0.0)
+    targets: dict[str, float] = Field(default_factory=dict)
+
+
+def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
+    """Endless rounds of four half turns; `RoundEnd` after each. Raises ConfigurationError on too little travel."""
+    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    joint, pose = geometry.vertical_joint((0.0, 0.0))
+    joints = list(pose)
+    if not all(geometry.limits.within(joint, joints[joint] + way * np.pi) for way in (1.0, -1.0)):
+        raise ConfigurationError(
+            f"table limits: azimuth flips need 180° both ways on the {('outer', 'inner')[joint]} axis; widen its travel"
+        )
+    yield Move(joints[0], joints[1], rate, acceleration, ("start",))
+    yield Dwell(schedule.dwell_s)
+    rounds = 0
+    while True:
+        for way in WAYS:
+            joints[joint] += way * np.pi
+            yield Move(joints[0], joints[1], rate, acceleration, ("flip", 180.0 * way))
+            yield Dwell(schedule.dwell_s)
+        rounds += 1
+        yield RoundEnd(rounds)
+
+
+def estimates(context: SolveContext) -> tuple[str, ...]:
+    """Gyro and accelerometer biases."""
+    return ESTIMATED
+
+
+def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> NavigationStage:
+    """The 12-state filter over the stage, the other parameters as consider states."""
+    return NavigationStage("azimuth_flip", context, prior, ESTIMATED)
+
+
+METHOD = Method("azimuth_flip", Schedule, plan, solver, estimates)
