@@ -196,11 +196,12 @@ class TableMachine:
 
     def statusword(self, time: float) -> int:
         """CiA 402 statusword with the table's own bits."""
-        word = self.power.value | REMOTE_BIT | QUICK_STOP_BIT
-        if not self._controlword & 0x04:
+        word = REMOTE_BIT | (self.power.value if self.fault is Fault.NONE else FAULT_BIT)
+        # Active low: 0 tells that a quick stop (b1 set, b2 not) is in force.
+        if self._controlword & 0x06 == 0x02:
             word &= ~QUICK_STOP_BIT
-        if self.fault is not Fault.NONE:
-            word |= FAULT_BIT
+        else:
+            word |= QUICK_STOP_BIT
         word |= REACHED_BIT if self.settled(time) else MOVING_BIT
         if self.homed:
             word |= HOMED_BIT

@@ -1,4 +1,4 @@
-"""The noise of the stream: white levels, flicker floor, vibration white at 0.1 s, all within chi-squared bounds."""
+"""The noise of the stream: white levels, flicker floor, vibration white at 0.1 s, in chi-squared bounds."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,94 @@
+"""The live bench gives the samples of the simulator, and its faults come when they were ordered."""
+
+import numpy as np
+import pytest
+
+from calstation.bench.config import BenchConfig, Order
+from calstation.bench.imu_frames import STREAM, crc16
+from calstation.bench.imu_unit import BOOT_TIME
+from calstation.bench.live import LiveBench
+from calstation.bench.simulate import Simulator
+from calstation.bench.table_machine import Fault
+from calstation.physics.motion import Dwell, Move
+
+
+def bench(**changes):
+    values = {"start_deg": (0.0, 0.0), "clock_drift_ppm": 0.0, **changes}
+    return LiveBench(BenchConfig(**values), lambda: 0.0)
+
+
+def ready(**changes):
+    live = bench(**changes)
+    for word in (0x06, 0x07, 0x0F):
+        live.machine.control(word, live.device_time, 0.0)
+    live.machine.home(live.device_time)
+    return live
+
+
+def decode(data):
+    frames = np.frombuffer(data, dtype=STREAM)
+    assert all(crc16(frame.tobytes()[2:-2]) == frame["crc"] for frame in frames)
+    return frames
+
+
+def test_live_samples_are_those_of_the_simulator():
+    live = ready(seed=9)
+    data = b"".join(live.advance(t) for t in np.arange(1, 21) * 0.05)
+    live.machine.move(live.device_time, (0.5, -1.0), (0.7, 0.7), (1.0, 1.0))
+    data += b"".join(live.advance(1.0 + t) for t in np.arange(1, 121) * 0.05)
+    simulator = Simulator(live.truth, np.random.SeedSequence([9, 1]))
+    expected = simulator.run([Dwell(1.0), Move(0.5, -1.0, 0.7, 1.0), Dwell(10.0)], "").counts
+    counts = decode(data)["channels"]
+    silent = round(BOOT_TIME * 200)
+    assert len(counts) == 1400 - silent
+    assert np.array_equal(counts, expected[silent:1400])
+
+
+def test_device_time_gains_by_the_clock_drift():
+    live = bench(clock_drift_ppm=1e4)
+    live.advance(10.0)
+    assert live.device_time == pytest.approx(10.1)
+    assert live.sampled == 2020
+
+
+def test_a_polled_angle_is_some_milliseconds_old():
+    live = ready(latency_s=0.01, jitter_s=0.004, encoder_noise_deg=0.0)
+    live.advance(5.0)
+    live.machine.move(5.0, (10.0, 0.0), (1.0, 1.0), (2.0, 2.0))
+    live.advance(10.0)
+    truth = live.machine.drive.readings(np.array([10.0]))[0, 0]
+    ages = []
+    for _ in range(200):
+        live.registers.refresh()
+        words = live.registers.words[30:32]
+        ages.append(truth - np.deg2rad(1e-5) * (words[0] * 65536 + words[1]))
+    assert min(ages) == pytest.approx(0.006, abs=4e-4)
+    assert max(ages) == pytest.approx(0.014, abs=4e-4)
+
+
+def test_orders_come_at_their_time():
+    live = ready(orders=[Order(order="stall", at=3.0), Order(order="reset_imu", at=2.0)])
+    frames = decode(live.advance(2.9))
+    assert live.machine.fault is Fault.NONE
+    assert np.flatnonzero(np.diff(frames["counter"].astype(int)) < 0).size == 1
+    live.advance(3.1)
+    assert live.machine.fault is Fault.STALL
+
+
+def test_frames_are_dropped_corrupted_and_silenced_to_order():
+    live = bench()
+    start = len(decode(live.advance(1.0)))
+    live.obey(Order(order="drop_frames", value=3))
+    assert list(decode(live.advance(1.1))["counter"][:2]) == [start + 3, start + 4]
+    live.obey(Order(order="corrupt_frames", value=2))
+    raw = np.frombuffer(live.advance(1.2), dtype=STREAM)
+    wrong = [crc16(frame.tobytes()[2:-2]) != frame["crc"] for frame in raw]
+    assert wrong == [True, True] + [False] * 18
+    live.obey(Order(order="silence_imu", value=0.5))
+    assert live.advance(1.6) == b""
+    assert len(decode(live.advance(1.9))) == 60
+
+
+def test_a_unit_out_of_limits_is_drawn_to_order():
+    parameters = bench(out_of_limits=True).truth.parameters
+    assert abs(parameters[0]) > 15.0 * np.deg2rad(1.0) / 3600.0
