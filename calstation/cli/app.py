@@ -27,6 +27,7 @@ JsonOption = Annotated[
 
 @app.command()
 def run(
+    context: typer.Context,
     stages: StagesOption = None,
     station: Annotated[Path | None, typer.Option(help="Station file; default: the virtual bench.")] = None,
     product: Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")] = None,
@@ -40,9 +41,10 @@ def run(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the first motion.")] = False,
 ) -> None:
     """Calibrate the unit on the station: one click without a window."""
-    from calstation.cli.run import run_command
+    from calstation.cli.run import run_command, run_request
 
-    raise typer.Exit(run_command(_stages(stages), station, product, serial, speed, seed, out, json, yes))
+    request = run_request(_stages(stages), station, product, serial, speed, seed, out)
+    raise typer.Exit(run_command(request, json, yes=yes, debug=bool(context.obj)))
 
 
 @app.command()
@@ -99,7 +101,7 @@ def run_app(arguments: list[str]) -> int:
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
     try:
-        code = app(arguments or ["--help"], standalone_mode=False)
+        code = app(arguments or ["--help"], standalone_mode=False, obj=debug)
     except CalstationError as error:
         if debug:
             traceback.print_exc()

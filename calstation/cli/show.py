@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -26,9 +27,11 @@ def result_table(console: Console, result: Mapping[str, Any]) -> None:
     """Show every parameter with sigma, unit, limit and verdict, then the other checks."""
     parameters: Mapping[str, Any] = result["parameters"]
     checks = {check["name"]: check for check in result["checks"]}
-    table = Table(title=f"unit {result['unit']['serial']}", title_justify="left")
-    table.add_column("parameter")
-    for heading in ("value", "sigma", "unit", "limit", "sigma limit"):
+    table = Table(
+        title=f"unit {result['unit']['serial']}", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1)
+    )
+    table.add_column("parameter", no_wrap=True, min_width=19)
+    for heading in ("value", "sigma", "unit", "limit", "≤ sigma"):
         table.add_column(heading, justify="left" if heading == "unit" else "right")
     table.add_column("verdict")
     for name, row in parameters.items():

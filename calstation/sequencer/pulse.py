@@ -40,6 +40,7 @@ class Pulse:
         control: Control,
         emit: Emit,
         service: Callable[[], None],
+        on_show: Callable[[], None],
     ) -> None:
         self._table = table
         self._imu = imu
@@ -48,6 +49,7 @@ class Pulse:
         self._control = control
         self._emit = emit
         self._service = service
+        self._on_show = on_show
         self._fed = self._shown_table = self._shown_samples = -1e9
         self.status: TableStatus = table.status()
         self.flow = Flow(0, 0, False, False, False)
@@ -141,6 +143,7 @@ class Pulse:
             )
         if now - self._shown_samples >= _SHOW_SAMPLES and self._acquisition.recent is not None:
             self._shown_samples = now
+            self._on_show()
             mean, temperature = self._acquisition.recent
             self._emit(
                 SampleStats(

@@ -1,6 +1,6 @@
 """Runs a calibration from preparation to verdict; every way out leaves the table at rest, axes off."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -12,7 +12,7 @@ from calstation.estimation.context import ImuModel
 from calstation.estimation.method import Solution
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.motion import Finish, Move, Prepare, RoundEnd, Step
-from calstation.physics.parameters import GROUPS, INDEX, group_indices
+from calstation.physics.parameters import INDEX
 from calstation.physics.table import TableGeometry
 from calstation.sequencer import states
 from calstation.sequencer.acquisition import Acquisition, StatusMasks, to_si
@@ -23,7 +23,6 @@ from calstation.sequencer.events import (
     Fault,
     Message,
     StageEnded,
-    StageProgress,
     StageSolved,
     StageStarted,
     StateChanged,
@@ -33,6 +32,7 @@ from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.ports import Clock, Emit, Journal, Solving
 from calstation.sequencer.preflight import Preflight, PreflightLimits
 from calstation.sequencer.preview import plan_time, planned, step_time
+from calstation.sequencer.progress import StageTrack
 from calstation.sequencer.pulse import TICK, Pulse
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
@@ -117,6 +117,7 @@ class Sequencer:
         self._conclude = conclude
         self._imu = imu
         self._solutions: list[Solution] = []
+        self._track: StageTrack | None = None
         self._acquisition = Acquisition(
             imu, task.imu, clock, self._take, latency=task.latency, masks=task.masks
         )
@@ -193,6 +194,7 @@ class Sequencer:
             self.control,
             self.emit,
             self._journal.service,
+            self._show_progress,
         )
         self._runner = StepRunner(
             self._table,
@@ -229,6 +231,7 @@ class Sequencer:
             reason, rounds = self._drive(stage, duration)
         finally:
             self._acquisition.stage = ""
+        self._track = None
         self.emit(StageEnded(stage.name, reason, rounds))
         solution = self._solve()
         self._solutions.append(solution)
@@ -237,9 +240,9 @@ class Sequencer:
 
     def _drive(self, stage: StagePlan, duration: float) -> tuple[str, int]:
         begin = self._acquisition.newest or 0.0
-        done = 0.0
         rounds = 0
-        self._progress(stage, 0.0, duration)
+        self._track = StageTrack(stage.name, duration)
+        self._show_progress()
         for step in stage.steps():
             if isinstance(step, RoundEnd):
                 rounds = step.rounds
@@ -251,19 +254,16 @@ class Sequencer:
             elif isinstance(step, Finish):
                 break
             elif not isinstance(step, Prepare):
-                start = self._runner.position()
+                track = self._track
+                track.begin(self._clock.now(), step_time(step, self._runner.position()))
                 self._runner.run(step)
-                done += step_time(step, start)
-                self._progress(stage, done, duration)
+                track.end(self._solving.sigma())
+                self._show_progress()
         return "plan", rounds
 
-    def _progress(self, stage: StagePlan, done: float, duration: float) -> None:
-        sigma = self._solving.sigma() if done else None
-        groups: Mapping[str, float] = (
-            {} if sigma is None else {g: float(np.max(sigma[group_indices(g)])) for g in GROUPS}
-        )
-        fraction = min(done / duration, 1.0) if duration else 1.0
-        self.emit(StageProgress(stage.name, fraction, max(duration - done, 0.0), groups))
+    def _show_progress(self) -> None:
+        if self._track is not None:
+            self.emit(self._track.event(self._clock.now()))
 
     def _solve(self) -> Solution:
         """Solve in a worker so that the table's watchdog is fed and samples are drained meanwhile."""

@@ -1,0 +1,178 @@
+"""`run`: shows a run's events as progress bars and messages, and turns Ctrl-C into a safe stop."""
+
+import getpass
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
+
+from calstation.cli.show import emit_json, result_table
+from calstation.cli.wording import OUTCOMES, STATES, word, word_step
+from calstation.errors import ConfigurationError, StoppedError
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import (
+    Event,
+    Fault,
+    Message,
+    StageProgress,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+    Verdict,
+)
+from calstation.station.config import load_station
+from calstation.station.engine import INTERNAL, Engine
+from calstation.station.request import RunRequest
+from calstation.station.setup import prepare
+
+DEFAULT_SERIAL = "SN-000001"
+"""What the virtual bench's unit answers to where no serial number was given."""
+
+_EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
+
+
+def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
+    """Run a calibration; returns the contract's exit code. Raises ConfigurationError for a wrong request."""
+    prepare(request)
+    _, station = load_station(request.station)
+    if station.bench is None and not yes:
+        question = f"The table of '{station.name}' is going to move. Is everybody clear of it?"
+        if not typer.confirm(question, err=True):
+            raise StoppedError("not confirmed; nothing has moved")
+    console = Console(stderr=True)
+    verdict: Verdict | None = None
+    fault: Fault | None = None
+    with Engine.start(request) as engine, _Display(console) as display:
+        for event in _until_end(engine, console):
+            display.show(event)
+            if isinstance(event, Verdict):
+                verdict = event
+            elif isinstance(event, Fault):
+                fault = event
+    if verdict is not None:
+        _show_verdict(verdict, json)
+    if fault is not None:
+        text = fault.text
+        if fault.kind == INTERNAL and not debug:
+            text = f"internal error: {text.strip().splitlines()[-1]} (--debug shows where)"
+        sys.stderr.write(f"calstation: {text}\n")
+        return fault.exit_code
+    return _EXIT_CODES[verdict.outcome] if verdict is not None else 3
+
+
+def run_request(
+    stages: tuple[str, ...] | None,
+    station: Path | None,
+    product: Path | None,
+    serial: str | None,
+    speed: float | None,
+    seed: int | None,
+    out: Path,
+) -> RunRequest:
+    """The request of a command line. Raises ConfigurationError where the serial number is missing."""
+    path, config = load_station(station)
+    if serial is None:
+        if config.bench is None:
+            raise ConfigurationError(
+                f"--serial is missing; {path} is hardware, give the unit's serial number"
+            )
+        serial = str(config.bench.get("serial", DEFAULT_SERIAL))
+    return RunRequest(serial, station, product, stages, out, _operator(), speed, seed)
+
+
+def _operator() -> str | None:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return None
+
+
+def _until_end(engine: Engine, console: Console) -> Iterator[Event]:
+    """The engine's events; Ctrl-C asks for a safe stop and goes on listening."""
+    while True:
+        try:
+            yield from engine.events()
+            return
+        except KeyboardInterrupt:
+            console.print("Stopping safely.", highlight=False)
+            engine.send(Command.STOP)
+
+
+def _show_verdict(verdict: Verdict, json: str | None) -> None:
+    emit_json(verdict.result, json)
+    console = Console(stderr=json == "-")
+    if json != "-":
+        result_table(console, verdict.result)
+    console.print(f"{verdict.result['unit']['serial']}: {OUTCOMES[verdict.outcome]}", highlight=False)
+    for label, path in (("log", verdict.log), ("result", verdict.result_file)):
+        console.print(f"{label}: {path}", highlight=False, markup=False, soft_wrap=True)
+
+
+class _Display:
+    """A bar per stage with time left and what happens; plain lines without a terminal."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._bars: dict[str, TaskID] = {}
+        self._progress = Progress(
+            TextColumn("{task.fields[place]:>4}  {task.description:<14}"),
+            BarColumn(30),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[left]:<12}"),
+            TextColumn("{task.fields[now]}"),
+            console=console,
+            disable=not console.is_terminal,
+        )
+
+    def __enter__(self) -> "_Display":
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def show(self, event: Event) -> None:
+        """Show one event."""
+        if isinstance(event, StageStarted):
+            place = f"{event.index + 1}/{event.count}"
+            self._bars[event.stage] = self._progress.add_task(
+                event.stage, total=1.0, place=place, left=_left(event.duration), now=""
+            )
+            self._line(f"{place} {event.stage}: {_minutes(event.duration)} of device time")
+        elif isinstance(event, StageProgress):
+            self._update(event.stage, completed=event.fraction, left=_left(event.remaining))
+        elif isinstance(event, StepStarted):
+            self._update(event.stage, now=word_step(event.kind, event.label))
+        elif isinstance(event, StageSolved):
+            sound = "consistent" if event.consistency["passed"] else "NOT consistent"
+            found = f"{len(event.parameters)} parameters, {sound}"
+            self._update(event.stage, completed=1.0, left="done", now=found)
+            self._line(f"{event.stage}: {found}")
+        elif isinstance(event, Message):
+            self._console.print(word(event.id, event.values), highlight=False, markup=False)
+        elif isinstance(event, StateChanged) and event.state in ("pausing", "paused", "stopping"):
+            self._console.print(STATES[event.state], highlight=False)
+
+    def _update(self, stage: str, **fields: object) -> None:
+        if stage in self._bars:
+            self._progress.update(self._bars[stage], **fields)  # type: ignore[arg-type]
+
+    def _line(self, text: str) -> None:
+        if not self._console.is_terminal:
+            self._console.print(text, highlight=False, markup=False)
+
+
+def _left(seconds: float) -> str:
+    return f"{_minutes(seconds)} left"
+
+
+def _minutes(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"
