@@ -44,7 +44,8 @@ class TableDrive:
     ) -> None:
         self._encoder = encoder
         self._random = np.random.default_rng(seed)
-        self.profiles = [JointProfile.rest(angle) for angle in angles]
+        # At rest long before time 0: a table that is switched on is settled.
+        self.profiles = [JointProfile.rest(angle, -1.0) for angle in angles]
         offsets = encoder.stop_sigma * self._random.standard_normal(2)
         # Per joint: start and end of the way the error changes on (rad), and the error there (rad).
         self._course = [(angle, angle, float(e), float(e)) for angle, e in zip(angles, offsets, strict=True)]

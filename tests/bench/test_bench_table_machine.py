@@ -40,7 +40,7 @@ def homed(**changes):
 
 def test_enable_goes_through_ready_and_on():
     table = machine()
-    assert table.statusword(0.0) & 0x6F == 0x60
+    assert table.statusword(0.0) & 0x446F == 0x460
     table.control(0x0F, 0.0, 0.0)
     assert table.power is Power.DISABLED
     for word, shown in ((0x06, 0x21), (0x07, 0x23), (0x0F, 0x27)):
@@ -100,6 +100,14 @@ def test_no_second_move_while_moving():
     table.move(100.0, (1.0, 1.0), RATES, ACCELERATIONS)
     with pytest.raises(NotPermitted):
         table.move(100.5, (0.0, 0.0), RATES, ACCELERATIONS)
+
+
+def test_the_same_move_sent_again_is_no_second_one():
+    table = homed()
+    table.move(100.0, (1.0, 1.0), RATES, ACCELERATIONS)
+    end = table.drive.end
+    table.move(100.5, (1.0, 1.0), RATES, ACCELERATIONS)
+    assert table.drive.end == end
 
 
 def test_halt_and_stop_decelerate_and_stay_enabled_quick_stop_switches_off():

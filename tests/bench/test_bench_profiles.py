@@ -1,0 +1,47 @@
+"""The shipped profiles of the bench's devices say what the bench is."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from calstation.bench.config import BenchConfig
+from calstation.bench.grades import GRADES
+from calstation.bench.imu_unit import MODEL
+from calstation.bench.live import TABLE_MODEL
+from calstation.bench.table_link import BAUD, UNIT
+
+DATA = Path(__file__).resolve().parents[2] / "data"
+
+
+def load(kind, name):
+    return tomllib.loads((DATA / kind / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("grade", list(GRADES))
+def test_an_imu_profile_has_its_grade_s_scale_and_noise(grade):
+    profile, config = load("imus", f"bench_{grade}"), BenchConfig(grade=grade)
+    truth = config.truth().imu
+    assert profile["model"] == MODEL
+    assert profile["stream"]["sample_rate_hz"] == config.sample_rate_hz
+    assert profile["stream"]["output"] == config.output
+    for name in ("gyro_lsb", "accel_lsb"):
+        assert profile["stream"][name] == pytest.approx(getattr(truth, name), rel=1e-12)
+    for name in ("gyro_arw", "accel_vrw", "gyro_bias_instability", "accel_bias_instability"):
+        assert profile["noise"][name] == pytest.approx(getattr(truth, name), rel=1e-6)
+
+
+def test_the_table_profile_has_the_bench_s_limits_and_errors():
+    profile, config = load("tables", "bench"), BenchConfig()
+    assert profile["model"] == TABLE_MODEL
+    for joint, name in enumerate(("outer", "inner")):
+        assert profile[name]["low_deg"] == config.low_deg[joint]
+        assert profile[name]["high_deg"] == config.high_deg[joint]
+        assert profile[name]["max_rate_dps"] <= config.rate_deg_s
+        assert profile[name]["max_acceleration_dps2"] <= config.acceleration_deg_s2
+    accuracy = profile["accuracy"]
+    assert accuracy["encoder_sigma_deg"] == config.encoder_sigma_deg
+    assert accuracy["velocity_sigma"] == config.velocity_sigma
+    assert accuracy["poll_latency_s"] == config.latency_s
+    assert accuracy["poll_jitter_s"] == config.jitter_s
+    assert (profile["modbus"]["unit"], profile["modbus"]["serial"]["baud"]) == (UNIT, BAUD)
