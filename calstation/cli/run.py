@@ -1,10 +1,12 @@
 """`run`: shows a run's events as progress bars and messages, and turns Ctrl-C into a safe stop."""
 
 import getpass
+import signal
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 
 import typer
 from rich.console import Console
@@ -47,8 +49,8 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     console = Console(stderr=True)
     verdict: Verdict | None = None
     fault: Fault | None = None
-    with Engine.start(request) as engine, _Display(console) as display:
-        for event in _until_end(engine, console):
+    with Engine.start(request) as engine, _interrupt_stops(engine), _Display(console) as display:
+        for event in engine.events():
             display.show(event)
             if isinstance(event, Verdict):
                 verdict = event
@@ -92,15 +94,18 @@ def _operator() -> str | None:
         return None
 
 
-def _until_end(engine: Engine, console: Console) -> Iterator[Event]:
-    """The engine's events; Ctrl-C asks for a safe stop and goes on listening."""
-    while True:
-        try:
-            yield from engine.events()
-            return
-        except KeyboardInterrupt:
-            console.print("Stopping safely.", highlight=False)
-            engine.send(Command.STOP)
+@contextmanager
+def _interrupt_stops(engine: Engine) -> Iterator[None]:
+    """Ctrl-C, however often, asks the engine for a safe stop; the listener goes on listening."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        engine.send(Command.STOP)
+
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _show_verdict(verdict: Verdict, json: str | None) -> None:
@@ -158,7 +163,7 @@ class _Display:
         elif isinstance(event, Message):
             self._console.print(word(event.id, event.values), highlight=False, markup=False)
         elif isinstance(event, StateChanged) and event.state in ("pausing", "paused", "stopping"):
-            self._console.print(STATES[event.state], highlight=False)
+            self._console.print(STATES[event.state].capitalize() + ".", highlight=False)
 
     def _update(self, stage: str, **fields: object) -> None:
         if stage in self._bars:

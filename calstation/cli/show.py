@@ -48,7 +48,8 @@ def result_table(console: Console, result: Mapping[str, Any]) -> None:
             "" if below is None else f"{display(name, below['limit'])[0]:.3g}",
             _verdict(name in result["unobservable"], [c for c in (within, below) if c is not None]),
         )
-    console.print(table)
+    if parameters:
+        console.print(table)
     for check in checks.values():
         verdict = "ok" if check["passed"] else "OUTSIDE"
         console.print(

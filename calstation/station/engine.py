@@ -3,6 +3,7 @@
 import multiprocessing
 import signal
 import threading
+import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +16,9 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, from_json
 from calstation.station.request import RunRequest
+
+_SLICE = 0.2
+"""Longest uninterruptible wait for a message, s."""
 
 INTERNAL = "internal"
 """Kind of a `Fault` that is a mistake of the program; its text is the traceback."""
@@ -45,7 +49,7 @@ class Engine:
         """
         while True:
             try:
-                if not self._connection.poll(timeout):
+                if not self._wait(timeout):
                     return
                 yield from_json(self._connection.recv())
             except (EOFError, OSError):
@@ -56,6 +60,14 @@ class Engine:
                 f"engine: its process ended unexpectedly (exit code {self.process.exitcode}); "
                 "the table's watchdog stops the table; look at the table, then start again"
             )
+
+    def _wait(self, timeout: float | None) -> bool:
+        """Wait for a message in slices, so that Ctrl-C is heard on every system."""
+        deadline = None if timeout is None else time.monotonic() + timeout
+        while not self._connection.poll(_SLICE):
+            if deadline is not None and time.monotonic() > deadline:
+                return False
+        return True
 
     def send(self, command: Command) -> None:
         """Ask for something; an engine that has ended does not mind."""

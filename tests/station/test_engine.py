@@ -1,0 +1,79 @@
+"""The engine's process: told from outside, killed from outside, left alone."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import DeviceFaultError
+from calstation.records.log import open_log
+from calstation.records.raw_log import find_incomplete
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import StageStarted, StateChanged, StepStarted, Verdict
+from calstation.station.engine import Engine
+from tests.station.conftest import Place
+
+
+def test_events_come_and_commands_go(place: Place) -> None:
+    with Engine.start(place.request("rate")) as engine:
+        for event in engine.events():
+            if isinstance(event, StepStarted) and event.stage:
+                engine.send(Command.STOP)
+    assert isinstance(event, Verdict)
+    assert event.outcome == "stopped"
+    assert engine.process.exitcode == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(place: Place) -> None:
+    with Engine.start(place.request("rate")) as engine:
+        with pytest.raises(DeviceFaultError, match="ended unexpectedly"):
+            for event in engine.events():
+                if isinstance(event, StepStarted) and event.step == 7:
+                    assert engine.process.pid is not None
+                    os.kill(engine.process.pid, signal.SIGKILL)
+    (path,) = find_incomplete(place.folder / "runs")
+    log = open_log(path)
+    assert log.outcome is None
+    samples = sum(len(block) for block in log.blocks())
+    assert samples > 200
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_the_listeners_death_is_a_safe_stop(place: Place) -> None:
+    script = (
+        "from pathlib import Path\n"
+        "from calstation.station.engine import Engine\n"
+        "from calstation.station.request import RunRequest\n"
+        "if __name__ == '__main__':\n"
+        f"    request = RunRequest('SN-000042', Path({str(place.station)!r}), Path({str(place.product)!r}),\n"
+        f"        ('rate',), Path({str(place.folder / 'runs')!r}), speed=20.0)\n"
+        "    for event in Engine.start(request).events():\n"
+        "        print(type(event).__name__, flush=True)\n"
+    )
+    file = place.folder / "listener.py"
+    file.write_text(script, encoding="utf-8")
+    listener = subprocess.Popen([sys.executable, str(file)], stdout=subprocess.PIPE, text=True)
+    assert listener.stdout is not None
+    for line in listener.stdout:
+        if line.strip() == StageStarted.__name__:
+            break
+    listener.kill()
+    listener.wait()
+    listener.stdout.close()
+    deadline = time.monotonic() + 20.0
+    results: list[Path] = []
+    while not results and time.monotonic() < deadline:
+        time.sleep(0.1)
+        results = [p for p in (place.folder / "runs").glob("*.json") if p.stat().st_size]
+    (result,) = results
+    time.sleep(0.2)
+    assert json.loads(result.read_text(encoding="utf-8"))["outcome"] == "stopped"
+    log = open_log(result.with_suffix(".h5"))
+    states = [event["state"] for event in log.events if event["event"] == StateChanged.__name__]
+    assert states[-2:] == ["stopping", "stopped"]
