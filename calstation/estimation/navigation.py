@@ -19,13 +19,21 @@ from filterpy.kalman import KalmanFilter
 from calstation.estimation.alignment import Start
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.noise import filter_noise
+from calstation.estimation.reference import smoothed_reference
 from calstation.estimation.stage_data import StageData
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import normal_gravity, rotation_rate
 from calstation.physics.imu_model import Compensation, compensation
 from calstation.physics.parameters import group_indices
 from calstation.physics.rotation import rotation_matrix, rotation_vector
-from calstation.physics.strapdown import PARAMETER_START, STATES, IntervalWork, interval_work, propagate
+from calstation.physics.strapdown import (
+    PARAMETER_START,
+    STATES,
+    IntervalWork,
+    interval_work,
+    propagate,
+    write_navigation_block,
+)
 
 POSITION_SIGMA = 1e-3
 """Start of δp, m: the table holds the unit; no observation depends on it."""
@@ -53,17 +61,17 @@ class NavigationFilter:
     context : site, IMU and table
     prior : of the parameters
     point : parameter values to linearise about, SI, shape (30,)
-    closed_loop : feed attitude and velocity errors back at every observation, as a first pass and a live display
-        must. Without it the pass linearises about one unbroken trajectory, which a later pass can, because its
-        start and parameters are the last pass's answer. It must, too: transitions along a reference that
-        jumps with every observation disagree by the size of the jumps about which direction is still
-        unknown, and a bias and a tilt that only their sum betrays would seem to be known apart
-        (Huang, Mourikis, Roumeliotis, *Observability-based rules for consistent EKF SLAM*, IJRR 29(5), 2010).
+
+    Notes
+    -----
+    The first pass and the live display close the loop: what the observations say of attitude and velocity is fed
+    back at once. A later pass follows a smoothed `Reference` instead. It must: transitions along a reference that
+    jumps with every observation disagree by the size of the jumps about which direction is still unknown, and a
+    bias and a tilt that only their sum betrays would seem to be known apart (Huang, Mourikis, Roumeliotis,
+    *Observability-based rules for designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
     """
 
-    def __init__(
-        self, context: SolveContext, prior: Belief, point: FloatArray, closed_loop: bool = True
-    ) -> None:
+    def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
         site = context.site
         self.noise = filter_noise(context)
         self.earth = rotation_rate(site.latitude)
@@ -74,6 +82,7 @@ class NavigationFilter:
         self.constants = compensation(point)
         self.work = interval_work()
         self.history = History()
+        self._arm_velocity = np.zeros(3)
         kf = KalmanFilter(dim_x=STATES, dim_z=3)
         kf.x = np.zeros(STATES)
         kf.x[PARAMETER_START:] = prior.mean - point
@@ -88,7 +97,6 @@ class NavigationFilter:
         kf.Q[parameters, parameters] = self.noise.parameter_walk * interval
         self.kf = kf
         self._offset = kf.x.copy()
-        self._closed_loop = closed_loop
         lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
         self.observation_variance = self.noise.velocity + lever * self.noise.end_rate
 
@@ -117,28 +125,54 @@ class NavigationFilter:
         propagate(
             self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start.begin, start.begin, self.work
         )
-        self._observe()
+        self.kf.update(self._measure(), R=self.observation_variance)
 
-    def interval(self, data: StageData, start: int, stop: int) -> None:
-        """One observation interval: strapdown over samples start to stop, predict, observe, feed back."""
+    def interval(
+        self, data: StageData, start: int, stop: int, follow: tuple[FloatArray, FloatArray] | None = None
+    ) -> None:
+        """One observation interval: strapdown over samples start to stop, predict, observe, feed back.
+
+        follow : attitude and velocity of the reference at `stop`, None to close the loop instead
+
+        What φ does to velocity is written with the force that reference and lever arm demand, gravity and the
+        change of the arm's velocity, not with the one measured: the measured one shakes with the base, and a
+        regressor that shakes as much as the observation would seem to tell the azimuth to 1/√(2N) rad.
+        """
         kf, work = self.kf, self.work
         propagate(self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start, stop, work)
         _process_noise(work.force, self.noise.rate, self.noise.force, (stop - start) * self.dt, kf.Q)
+        shift = self._go_over(*follow) if follow is not None else None
+        before, z = self._arm_velocity, self._measure()
+        T = (stop - start) * self.dt
+        force_sum = self._arm_velocity - before
+        force_sum[2] += self.gravity * T
+        write_navigation_block(work.transition, self.earth, force_sum, 0.5 * T * force_sum, T)
         kf.predict()
-        self._observe()
+        if shift is not None:
+            kf.x[:6] -= shift
+        kf.update(z, R=self.observation_variance)
         history = self.history
         history.index.append(stop)
         history.attitude.append(work.attitude.copy())
         history.rate.append(work.rate.copy())
         history.innovation.append(kf.y.copy())
         history.nis.append(float(kf.y @ kf.SI @ kf.y))
-
-    def _observe(self) -> None:
-        kf, z = self.kf, np.empty(3)
-        _observation(self.work, self.earth, self.constants, z, kf.H)
-        kf.update(z, R=self.observation_variance)
-        if self._closed_loop:
+        if follow is None:
             self._feed_back()
+
+    def _measure(self) -> FloatArray:
+        """The observation at the reference, its Jacobian into the filter, the arm's velocity kept."""
+        z = np.empty(3)
+        self._arm_velocity = _observation(self.work, self.earth, self.constants, z, self.kf.H)
+        return z
+
+    def _go_over(self, attitude: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Go over to another reference; how much less the errors φ, δv become, shape (6,)."""
+        work = self.work
+        shift = np.concatenate([rotation_vector(attitude @ work.attitude.T), velocity - work.velocity])
+        work.attitude[:] = attitude
+        work.velocity[:] = velocity
+        return shift
 
     def _feed_back(self) -> None:
         """Close the loop on what the observations said, not on where the prior's mean lies.
@@ -160,11 +194,23 @@ class NavigationFilter:
         """Best attitude C_bn now, shape (3, 3)."""
         return np.asarray(rotation_matrix(self.kf.x[:3]) @ self.work.attitude)
 
-    def run(self, data: StageData, start: Start, attitude: FloatArray) -> None:
-        """The whole of a segment, in intervals of the stride; the rest shorter than one is left."""
+    def run(self, data: StageData, start: Start, attitude: FloatArray, smooth: bool) -> None:
+        """The whole of a segment, in intervals of the stride; the rest shorter than one is left.
+
+        smooth : follow a smoothed reference from `attitude`, rather than close the loop
+        """
+        span = (start.begin, start.end, self.stride)
+        reference = None
+        if smooth:
+            reference = smoothed_reference(
+                self.constants, self.earth, self.gravity, self.noise, data, span, attitude,
+                float(start.prior_sigma[0]),
+            )  # fmt: skip
+            attitude = reference.attitude[0]
         self.begin(data, start, attitude)
-        for k in range(start.begin, start.end - self.stride + 1, self.stride):
-            self.interval(data, k, k + self.stride)
+        for number, k in enumerate(range(start.begin, start.end - self.stride + 1, self.stride), 1):
+            follow = reference and (reference.attitude[number], reference.velocity[number])
+            self.interval(data, k, k + self.stride, follow)
 
 
 @nb.njit(cache=True)
@@ -192,8 +238,8 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
 @nb.njit(cache=True)
 def _observation(
     work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray
-) -> None:
-    """z = C(ω_nb × r) − v and its Jacobian: φ: [C(ω_nb×r)×], δv: I, gyro: C [r×] ∂ω, r: −C [ω_nb×]."""
+) -> FloatArray:
+    """Arm velocity u = C(ω_nb × r), returned; z = u − v and its Jacobian: φ: [C(ω_nb×r)×], δv: I, gyro: C [r×] ∂ω, r: −C [ω_nb×]."""
     C, r = work.attitude, c.outer_lever
     w = np.empty(3)
     for i in range(3):
@@ -218,3 +264,4 @@ def _observation(
             H[i, 9 + p] = s
     H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
     H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
+    return u

@@ -1,8 +1,8 @@
 """MAP by relinearisation: passes of the navigation filter over a stored stage until the point settles.
 
 Every pass has the same prior; only the point it linearises about moves: the parameters to the last pass's
-posterior, each start attitude to the one that, turned by the measured rotation, ends where the pass ended
-(Gauss-Newton on the stage; Bell, *The iterated Kalman smoother as a Gauss-Newton method*, SIAM J. Optim. 4, 1994).
+posterior, each start attitude to the one that, turned by the measured rotation, ends where the pass ended, and the
+trajectory from there to the smoothed one (see `reference`).
 """
 
 from dataclasses import dataclass, replace
@@ -79,7 +79,7 @@ def solve_navigation(
     attitudes = [s.attitude for s in found]
     point = prior.mean
     for passes in range(1, MOST_PASSES + 1):
-        run, ends = _pass(data, context, prior, point, found, attitudes, passes == 1)
+        run, ends = _pass(data, context, prior, point, found, attitudes, passes > 1)
         belief = run.belief
         settled_at = np.where(estimated, belief.mean, prior.mean)
         sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
@@ -98,12 +98,12 @@ def _pass(
     point: FloatArray,
     found: list[Start],
     attitudes: list[FloatArray],
-    closed_loop: bool,
+    smooth: bool,
 ) -> tuple[NavigationFilter, list[FloatArray]]:
-    run = NavigationFilter(context, prior, point, closed_loop)
+    run = NavigationFilter(context, prior, point)
     ends = []
     for start, attitude in zip(found, attitudes, strict=True):
-        run.run(data, start, attitude)
+        run.run(data, start, attitude, smooth)
         ends.append(run.attitude)
     return run, ends
 
@@ -129,6 +129,6 @@ def _best_azimuth(
     for k in range(AZIMUTHS_TRIED):
         turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
         turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
-        run, _ = _pass(data, context, prior, prior.mean, turned, [s.attitude for s in turned], True)
+        run, _ = _pass(data, context, prior, prior.mean, turned, [s.attitude for s in turned], False)
         candidates.append((sum(run.history.nis), k, turned))
     return min(candidates, key=lambda c: c[:2])[2]

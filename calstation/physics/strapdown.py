@@ -282,13 +282,17 @@ def propagate(
             F[3 + i, 9 + p] = psi_v[i, p]
             F[6 + i, 9 + p] = psi_p[i, p]
         F[6 + i, 3 + i] = T
-    _write_navigation_block(F, earth, force_sum, force_moment, T)
+    write_navigation_block(F, earth, force_sum, force_moment, T)
 
 
 @nb.njit(cache=True)
-def _write_navigation_block(
+def write_navigation_block(
     F: FloatArray, earth: FloatArray, force_sum: FloatArray, force_moment: FloatArray, T: float
 ) -> None:
+    """The φ and δv columns of a transition over T s, to first order in Ω T.
+
+    force_sum, force_moment : ∫f dt and ∬f dt² in n, m/s and m, shape (3,)
+    """
     for r, scale in ((0, 1.0), (3, 2.0)):
         F[r, r + 1] = scale * earth[2] * T
         F[r, r + 2] = -scale * earth[1] * T
