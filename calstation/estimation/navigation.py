@@ -90,7 +90,7 @@ class NavigationFilter:
         kf.P[PARAMETER_START:, PARAMETER_START:] = prior.covariance
         kf.F = self.work.transition
         kf.H = np.zeros((3, STATES))
-        kf.R = np.eye(3)
+        kf.inv = _inverse
         kf.Q = np.zeros((STATES, STATES))
         interval = self.stride * self.dt
         parameters = np.arange(PARAMETER_START, STATES)
@@ -98,7 +98,7 @@ class NavigationFilter:
         self.kf = kf
         self._offset = kf.x.copy()
         lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
-        self.observation_variance = self.noise.velocity + lever * self.noise.end_rate
+        kf.R = np.eye(3) * (self.noise.velocity + lever * self.noise.end_rate)
 
     @property
     def belief(self) -> Belief:
@@ -125,7 +125,7 @@ class NavigationFilter:
         propagate(
             self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start.begin, start.begin, self.work
         )
-        self.kf.update(self._measure(), R=self.observation_variance)
+        self.kf.update(self._measure(), self.kf.R, self.kf.H)
 
     def interval(
         self, data: StageData, start: int, stop: int, follow: tuple[FloatArray, FloatArray] | None = None
@@ -150,7 +150,7 @@ class NavigationFilter:
         kf.predict()
         if shift is not None:
             kf.x[:6] -= shift
-        kf.update(z, R=self.observation_variance)
+        kf.update(z, kf.R, kf.H)
         history = self.history
         history.index.append(stop)
         history.attitude.append(work.attitude.copy())
@@ -211,6 +211,17 @@ class NavigationFilter:
         for number, k in enumerate(range(start.begin, start.end - self.stride + 1, self.stride), 1):
             follow = reference and (reference.attitude[number], reference.velocity[number])
             self.interval(data, k, k + self.stride, follow)
+
+
+@nb.njit(cache=True)
+def _inverse(S: FloatArray) -> FloatArray:
+    """Inverse of a 3×3 matrix by its adjugate."""
+    A = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            A[i, j] = S[a, c] * S[b, d] - S[a, d] * S[b, c]
+    return A / (S[0, 0] * A[0, 0] + S[0, 1] * A[1, 0] + S[0, 2] * A[2, 0])
 
 
 @nb.njit(cache=True)

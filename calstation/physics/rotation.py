@@ -1,5 +1,6 @@
 """Small rotation algebra: cross-product matrices, rotation vectors, directions."""
 
+import numba as nb
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
@@ -11,31 +12,48 @@ def skew(v: FloatArray) -> FloatArray:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+@nb.njit(cache=True)
 def rotation_matrix(rotvec: FloatArray) -> FloatArray:
     """Rotation by a rotation vector (rad), shape (3, 3); Rodrigues' formula."""
-    angle = float(np.linalg.norm(rotvec))
-    K = skew(rotvec)
-    if angle < 1e-8:
-        return np.eye(3) + K + 0.5 * K @ K
-    return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * (K @ K)
+    x, y, z = rotvec[0], rotvec[1], rotvec[2]
+    angle2 = x * x + y * y + z * z
+    if angle2 < 1e-12:
+        a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+    else:
+        angle = np.sqrt(angle2)
+        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
+    C = np.empty((3, 3))
+    C[0, 0] = 1.0 - b * (y * y + z * z)
+    C[1, 1] = 1.0 - b * (x * x + z * z)
+    C[2, 2] = 1.0 - b * (x * x + y * y)
+    C[0, 1], C[1, 0] = b * x * y - a * z, b * x * y + a * z
+    C[0, 2], C[2, 0] = b * x * z + a * y, b * x * z - a * y
+    C[1, 2], C[2, 1] = b * y * z - a * x, b * y * z + a * x
+    return C
 
 
 def axis_rotation(axis: FloatArray | tuple[float, float, float], angle: float) -> FloatArray:
     """Right-handed rotation by `angle` (rad) about a unit `axis`, shape (3, 3)."""
-    return rotation_matrix(np.asarray(axis, dtype=np.float64) * angle)
+    return np.asarray(rotation_matrix(np.asarray(axis, dtype=np.float64) * angle))
 
 
+@nb.njit(cache=True)
 def rotation_vector(C: FloatArray) -> FloatArray:
-    """Rotation vector (rad) of a rotation matrix, shape (3,), for angles below π."""
+    """Rotation vector (rad) of a rotation matrix, shape (3,), for angles up to π."""
     v = np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])
-    sine, cosine = 0.5 * float(np.linalg.norm(v)), 0.5 * (float(np.trace(C)) - 1.0)
+    sine = 0.5 * np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+    cosine = 0.5 * (C[0, 0] + C[1, 1] + C[2, 2] - 1.0)
     if sine < 1e-9:
         if cosine > 0.0:
             return 0.5 * v
-        column = int(np.argmax(np.diag(C)))
-        axis = (C + np.eye(3))[:, column]
-        return np.asarray(np.pi * axis / np.linalg.norm(axis))
-    return np.asarray(v * (np.arctan2(sine, cosine) / (2.0 * sine)))
+        k = 0
+        for i in range(1, 3):
+            if C[i, i] > C[k, k]:
+                k = i
+        axis = C[:, k].copy()
+        axis[k] += 1.0
+        return axis * (np.pi / np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2))
+    return v * (np.arctan2(sine, cosine) / (2.0 * sine))
 
 
 def angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
