@@ -5,6 +5,7 @@ bias. The axis of turn is not taken for the gyro's: mount, table axes and misali
 and so is every encoder reading at rest.
 """
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -126,7 +127,7 @@ def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[l
     found, assumed, rest_count = [], False, 0
     for segment in data.segments:
         still = rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max()))
-        for number, ((a0, a1), (b0, b1)) in enumerate(zip(still[:-1], still[1:], strict=True)):
+        for number, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(still)):
             start, stop = (a0 + a1) // 2, (b0 + b1) // 2
             duration = (stop - start) * data.dt
             total = data.gyro[start:stop].sum(axis=0) * data.dt
@@ -185,7 +186,12 @@ def _solve(
     # nuisances: mount (3), azimuth (1), direction of the outer and the inner axis (3 + 3), encoders at each rest (2)
     azimuth_sigma = table.azimuth_sigma if site.azimuth is not None and not assumed else FREE_AZIMUTH
     sigma = np.concatenate(
-        [[table.mount_sigma] * 3, [azimuth_sigma], [AXIS_SIGMA] * 6, [table.encoder_sigma] * (2 * len(places))]
+        [
+            [table.mount_sigma] * 3,
+            [azimuth_sigma],
+            [AXIS_SIGMA] * 6,
+            [table.encoder_sigma] * (2 * len(places)),
+        ]
     )
 
     def model(parameters: FloatArray, nuisance: FloatArray) -> FloatArray:
@@ -206,7 +212,9 @@ def _solve(
         return np.concatenate(predicted)
 
     observed = np.concatenate([t.total for t in turns])
-    variance = np.repeat([noise.rate * t.duration + noise.parameter_walk[0] * t.duration**3 / 3 for t in turns], 3)
+    variance = np.repeat(
+        [noise.rate * t.duration + noise.parameter_walk[0] * t.duration**3 / 3 for t in turns], 3
+    )
     mask = np.array([name in ESTIMATED for name in NAMES])
     result = gauss_newton(model, observed, variance, prior, np.zeros(len(sigma)), sigma, mask)
     residual = result.residual.reshape(-1, 3)

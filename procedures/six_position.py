@@ -127,9 +127,7 @@ def _require_faces(positions: list[Position], prior: Belief) -> None:
         )
 
 
-def _solve(
-    data: StageData, positions: list[Position], context: SolveContext, prior: Belief
-) -> Solution:
+def _solve(data: StageData, positions: list[Position], context: SolveContext, prior: Belief) -> Solution:
     site, table = context.site, context.table
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
     geometry = TableGeometry(table.outer_axis, table.inner_axis)
@@ -162,7 +160,9 @@ def _solve(
         return np.concatenate(predicted)
 
     mask = np.array([name in ESTIMATED for name in NAMES])
-    result = gauss_newton(model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask)
+    result = gauss_newton(
+        model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask
+    )
     residual = result.residual.reshape(-1, 3)
     return Solution(
         stage="six_position",

@@ -53,14 +53,14 @@ def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start
         sigma = float(belief.sigma[bias].max())
         for a, b in rests(data, segment, context.imu, belief.mean[bias], sigma):
             if (b - a) * data.dt >= SHORTEST_REST:
-                found.append(_align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, belief))
+                found.append(
+                    _align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, belief)
+                )
                 break
     return found
 
 
-def _align(
-    data: StageData, a: int, b: int, end: int, context: SolveContext, belief: Belief
-) -> Start:
+def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, belief: Belief) -> Start:
     omega, force = compensate(compensation(belief.mean), data.gyro[a:b], data.accel[a:b])
     rate_b, up_b = omega.mean(axis=0), force.mean(axis=0)
     table, site = context.table, context.site
@@ -68,7 +68,9 @@ def _align(
     tilt = np.sqrt(table.mount_sigma**2 + table.base_tilt_sigma**2 + table.encoder_sigma**2)
     if angles is None:
         attitude, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
-        return Start(a, end, attitude, np.array([FREE_TILT_SIGMA] * 2 + [FREE_AZIMUTH_SIGMA]), attitude, sigma)
+        return Start(
+            a, end, attitude, np.array([FREE_TILT_SIGMA] * 2 + [FREE_AZIMUTH_SIGMA]), attitude, sigma
+        )
     geometry = TableGeometry(table.outer_axis, table.inner_axis)
     if site.azimuth is None:
         _, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)

@@ -85,7 +85,9 @@ def _jacobian(
     columns = []
     for i, h in enumerate(scale):
         if h == 0.0:
-            columns.append(np.zeros_like(columns[0]) if columns else model(point[:COUNT], point[COUNT:]) * 0.0)
+            columns.append(
+                np.zeros_like(columns[0]) if columns else model(point[:COUNT], point[COUNT:]) * 0.0
+            )
             continue
         high, low = point.copy(), point.copy()
         high[i] += h

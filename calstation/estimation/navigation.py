@@ -10,6 +10,7 @@ P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigatio
 P. G. Savage, *Strapdown Analytics*, 2nd ed., ch. 15 (closed-loop error resets).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numba as nb
@@ -77,7 +78,7 @@ class NavigationFilter:
         self.earth = rotation_rate(site.latitude)
         self.gravity = site.gravity or normal_gravity(site.latitude, site.height)
         self.dt = 1.0 / context.imu.sample_rate
-        self.stride = max(int(round(self.noise.interval / self.dt)), 1)
+        self.stride = max(round(self.noise.interval / self.dt), 1)
         self.point = point
         self.constants = compensation(point)
         self.work = interval_work()
@@ -123,7 +124,15 @@ class NavigationFilter:
         self.work.attitude[:] = attitude
         self.work.velocity[:] = 0.0
         propagate(
-            self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start.begin, start.begin, self.work
+            self.constants,
+            self.earth,
+            self.gravity,
+            self.dt,
+            data.gyro,
+            data.accel,
+            start.begin,
+            start.begin,
+            self.work,
         )
         self.kf.update(self._measure(), self.kf.R, self.kf.H)
 
@@ -194,10 +203,18 @@ class NavigationFilter:
         """Best attitude C_bn now, shape (3, 3)."""
         return np.asarray(rotation_matrix(self.kf.x[:3]) @ self.work.attitude)
 
-    def run(self, data: StageData, start: Start, attitude: FloatArray, smooth: bool) -> None:
+    def run(
+        self,
+        data: StageData,
+        start: Start,
+        attitude: FloatArray,
+        smooth: bool,
+        watch: Callable[["NavigationFilter"], None] | None = None,
+    ) -> None:
         """The whole of a segment, in intervals of the stride; the rest shorter than one is left.
 
         smooth : follow a smoothed reference from `attitude`, rather than close the loop
+        watch : called after the start and after every observation
         """
         span = (start.begin, start.end, self.stride)
         reference = None
@@ -210,7 +227,11 @@ class NavigationFilter:
         self.begin(data, start, attitude)
         for number, k in enumerate(range(start.begin, start.end - self.stride + 1, self.stride), 1):
             follow = reference and (reference.attitude[number], reference.velocity[number])
+            if watch is not None:
+                watch(self)
             self.interval(data, k, k + self.stride, follow)
+        if watch is not None:
+            watch(self)
 
 
 @nb.njit(cache=True)
@@ -250,7 +271,10 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
 def _observation(
     work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray
 ) -> FloatArray:
-    """Arm velocity u = C(ω_nb × r), returned; z = u − v and its Jacobian: φ: [C(ω_nb×r)×], δv: I, gyro: C [r×] ∂ω, r: −C [ω_nb×]."""
+    """Arm velocity u = C(ω_nb × r), returned; z = u − v, and its Jacobian H.
+
+    H of φ: [u×], δv: I, gyro parameters: C [r×] ∂ω, outer lever: −C [ω_nb×].
+    """
     C, r = work.attitude, c.outer_lever
     w = np.empty(3)
     for i in range(3):
@@ -266,7 +290,11 @@ def _observation(
         H[i, 37] = -(C[i, 2] * w[0] - C[i, 0] * w[2])
         H[i, 38] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
         lever = np.array(
-            [C[i, 1] * r[2] - C[i, 2] * r[1], C[i, 2] * r[0] - C[i, 0] * r[2], C[i, 0] * r[1] - C[i, 1] * r[0]]
+            [
+                C[i, 1] * r[2] - C[i, 2] * r[1],
+                C[i, 2] * r[0] - C[i, 0] * r[2],
+                C[i, 0] * r[1] - C[i, 1] * r[0],
+            ]
         )
         for p in range(12):
             s = 0.0

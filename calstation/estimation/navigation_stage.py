@@ -57,9 +57,7 @@ class LiveFilter:
 class NavigationStage:
     """A `StageSolver` over the 39-state filter; parameters outside `estimated` are consider states."""
 
-    def __init__(
-        self, stage: str, context: SolveContext, prior: Belief, estimated: tuple[str, ...]
-    ) -> None:
+    def __init__(self, stage: str, context: SolveContext, prior: Belief, estimated: tuple[str, ...]) -> None:
         self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
         self._blocks: list[SampleBlock] = []
         self._live = LiveFilter(context, prior)

@@ -23,7 +23,11 @@ from calstation.physics.rotation import skew
 from calstation.physics.strapdown import STATES, dynamics
 
 STATE_NAMES = (
-    *(f"{s}_{a}" for s in ("attitude_error", "velocity_error", "position_error") for a in ("east", "north", "up")),
+    *(
+        f"{s}_{a}"
+        for s in ("attitude_error", "velocity_error", "position_error")
+        for a in ("east", "north", "up")
+    ),
     *NAMES,
 )
 LARGEST_TURN = np.deg2rad(5.0)
@@ -64,7 +68,10 @@ def pwcs(
     each step.
     """
     noise = filter_noise(context)
-    tilt, azimuth = context.table.mount_sigma, np.hypot(context.table.mount_sigma, context.table.azimuth_sigma)
+    tilt, azimuth = (
+        context.table.mount_sigma,
+        np.hypot(context.table.mount_sigma, context.table.azimuth_sigma),
+    )
     velocity = np.sqrt(noise.velocity)
     scale = np.array([tilt, tilt, azimuth, *[velocity] * 3, *[POSITION_SIGMA] * 3, *prior.sigma])
     index = np.asarray(history.index)
@@ -94,7 +101,9 @@ def pwcs(
         last_step = steps[a]
         middle = (a + b) // 2
         T = float(index[b - 1] - index[a - 1] if a else index[b - 1] - index[0] + 1) * data.dt
-        rows = _piece_rows(context, point, history.attitude[middle], history.rate[middle], max(T, noise.interval))
+        rows = _piece_rows(
+            context, point, history.attitude[middle], history.rate[middle], max(T, noise.interval)
+        )
         R = np.linalg.qr(np.vstack([R, rows * scale * (np.sqrt(b - a) / velocity)]), mode="r")
         count += 1
     states = {}

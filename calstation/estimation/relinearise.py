@@ -121,9 +121,7 @@ def _carry_back(
     return carried
 
 
-def _best_azimuth(
-    data: StageData, context: SolveContext, prior: Belief, found: list[Start]
-) -> list[Start]:
+def _best_azimuth(data: StageData, context: SolveContext, prior: Belief, found: list[Start]) -> list[Start]:
     """Among headings all round, the one whose first pass explains the data best."""
     candidates = []
     for k in range(AZIMUTHS_TRIED):

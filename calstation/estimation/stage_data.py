@@ -1,5 +1,6 @@
 """A stage's samples as contiguous arrays: raw rates, encoder angles, the segments between gaps, rests."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,7 +62,7 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         accel=np.ascontiguousarray(counts[:, 3:]) * (imu.accel_lsb * per_count),
         angles=_joined([b.angles for b in blocks], np.float64, 2)[valid],
         step=_joined([b.step for b in blocks], np.int64)[valid],
-        segments=tuple((int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b > a),
+        segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
         gaps=int(np.count_nonzero(broken)),
     )
 
@@ -88,7 +89,7 @@ def rests(
     by more than noise and 0.02 °/s, so a table still creeping does not count as resting.
     """
     start, stop = segment
-    width = max(int(round(REST_WINDOW / data.dt)), 2)
+    width = max(round(REST_WINDOW / data.dt), 2)
     if stop - start < width:
         return []
     mean = _window_mean(data.gyro[start:stop] - gyro_bias, width)
@@ -96,7 +97,7 @@ def rests(
         1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
     )
     quiet = np.abs(mean).max(axis=1) < 3.0 * bias_sigma + 5.0 * noise + np.deg2rad(0.1)
-    margin = int(round(REST_MARGIN / data.dt))
+    margin = round(REST_MARGIN / data.dt)
     found = []
     for first, last in _runs(quiet):
         middle = np.median(mean[first:last], axis=0)

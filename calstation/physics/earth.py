@@ -33,9 +33,7 @@ def normal_gravity(latitude: float, height: float) -> float:
     e2 = f * (2.0 - f)
     surface = EQUATOR_GRAVITY * (1.0 + k * sin2) / np.sqrt(1.0 - e2 * sin2)
     m = RATE**2 * a**2 * b / GRAVITATIONAL_PARAMETER
-    return float(
-        surface * (1.0 - 2.0 * (1.0 + f + m - 2.0 * f * sin2) * height / a + 3.0 * height**2 / a**2)
-    )
+    return float(surface * (1.0 - 2.0 * (1.0 + f + m - 2.0 * f * sin2) * height / a + 3.0 * height**2 / a**2))
 
 
 def rotation_rate(latitude: float) -> FloatArray:

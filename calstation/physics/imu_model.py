@@ -38,9 +38,7 @@ def compensation(parameters: FloatArray) -> Compensation:
     )
 
 
-def compensate(
-    c: Compensation, gyro: FloatArray, accel: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Angular rate (rad/s) and specific force (m/s²) at the reference point from raw rates, each shape (n, 3).
 
     Inverts the contract's model; the second-order term by three steps of fixed-point iteration, whose rest is

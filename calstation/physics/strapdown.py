@@ -49,9 +49,7 @@ class IntervalWork(NamedTuple):
 
 def interval_work() -> IntervalWork:
     """Fresh arrays for `propagate`."""
-    return IntervalWork(
-        np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, 30)), np.zeros(3)
-    )
+    return IntervalWork(np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, 30)), np.zeros(3))
 
 
 @nb.njit(cache=True, inline="always")

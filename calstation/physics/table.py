@@ -74,8 +74,9 @@ class TableGeometry:
         Raises ConfigurationError where the travel holds no such angle.
         """
         turn = 2.0 * np.pi
-        best = angle + turn * np.round((near - angle) / turn)
-        candidates = [best + k * turn for k in (0, 1, -1, 2, -2, 3, -3, 4, -4)]
+        reachable = np.clip(near, self.limits.low[joint], self.limits.high[joint])
+        best = angle + turn * np.round((reachable - angle) / turn)
+        candidates = [best + k * turn for k in (0, 1, -1)]
         for candidate in sorted(candidates, key=lambda c: abs(c - near)):
             if self.limits.within(joint, candidate):
                 return float(candidate)

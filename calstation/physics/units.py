@@ -1,8 +1,8 @@
 """Where people read: degrees, ppm, µg, °/h and arcseconds; the one place that converts."""
 
-from calstation.physics.parameters import PARAMETERS, Parameter
-
 import numpy as np
+
+from calstation.physics.parameters import PARAMETERS, Parameter
 
 DEGREE = np.pi / 180.0
 ARCSECOND = DEGREE / 3600.0
