@@ -1,0 +1,219 @@
+"""Two-axis geometry: the contract's closed forms, and what any pair of axes must do within its limits."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from calstation.errors import ConfigurationError
+from calstation.physics.rotation import rotation_vector
+from calstation.physics.table import INNER, OUTER, UP, JointLimits, TableGeometry
+
+ANGLES = st.floats(-7.0, 7.0)
+COMPONENT = st.floats(-1.0, 1.0)
+DIRECTIONS = (
+    st.tuples(COMPONENT, COMPONENT, COMPONENT)
+    .map(np.array)
+    .filter(lambda v: np.linalg.norm(v) > 0.1)
+    .map(lambda v: v / np.linalg.norm(v))
+)
+SKEWS = st.floats(np.deg2rad(60.0), np.deg2rad(120.0))
+BODY_AXES = [sign * row for row in np.eye(3) for sign in (1.0, -1.0)]
+
+
+def angle_between(a, b):
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+@st.composite
+def tables(draw):
+    """Any two axes with 60° to 120° between them."""
+    outer, towards = draw(DIRECTIONS), draw(DIRECTIONS)
+    hinge = np.cross(outer, towards)
+    assume(np.linalg.norm(hinge) > 0.1)
+    inner = Rotation.from_rotvec(hinge / np.linalg.norm(hinge) * draw(SKEWS)).apply(outer)
+    return TableGeometry(tuple(outer), tuple(inner))
+
+
+@st.composite
+def travels(draw):
+    """Limits that hold the home position and at least a whole turn of both joints."""
+    low = tuple(-draw(st.floats(np.pi, 8.0)) for _ in range(2))
+    high = tuple(draw(st.floats(np.pi, 8.0)) for _ in range(2))
+    return JointLimits(low=low, high=high)
+
+
+@given(ANGLES, ANGLES, ANGLES)
+def test_the_default_table_is_the_contracts_product_of_rotations(outer, inner, azimuth):
+    expected = Rotation.from_euler("ZXZ", [-azimuth, outer, inner]).as_matrix()
+    assert TableGeometry().body_to_level(outer, inner, azimuth) == pytest.approx(expected, abs=1e-12)
+
+
+def test_azimuth_is_the_heading_of_y_clockwise_from_north():
+    y_axis_n = TableGeometry().body_to_level(0.0, 0.0, np.deg2rad(90.0)) @ [0.0, 1.0, 0.0]
+    assert y_axis_n == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("direction", "pose"),
+    [
+        ((0, 0, 1), (0.0, 0.0)),
+        ((0, 0, -1), (np.pi, 0.0)),
+        ((0, 1, 0), (np.pi / 2, 0.0)),
+        ((0, -1, 0), (-np.pi / 2, 0.0)),
+        ((1, 0, 0), (np.pi / 2, np.pi / 2)),
+        ((-1, 0, 0), (np.pi / 2, -np.pi / 2)),
+    ],
+)
+def test_faces_of_the_default_table_lie_where_one_would_put_them(direction, pose):
+    found = TableGeometry().pose_up(np.array(direction, dtype=float), pose)
+    assert found == pytest.approx(pose, abs=1e-9)
+
+
+@given(tables(), DIRECTIONS, ANGLES, ANGLES)
+def test_pose_up_points_up_or_says_that_no_pose_does(table, direction, near_outer, near_inner):
+    try:
+        outer, inner = table.pose_up(direction, (near_outer, near_inner))
+    except ConfigurationError:
+        # out of reach: the axes' angle leaves a cap about them that never points up
+        w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
+        polar = [angle_between(w1, UP), angle_between(w2, direction), angle_between(w1, w2)]
+        low = max(abs(polar[2] - polar[1]), 0.0)
+        high = min(polar[2] + polar[1], 2.0 * np.pi - polar[2] - polar[1])
+        assert not low + 1e-6 < polar[0] < high - 1e-6
+        return
+    assert angle_between(table.body_to_home(outer, inner) @ direction, UP) < np.deg2rad(5.0) + 1e-9
+
+
+@given(DIRECTIONS, ANGLES, ANGLES)
+def test_an_orthogonal_table_with_a_level_outer_axis_points_everything_up_exactly(
+    direction, near_outer, near_inner
+):
+    table = TableGeometry()
+    outer, inner = table.pose_up(direction, (near_outer, near_inner))
+    off = angle_between(table.body_to_home(outer, inner) @ direction, UP)
+    # within half a degree of the inner axis a direction counts as lying along it, and the inner joint stays
+    along = min(angle_between(direction, UP), angle_between(direction, -UP))
+    assert off < 1e-7 or (off <= along < np.deg2rad(0.5) and inner == near_inner)
+    assert abs(outer - near_outer) <= np.pi + 1e-9
+    assert abs(inner - near_inner) <= np.pi + 1e-9
+
+
+@pytest.mark.parametrize("axis", BODY_AXES, ids=str)
+@given(near=ANGLES, outer=ANGLES, azimuth=ANGLES, turn=st.floats(0.01, 3.0))
+def test_body_turn_turns_the_body_about_its_own_axis_the_right_way(axis, near, outer, azimuth, turn):
+    table = TableGeometry()
+    found = table.body_turn(axis, near)
+    inner = near if found.inner is None else found.inner
+    after = [outer, inner]
+    after[found.joint] += found.sign * turn
+    C0, C1 = table.body_to_level(outer, inner, azimuth), table.body_to_level(*after, azimuth)
+    # C1 = C0 Exp(turn · axis): a positive turn is right-handed about the body axis as the body sees it
+    assert rotation_vector(C0.T @ C1) == pytest.approx(axis * turn, abs=1e-9)
+    assert abs(inner - near) <= np.pi / 2 + 1e-9
+
+
+@given(tables(), DIRECTIONS, ANGLES, st.floats(0.01, 3.0))
+def test_body_turn_holds_for_any_axes_within_its_reach(table, axis, near, turn):
+    try:
+        found = table.body_turn(axis, near)
+    except ConfigurationError:
+        w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
+        # the inner joint carries the axis round a cone about w2; it meets neither +w1 nor −w1
+        reach = [abs(angle_between(w2, axis) - angle_between(w2, sign * w1)) for sign in (1.0, -1.0)]
+        assert min(reach) > np.deg2rad(5.0) - 1e-6
+        assert min(angle_between(w2, axis), np.pi - angle_between(w2, axis)) > np.deg2rad(0.5) - 1e-6
+        return
+    inner = near if found.inner is None else found.inner
+    after = [0.3, inner]
+    after[found.joint] += found.sign * turn
+    turned = rotation_vector(table.body_to_home(0.3, inner).T @ table.body_to_home(*after))
+    assert np.linalg.norm(turned) == pytest.approx(turn, abs=1e-9)
+    assert angle_between(turned, axis) < np.deg2rad(5.0) + 1e-9
+
+
+@pytest.mark.parametrize("near", [-3.0, 0.1, 4.0])
+def test_body_turn_takes_the_sign_whose_inner_angle_lies_nearer(near):
+    found = TableGeometry().body_turn(np.array([0.0, 1.0, 0.0]), near)
+    both = [abs(near - (s * np.pi / 2 + 2 * np.pi * k)) for s in (1, -1) for k in (-1, 0, 1)]
+    assert abs(found.inner - near) == pytest.approx(min(both), abs=1e-9)
+
+
+@given(travels(), st.integers(0, 1), ANGLES, ANGLES)
+def test_nearest_is_the_closest_whole_turn_inside_the_travel(limits, joint, angle, near):
+    found = TableGeometry(limits=limits).nearest(joint, angle, near)
+    assert limits.within(joint, found)
+    turns = (found - angle) / (2.0 * np.pi)
+    assert turns == pytest.approx(round(turns), abs=1e-9)
+    others = [angle + 2.0 * np.pi * k for k in range(-5, 6)]
+    allowed = [o for o in others if limits.low[joint] <= o <= limits.high[joint]]
+    assert abs(found - near) <= min(abs(o - near) for o in allowed) + 1e-9
+
+
+def test_nearest_finds_the_travel_however_far_away_near_is():
+    table = TableGeometry(limits=JointLimits((-3.5, -3.5), (3.5, 3.5)))
+    assert table.nearest(OUTER, 1.0, 100.0) == pytest.approx(1.0)
+
+
+def test_an_angle_outside_the_travel_is_refused_in_degrees():
+    table = TableGeometry(limits=JointLimits((-1.0, -1.0), (1.0, 1.0)))
+    with pytest.raises(ConfigurationError, match=r"outer axis cannot reach 90\.0°.*-57° to 57°"):
+        table.nearest(OUTER, np.pi / 2, 0.0)
+    with pytest.raises(ConfigurationError, match="inner axis cannot reach"):
+        table.nearest(INNER, 2.0, 0.0)
+
+
+@given(tables(), DIRECTIONS)
+def test_poses_stay_within_limits_where_there_are_any(table, direction):
+    limits = JointLimits((-np.pi, -np.pi), (np.pi, np.pi))
+    bounded = TableGeometry(table.outer_axis, table.inner_axis, limits)
+    try:
+        pose = bounded.pose_up(direction, (0.0, 0.0))
+    except ConfigurationError:
+        return
+    assert all(limits.within(joint, pose[joint]) for joint in (OUTER, INNER))
+
+
+def test_parallel_axes_cannot_turn_the_others():
+    vertical = TableGeometry((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))
+    with pytest.raises(ConfigurationError, match="neither axis"):
+        vertical.body_turn(np.array([1.0, 0.0, 0.0]), 0.0)
+
+
+@given(tables(), ANGLES, ANGLES)
+def test_level_inner_lays_the_inner_axis_horizontal_where_the_outer_can(table, outer, inner):
+    found = table.level_inner((outer, inner))
+    w1, w2 = np.array(table.outer_axis), np.array(table.inner_axis)
+    height = (table.body_to_home(found, inner) @ w2)[2]
+    # the inner axis sweeps heights cos(polar ± between); level is among them where they differ in sign
+    polar, between = angle_between(w1, UP), angle_between(w1, w2)
+    sweep = np.cos(polar + between), np.cos(polar - between)
+    if sweep[0] < -1e-6 and sweep[1] > 1e-6:
+        assert height == pytest.approx(0.0, abs=1e-9)
+        assert abs(found - outer) <= np.pi + 1e-9
+    elif sweep[0] * sweep[1] > 1e-6:
+        assert found == outer
+
+
+def test_level_inner_of_the_default_table_is_a_quarter_turn_the_nearer_way():
+    assert TableGeometry().level_inner((0.0, 0.0)) == pytest.approx(np.pi / 2)
+    assert TableGeometry().level_inner((-1.0, 0.0)) == pytest.approx(-np.pi / 2)
+    assert TableGeometry().level_inner((4.0, 0.0)) == pytest.approx(1.5 * np.pi)
+
+
+@pytest.mark.parametrize(
+    "axes",
+    [
+        ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+        ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
+    ],
+)
+def test_the_vertical_joint_turns_the_body_about_the_vertical(axes):
+    table = TableGeometry(*axes)
+    joint, pose = table.vertical_joint((0.2, 0.0) if axes[0][2] else (0.0, 0.0))
+    after = list(pose)
+    after[joint] += 1.0
+    C0, C1 = table.body_to_home(*pose), table.body_to_home(*after)
+    assert rotation_vector(C1 @ C0.T) == pytest.approx(UP, abs=1e-9)
