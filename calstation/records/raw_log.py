@@ -45,6 +45,8 @@ ROW = np.dtype(
 )
 _CHUNK_ROWS = 1024
 _READ_ROWS = 16 * _CHUNK_ROWS
+_SIGNATURE = b"\x89HDF\r\n\x1a\n\x03"
+"""First bytes of an HDF5 file with a superblock of version 3."""
 _TEXTS = ("events", "results", "closing")
 
 
@@ -274,7 +276,7 @@ class _Opened:
         if not self._path.is_file():
             raise InputError(f"{self._path}: no such file; give the path of an existing log")
         try:
-            self._file = h5py.File(self._path, "r", libver="latest", swmr=True)
+            self._file = h5py.File(self._path, "r", libver="latest", swmr=self._left_open())
         except OSError as exc:
             raise self._damaged() from exc
         if self._file.attrs.get("format") != FORMAT:
@@ -289,6 +291,21 @@ class _Opened:
             raise self._damaged() from exc
         if isinstance(error, (OSError, RuntimeError, KeyError)):
             raise self._damaged() from error
+
+    def _left_open(self) -> bool:
+        """Whether the file was not closed, from its superblock (HDF5 file format 4.0, II.A, version 3).
+
+        Only then SWMR reading is needed; it retries damaged metadata for ever, so a file shorter than its
+        superblock says is refused before.
+        """
+        with self._path.open("rb") as stream:
+            head = stream.read(48)
+        if len(head) < 48 or head[:9] != _SIGNATURE:
+            raise self._damaged()
+        end = int.from_bytes(head[28:36], "little")
+        if self._path.stat().st_size < end:
+            raise self._damaged()
+        return head[11] != 0
 
     def _damaged(self) -> InputError:
         return InputError(f"{self._path}: damaged, cut short or no raw log; use a copy of the log")

@@ -1,0 +1,141 @@
+"""CSV reading: any column order, exact values, and one clear sentence for whatever is wrong."""
+
+import gzip
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from records_samples import CSV_HEADER, csv_rows, joined, write_csv_log
+
+from calstation.errors import InputError
+from calstation.records.log import open_log
+
+PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"
+
+
+def test_columns_may_come_in_any_order_and_optional_ones_may_be_there(tmp_path: Path) -> None:
+    header = (
+        "valid,step,stage,temp_c,inner_deg,outer_deg,accel_z,accel_y,accel_x,gyro_z,gyro_y,gyro_x,time_s,seq"
+    )
+    rows = ["1,4,rate,25.5,90,,6,5,4,3,2,1,0.01,0", "0,4,,,,45,6,5,4,3,2,1.5,0.02,1"]
+    columns = joined(list(open_log(write_csv_log(tmp_path, rows, header)).blocks()))
+    np.testing.assert_array_equal(columns["counts"], [[1, 2, 3, 4, 5, 6], [1.5, 2, 3, 4, 5, 6]])
+    np.testing.assert_allclose(columns["angles"], np.deg2rad([[np.nan, 90], [45, np.nan]]), atol=1e-12)
+    assert columns["stage"].tolist() == ["rate", ""]
+    assert columns["step"].tolist() == [4, 4]
+    assert columns["valid"].tolist() == [True, False]
+    assert columns["temperature"][0] == 25.5
+    assert np.isnan(columns["temperature"][1])
+
+
+def test_line_ends_quotes_and_a_byte_order_mark_do_not_matter(tmp_path: Path) -> None:
+    path = write_csv_log(tmp_path, csv_rows(5))
+    plain = joined(list(open_log(path).blocks()))
+    text = path.read_text().replace("rate", '"rate"').replace("\n", "\r\n").removesuffix("\r\n")
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    for name, column in joined(list(open_log(path).blocks())).items():
+        np.testing.assert_array_equal(column, plain[name])
+
+
+@pytest.mark.parametrize(
+    ("row", "old", "new", "told"),
+    [
+        (3, ",98000,", ",nan,", "line 5: accel_z is NaN"),
+        (3, ",98000,", ",,", "line 5: accel_z is empty"),
+        (3, ",98000,", ",9x,", "line 5: accel_z = '9x' is not a number"),
+        (3, ",98000,", ",inf,", "line 5: accel_z is infinite"),
+        (3, ",98000,", ",", "line 5 has 11 cells, the header 12"),
+        (3, "3,0.0400", "3.5,0.0400", "line 5: seq = 3.5 is not a whole number"),
+        (3, "3,0.0400", "2,0.0400", "line 5: seq 2 is repeated"),
+        (3, "3,0.0400", "1,0.0400", "line 5: seq falls from 2 to 1"),
+        (3, "3,0.0400", "3,0.0100", "line 5: time_s falls from 0.03 to 0.01 s"),
+        (3, "rate,0", "rate,0.5", "line 5: step = 0.5 is not a whole number"),
+        (3, ",0.5,", ",abc,", "line 5: outer_deg = 'abc' is not a number"),
+    ],
+)
+def test_a_wrong_row_is_told_by_line_and_column(
+    tmp_path: Path, row: int, old: str, new: str, told: str
+) -> None:
+    rows = csv_rows(10)
+    assert old in rows[row]
+    rows[row] = rows[row].replace(old, new)
+    path = write_csv_log(tmp_path, rows)
+    with pytest.raises(InputError) as caught:
+        list(open_log(path).blocks())
+    assert str(caught.value).startswith(f"{path}: {told}")
+    assert ";" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_wrong_row_deep_in_a_long_file_is_told_by_its_line(tmp_path: Path) -> None:
+    rows = csv_rows(9000)
+    rows[8000] = rows[8000].replace(",98000,", ",nan,")
+    with pytest.raises(InputError, match="line 8002: accel_z is NaN"):
+        list(open_log(write_csv_log(tmp_path, rows)).blocks())
+
+
+@pytest.mark.parametrize("column", CSV_HEADER.split(","))
+def test_a_missing_column_is_named(tmp_path: Path, column: str) -> None:
+    header = CSV_HEADER.replace(column, "other")
+    with pytest.raises(InputError, match=f"column '{column}' is missing"):
+        list(open_log(write_csv_log(tmp_path, csv_rows(3), header)).blocks())
+
+
+def test_swapped_rows_repeated_logs_and_empty_logs_are_errors(tmp_path: Path) -> None:
+    rows = csv_rows(600)
+    with pytest.raises(InputError, match="seq falls from"):
+        list(open_log(write_csv_log(tmp_path, [*rows[:5], rows[6], rows[5], *rows[7:]])).blocks())
+    with pytest.raises(InputError, match="line 602: the log's rows are repeated"):
+        list(open_log(write_csv_log(tmp_path, rows + rows)).blocks())
+    with pytest.raises(InputError, match="no samples"):
+        list(open_log(write_csv_log(tmp_path, [])).blocks())
+    (tmp_path / "log.csv").write_text("")
+    with pytest.raises(InputError, match="column 'seq' is missing"):
+        list(open_log(tmp_path / "log.csv").blocks())
+
+
+def test_a_rate_that_does_not_fit_the_clock_is_told(tmp_path: Path) -> None:
+    path = write_csv_log(tmp_path, csv_rows(50), rate=200.0)
+    with pytest.raises(InputError, match=r"time_s runs at 100 Hz but imu.sample_rate_hz = 200"):
+        list(open_log(path).blocks())
+
+
+def test_files_that_are_no_log_are_told(tmp_path: Path) -> None:
+    path = write_csv_log(tmp_path, csv_rows(2000))
+    packed = tmp_path / "log.csv.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes())[:-200])
+    with pytest.raises(InputError, match="damaged or cut short"):
+        list(open_log(packed).blocks())
+    path.write_bytes(path.read_bytes() + b"\xff\xfe\n")
+    with pytest.raises(InputError, match="not UTF-8"):
+        list(open_log(path).blocks())
+    with pytest.raises(InputError, match="no such file"):
+        open_log(tmp_path / "absent.csv")
+    with pytest.raises(InputError, match="not a log"):
+        open_log(tmp_path / "log.txt")
+    (tmp_path / "log.toml").unlink()
+    with pytest.raises(InputError, match=r"log.toml: no such file"):
+        open_log(path)
+
+
+def test_a_range_of_unwrapped_counts_is_cut_out(tmp_path: Path) -> None:
+    rows = csv_rows(400)
+    wrapped = [f"{i % 256},{row.split(',', 1)[1]}" for i, row in enumerate(rows)]
+    log = open_log(write_csv_log(tmp_path, wrapped))
+    seq = joined(list(log.blocks(250, 260)))["seq"]
+    assert seq.tolist() == list(range(250, 261))
+    assert (log.first_seq, log.last_seq) == (0, 399)
+    with pytest.raises(InputError, match="no sample from 500 to 600; the log holds 0 to 399"):
+        list(log.blocks(500, 600))
+
+
+@pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice logs are not beside the project")
+@pytest.mark.parametrize("name", ["nav_full", "mems_full"])
+def test_practice_logs_read_fast(name: str) -> None:
+    log = open_log(PRACTICE / f"{name}.csv.gz")
+    begin = time.perf_counter()
+    count = sum(len(block) for block in log.blocks())
+    assert count == 205_200
+    assert time.perf_counter() - begin < 6.0
+    assert log.facts().gaps == 0

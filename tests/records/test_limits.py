@@ -1,0 +1,78 @@
+"""A product's limits become checks, and what the data did not determine is named."""
+
+import numpy as np
+import pytest
+
+from calstation.configuration import validate
+from calstation.errors import ConfigurationError
+from calstation.estimation.context import Belief
+from calstation.estimation.method import Consistency, Solution
+from calstation.physics.parameters import COUNT, INDEX
+from calstation.records.limits import Limit, check_limits, estimated_stage, unobservable
+
+PRIOR = Belief(np.zeros(COUNT), np.eye(COUNT))
+GOOD = Consistency(1.0, 0.9, 1.1, 100)
+
+
+def solution(stage: str, names: tuple[str, ...], values: dict[str, tuple[float, float]]) -> Solution:
+    mean, sigma = np.zeros(COUNT), np.ones(COUNT)
+    for name, (value, spread) in values.items():
+        mean[INDEX[name]], sigma[INDEX[name]] = value, spread
+    return Solution(stage, Belief(mean, np.diag(sigma**2)), names, GOOD)
+
+
+def limit(**fields: object) -> Limit:
+    return validate(Limit, fields, "product")
+
+
+def test_value_and_sigma_are_compared_and_a_parameter_goes_before_its_group() -> None:
+    found = solution(
+        "rate",
+        ("gyro_scale_x", "gyro_scale_y"),
+        {"gyro_scale_x": (2e-3, 1e-6), "gyro_scale_y": (-2e-3, 1e-4)},
+    )
+    limits = {
+        "gyro_scale": limit(within=1e-3, sigma_below=1e-5),
+        "gyro_scale_y": limit(within=[-3e-3, 0.0]),
+        "accel_bias": limit(within=1.0),
+    }
+    checks = {c.name: c for c in check_limits(limits, PRIOR, [found])}
+    assert not checks["gyro_scale_x within"].passed
+    assert checks["gyro_scale_x sigma below"].passed
+    assert checks["gyro_scale_y within"].passed
+    assert checks["gyro_scale_y within"].to_json()["limit"] == [-3e-3, 0.0]
+    assert "gyro_scale_y sigma below" not in checks
+    assert not any("accel" in name for name in checks)
+    assert checks["rate consistency"].passed
+    assert checks["unobservable parameters"].passed
+
+
+def test_a_parameter_that_kept_its_prior_sigma_is_named_and_fails() -> None:
+    found = solution(
+        "rate", ("gyro_bias_x", "gyro_scale_x"), {"gyro_scale_x": (0.0, 1e-3), "gyro_bias_x": (0.0, 0.95)}
+    )
+    assert unobservable(PRIOR, [found]) == ["gyro_bias_x"]
+    assert not check_limits({"gyro_bias": limit(within=1.0)}, PRIOR, [found])[-1].passed
+
+
+def test_innovations_above_their_band_fail_and_below_it_pass() -> None:
+    for mean, passed in ((1.2, False), (0.8, True)):
+        found = Solution("rate", PRIOR, (), Consistency(mean, 0.9, 1.1, 100))
+        assert check_limits({}, PRIOR, [found])[0].passed is passed
+
+
+def test_the_last_stage_that_estimated_a_parameter_owns_it() -> None:
+    chain = [
+        solution("rate", ("gyro_scale_x",), {}),
+        solution("excitation", ("gyro_bias_x", "gyro_scale_x"), {}),
+    ]
+    assert estimated_stage(chain) == {"gyro_bias_x": "excitation", "gyro_scale_x": "excitation"}
+    assert check_limits({}, PRIOR, []) == []
+
+
+@pytest.mark.parametrize(
+    "fields", [{"within": -1.0}, {"within": [1.0, 0.0]}, {"sigma_below": 0.0}, {"whithin": 1.0}]
+)
+def test_limits_that_make_no_sense_are_refused(fields: dict[str, object]) -> None:
+    with pytest.raises(ConfigurationError, match="product: "):
+        limit(**fields)

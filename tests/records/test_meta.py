@@ -1,0 +1,97 @@
+"""The configuration of a log: exact through TOML and JSON, in SI for the solvers, clear where it is wrong."""
+
+import copy
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from records_samples import META
+
+from calstation.errors import InputError
+from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices
+from calstation.records.meta import LogMeta, context_from_meta, load_meta, meta_from_json, prior_from_meta
+
+
+def test_meta_survives_toml_and_json(meta: LogMeta) -> None:
+    assert LogMeta.model_validate(tomllib.loads(meta.to_toml())) == meta
+    assert meta_from_json(meta.to_json(), "log") == meta
+    assert LogMeta.model_validate(tomllib.loads(meta.to_toml())).to_json() == meta.to_json()
+
+
+def test_context_is_in_si(meta: LogMeta) -> None:
+    context = context_from_meta(meta)
+    assert context.site.latitude == np.deg2rad(34.25)
+    assert context.site.azimuth == np.deg2rad(12.5)
+    assert context.site.gravity is None
+    assert context.imu.accel_vrw == 4.9e-05
+    assert context.table.encoder_sigma == np.deg2rad(0.03)
+    assert context.table.mount_sigma == np.deg2rad(1.0)
+
+
+def test_prior_takes_what_is_stated_and_is_wide_elsewhere(meta: LogMeta) -> None:
+    belief = prior_from_meta(meta)
+    assert belief.mean[INDEX["gyro_bias_x"]] == 1e-7
+    assert belief.sigma[INDEX["gyro_bias_x"]] == pytest.approx(1e-5)
+    assert belief.sigma[INDEX["gyro_bias_y"]] == pytest.approx(PARAMETERS[INDEX["gyro_bias_y"]].prior_sigma)
+    assert belief.covariance.shape == (COUNT, COUNT)
+
+
+def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
+    data = {
+        **META,
+        "table": {"outer_lever": "fixed"},
+        "prior": {"outer_lever_x": {"value": 1.0, "sigma": 2.0}},
+    }
+    belief = prior_from_meta(LogMeta.model_validate(data))
+    assert not belief.sigma[group_indices("outer_lever")].any()
+    assert not belief.mean[group_indices("outer_lever")].any()
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "told"),
+    [
+        ("site.latitude_deg", 91.0, "site.latitude_deg = 91.0 is out of range; it must be at most 90"),
+        ("site.latitude_deg", float("nan"), "site.latitude_deg"),
+        ("site.latitude_deg", "34", "site.latitude_deg = '34' must be a number"),
+        ("imu.sample_rate_hz", 0.0, "must be greater than 0"),
+        ("imu.output", "delta", "imu.output = 'delta' is unknown; it must be 'increment' or 'rate'"),
+        ("imu.gyro_lbs", 1.0, "imu.gyro_lbs is unknown"),
+        ("table.outer_axis", [1.0, 1.0, 0.0], "give a unit vector"),
+        ("prior.gyro_bais_x", {"sigma": 1.0}, "did you mean 'gyro_bias_x'?"),
+        ("prior.gyro_bias_x", {"sigma": -1.0}, "prior.gyro_bias_x.sigma = -1.0 is out of range"),
+        ("product.limits", {"gyro_bia": {"within": 1.0}}, "did you mean 'gyro_bias'?"),
+    ],
+)
+def test_a_wrong_field_is_told_with_file_and_mend(tmp_path: Path, place: str, value: Any, told: str) -> None:
+    data: dict[str, Any] = copy.deepcopy(META)
+    section, name = place.split(".")
+    data[section][name] = value
+    meta_text = _toml(data)
+    path = tmp_path / "log.toml"
+    path.write_text(meta_text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load_meta(path)
+    text = str(caught.value)
+    assert text.startswith(f"{path}: ")
+    assert told in text
+    assert "\n" not in text
+
+
+def test_missing_fields_and_files_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "log.toml"
+    with pytest.raises(InputError, match="no such file"):
+        load_meta(path)
+    path.write_text("[site]\nlatitude_deg = 1\nlongitude_deg = 2\nheight_m = 3\n")
+    with pytest.raises(InputError, match="imu is missing; add it"):
+        load_meta(path)
+    path.write_text("[site\n")
+    with pytest.raises(InputError, match="not valid TOML"):
+        load_meta(path)
+
+
+def _toml(data: dict[str, Any]) -> str:
+    import tomli_w
+
+    return tomli_w.dumps(data)

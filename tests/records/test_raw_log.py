@@ -1,0 +1,237 @@
+"""The raw log keeps everything, tells what is wrong with it, and outlives a kill and a power cut."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from records_samples import assert_same, joined, make_block
+
+from calstation.errors import ConfigurationError, InputError
+from calstation.estimation.samples import SampleBlock
+from calstation.records import raw_log
+from calstation.records.log import open_log
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter, find_incomplete
+
+
+def test_a_log_gives_back_what_was_written(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
+    path = tmp_path / "run.h5"
+    writer = RawLogWriter(path, meta)
+    for block in blocks:
+        writer.append(block)
+        writer.event({"kind": "block", "value": np.float64(1.5)})
+    writer.add_result({"schema": "x", "passed": True})
+    facts = writer.close("passed")
+    writer.close("again")
+    log = open_log(path)
+    assert log.meta == meta
+    assert log.outcome == "passed"
+    assert log.events == [{"kind": "block", "value": 1.5}] * len(blocks)
+    assert log.results == [{"schema": "x", "passed": True}]
+    assert_same(list(log.blocks()), blocks)
+    assert log.facts() == facts
+    assert (facts.first_seq, facts.last_seq, facts.gaps) == (0, 4384, 1)
+    assert find_incomplete(tmp_path) == []
+
+
+def test_a_running_log_can_be_read_and_is_listed_as_incomplete(tmp_path: Path, meta: LogMeta) -> None:
+    writer = RawLogWriter(tmp_path / "sub.h5", meta)
+    writer.append(make_block("rate", 0, 50))
+    writer.flush()
+    log = open_log(tmp_path / "sub.h5")
+    assert log.outcome is None
+    assert sum(len(b) for b in log.blocks()) == 50
+    assert find_incomplete(tmp_path) == [tmp_path / "sub.h5"]
+    writer.close("stopped")
+    assert find_incomplete(tmp_path) == []
+
+
+def test_the_digest_covers_samples_and_configuration_but_not_results(
+    tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]
+) -> None:
+    def digest(name: str, meta: LogMeta, blocks: list[SampleBlock], result: str = "") -> str:
+        writer = RawLogWriter(tmp_path / name, meta)
+        for block in blocks:
+            writer.append(block)
+        if result:
+            writer.add_result({"result": result})
+        return writer.close("passed").sha256
+
+    reference = digest("a.h5", meta, blocks)
+    halves = [
+        type(b)(b.stage, *(getattr(b, n)[k] for n in list(b.__dataclass_fields__)[1:]))
+        for b in blocks
+        for k in (slice(3), slice(3, None))
+    ]
+    assert digest("b.h5", meta, halves, "other") == reference
+    other = meta.model_copy(update={"registers": {}})
+    assert digest("c.h5", other, blocks) != reference
+    blocks[1].counts[17, 2] += 1
+    assert digest("d.h5", meta, blocks) != reference
+    blocks[1].counts[17, 2] -= 1
+    blocks[-1] = type(blocks[-1])("rate", *list(vars(blocks[-1]).values())[1:])
+    assert digest("e.h5", meta, blocks) != reference
+
+
+def test_altered_cut_and_foreign_files_are_told_in_one_line(
+    tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]
+) -> None:
+    path = tmp_path / "run.h5"
+    writer = RawLogWriter(path, meta)
+    for block in blocks:
+        writer.append(block)
+    writer.close("passed")
+    whole = path.read_bytes()
+    row = blocks[1].counts[100].astype("<f8").tobytes()
+    assert row in whole
+    altered = tmp_path / "altered.h5"
+    altered.write_bytes(whole.replace(row, row[:-1] + b"\x55"))
+    messages = [_message(altered)]
+    for length in (0, 100, len(whole) // 2, len(whole) - 4000):
+        cut = tmp_path / "cut.h5"
+        cut.write_bytes(whole[:length])
+        messages.append(_message(cut))
+    (tmp_path / "text.h5").write_text("seq,time_s\n")
+    messages.append(_message(tmp_path / "text.h5"))
+    with h5py.File(tmp_path / "foreign.h5", "w", libver="latest") as file:
+        file["x"] = 1
+    messages.append(_message(tmp_path / "foreign.h5"))
+    assert "sha256" in messages[0]
+    assert all("\n" not in m and ";" in m for m in messages)
+
+
+def _message(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        list(open_log(path).blocks())
+    assert str(caught.value).startswith(str(path))
+    return str(caught.value)
+
+
+def test_a_place_that_cannot_be_written_is_told(tmp_path: Path, meta: LogMeta) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be created"):
+        RawLogWriter(tmp_path / "absent" / "x.h5", meta)
+    (tmp_path / "x.h5").write_text("kept")
+    with pytest.raises(ConfigurationError, match="exists already"):
+        RawLogWriter(tmp_path / "x.h5", meta)
+    assert (tmp_path / "x.h5").read_text() == "kept"
+
+
+_CHILD = """
+import sys, time
+from pathlib import Path
+import numpy as np
+from calstation.estimation.samples import SampleBlock
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+writer = RawLogWriter(Path(sys.argv[1]), LogMeta.model_validate_json(sys.argv[2]))
+begin, done = time.monotonic(), 0
+while True:
+    now = time.monotonic() - begin
+    count = int(now * 1000) - done
+    if count:
+        seq = np.arange(done, done + count)
+        stage = "rate" if now % 0.4 < 0.2 else "excitation"
+        block = SampleBlock(stage, seq, (seq + 1) / 1000, np.tile(seq[:, None] * 1.0, 6),
+            np.zeros((count, 2)), np.zeros(count, int), np.ones(count, bool), np.full(count, 20.0))
+        writer.append(block)
+        writer.event({"at": done})
+        done += count
+        print(done, flush=True)
+    writer.service()
+    time.sleep(0.01)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
+@pytest.mark.parametrize("after", [0.35, 0.81, 1.23, 1.64])
+def test_a_kill_costs_less_than_half_a_second(tmp_path: Path, meta: LogMeta, after: float) -> None:
+    path = tmp_path / "run.h5"
+    child = subprocess.Popen(
+        [sys.executable, "-c", _CHILD, str(path), meta.to_json()], stdout=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None
+    child.stdout.readline()
+    time.sleep(after)
+    os.kill(child.pid, signal.SIGKILL)
+    produced = int(child.stdout.read().split()[-1])
+    child.wait()
+    child.stdout.close()
+    log = open_log(path)
+    columns = joined(list(log.blocks()))
+    np.testing.assert_array_equal(columns["seq"], np.arange(len(columns["seq"])))
+    np.testing.assert_array_equal(columns["counts"][:, 3], columns["seq"])
+    assert produced - len(columns["seq"]) <= 500
+    assert log.events[-1]["at"] >= produced - 500
+    assert log.outcome is None
+    assert find_incomplete(tmp_path) == [path]
+
+
+def test_a_power_cut_costs_less_than_two_seconds(
+    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, synced = tmp_path / "run.h5", tmp_path / "synced.h5"
+    now = 0.0
+    snapshots: list[float] = []
+
+    def fsync(handle: int) -> None:
+        shutil.copyfile(path, synced)
+        snapshots.append(now)
+
+    monkeypatch.setattr(raw_log.os, "fsync", fsync)
+    monkeypatch.setattr(raw_log.time, "monotonic", lambda: now)
+    writer = RawLogWriter(path, meta)
+    for k in range(200):
+        now = 0.05 * k
+        writer.append(make_block("rate", 10 * k, 10))
+        if k > 0:
+            assert now - snapshots[-1] <= 1.0
+        if k % 37 == 36:
+            log = open_log(synced)
+            kept = sum(len(b) for b in log.blocks())
+            assert 10 * (k + 1) - kept <= 2.0 * 200
+            assert log.outcome is None
+    writer.close("passed")
+    assert open_log(synced).facts().samples == 2000
+
+
+def test_rows_that_never_reached_the_disk_are_left_off(tmp_path: Path, meta: LogMeta) -> None:
+    path = tmp_path / "run.h5"
+    writer = RawLogWriter(path, meta)
+    block = make_block("rate", 5, 100)
+    writer.append(block)
+    writer.flush()
+    copy = bytearray(path.read_bytes())
+    row = copy.find(block.counts[60].astype("<f8").tobytes()) - raw_log.ROW.fields["counts"][1]
+    copy[row : row + 40 * raw_log.ROW.itemsize] = bytes(40 * raw_log.ROW.itemsize)
+    (tmp_path / "copy.h5").write_bytes(copy)
+    assert joined(list(open_log(tmp_path / "copy.h5").blocks()))["seq"].tolist() == list(range(5, 65))
+    writer.close("passed")
+
+
+def test_memory_and_time_stay_flat_while_the_log_grows(tmp_path: Path, meta: LogMeta) -> None:
+    import tracemalloc
+
+    path = tmp_path / "run.h5"
+    writer = RawLogWriter(path, meta)
+    block = make_block("rate", 0, 1000)
+    tracemalloc.start()
+    for k in range(150):
+        seq = block.seq + 1000 * k
+        writer.append(SampleBlock("rate", seq, (seq + 1) / 100, *list(vars(block).values())[3:]))
+        writer.flush()
+    _, peak = tracemalloc.get_traced_memory()
+    writer.close("passed")
+    tracemalloc.reset_peak()
+    assert sum(len(b) for b in open_log(path).blocks()) == 150_000
+    _, reading = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 5e6
+    assert reading < 12e6
+    assert path.stat().st_size < 150_000 * raw_log.ROW.itemsize * 1.05 + 1e5

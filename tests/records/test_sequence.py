@@ -1,0 +1,82 @@
+"""Counters made continuous: wraps, resets and gaps told apart from rows that are out of order."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calstation.errors import InputError
+from calstation.estimation.sequence import SequenceUnwrapper, unwrap_counter, unwrap_sequence
+
+PERIOD = 0.01
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    bits=st.sampled_from([8, 16, 32]),
+    before=st.integers(0, 60),
+    steps=st.lists(st.integers(1, 20), min_size=1, max_size=150),
+    cut=st.integers(0, 150),
+)
+def test_wraps_and_lost_samples_leave_the_count_true(
+    bits: int, before: int, steps: list[int], cut: int
+) -> None:
+    true = (1 << bits) - 1 - before + np.concatenate(([0], np.cumsum(steps)))
+    time = (true + 1) * PERIOD
+    unwrapper = SequenceUnwrapper(PERIOD)
+    parts = [unwrapper.feed((true % (1 << bits))[k], time[k]) for k in (slice(cut), slice(cut, None))]
+    np.testing.assert_array_equal(np.concatenate([p[0] for p in parts]), true)
+    np.testing.assert_array_equal(np.concatenate([p[1] for p in parts]), time)
+
+
+def test_a_reset_with_a_jump_in_time_carries_on_by_the_time_lost() -> None:
+    seq = np.array([500, 501, 0, 1, 2])
+    time = np.array([5.01, 5.02, 7.02, 7.03, 7.04])
+    count, clock, restarts = unwrap_sequence(seq, time, PERIOD)
+    assert count.tolist() == [500, 501, 701, 702, 703]
+    np.testing.assert_array_equal(clock, time)
+    assert restarts == []
+
+
+def test_a_reset_that_restarts_the_clock_as_well_keeps_time_rising() -> None:
+    seq = np.array([498, 499, 500, 0, 1])
+    count, clock, restarts = unwrap_sequence(seq, (seq + 1) * PERIOD, PERIOD)
+    assert count.tolist() == [498, 499, 500, 502, 503]
+    assert np.all(np.diff(clock) > 0)
+    assert restarts == [3]
+
+
+@pytest.mark.parametrize(
+    ("seq", "time"),
+    [
+        ([0, 1, 1], [0.01, 0.02, 0.03]),
+        ([0, 2, 1], [0.01, 0.03, 0.02]),
+        ([900, 901, 0], [9.01, 9.02, 9.03]),
+        ([900, 901, 400], [9.01, 9.02, 19.03]),
+        ([0, 1, 2], [0.01, 0.02, 0.02]),
+        ([-1, 0, 1], [0.01, 0.02, 0.03]),
+    ],
+)
+def test_anything_else_that_does_not_rise_is_an_error(seq: list[int], time: list[float]) -> None:
+    with pytest.raises(InputError):
+        unwrap_sequence(np.array(seq), np.array(time), PERIOD)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    bits=st.sampled_from([8, 16, 32]),
+    first=st.integers(0, 2**33),
+    steps=st.lists(st.integers(1, 100), max_size=200),
+    cut=st.integers(0, 200),
+)
+def test_a_live_counter_continues(bits: int, first: int, steps: list[int], cut: int) -> None:
+    true = first + np.concatenate(([0], np.cumsum(np.array(steps, np.int64))))
+    raw = true % (1 << bits)
+    head = unwrap_counter(raw[:cut], None, bits)
+    tail = unwrap_counter(raw[cut:], int(head[-1]) if len(head) else None, bits)
+    found = np.concatenate([head, tail])
+    np.testing.assert_array_equal(found - found[0], true - true[0])
+
+
+def test_a_live_counter_that_restarts_counts_one_lost_sample() -> None:
+    assert unwrap_counter([10, 11, 0, 1], None, 16).tolist() == [10, 11, 13, 14]
