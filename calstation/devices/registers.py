@@ -38,7 +38,8 @@ class RegisterMap:
             for i, name in enumerate(entry.parameters):
                 value = values[name] if name else 0.0
                 low, high = entry.range
-                if name and not low <= value <= high:
+                # Compared as float32, so that a value at the edge still fits when read back.
+                if name and not np.float32(low) <= np.float32(value) <= np.float32(high):
                     raise DeviceFaultError(
                         f"IMU: {name} = {value:.6g} does not fit register {entry.address + i}"
                         f" ({low:g} to {high:g}); nothing was written"
