@@ -82,7 +82,7 @@ def gauss_newton(
 def _jacobian(
     model: Callable[[FloatArray, FloatArray], FloatArray], point: FloatArray, scale: FloatArray
 ) -> FloatArray:
-    columns = []
+    columns: list[FloatArray] = []
     for i, h in enumerate(scale):
         if h == 0.0:
             columns.append(

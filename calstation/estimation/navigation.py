@@ -242,7 +242,8 @@ def _inverse(S: FloatArray) -> FloatArray:
         for j in range(3):
             a, b, c, d = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
             A[i, j] = S[a, c] * S[b, d] - S[a, d] * S[b, c]
-    return A / (S[0, 0] * A[0, 0] + S[0, 1] * A[1, 0] + S[0, 2] * A[2, 0])
+    A /= S[0, 0] * A[0, 0] + S[0, 1] * A[1, 0] + S[0, 2] * A[2, 0]
+    return A
 
 
 @nb.njit(cache=True)
@@ -303,4 +304,4 @@ def _observation(
             H[i, 9 + p] = s
     H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
     H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
-    return u
+    return np.asarray(u)

@@ -104,7 +104,8 @@ def pwcs(
         rows = _piece_rows(
             context, point, history.attitude[middle], history.rate[middle], max(T, noise.interval)
         )
-        R = np.linalg.qr(np.vstack([R, rows * scale * (np.sqrt(b - a) / velocity)]), mode="r")
+        stacked = np.vstack([R, rows * scale * (np.sqrt(b - a) / velocity)])
+        R = np.asarray(np.linalg.qr(stacked, mode="r"))
         count += 1
     states = {}
     for i, name in enumerate(STATE_NAMES):

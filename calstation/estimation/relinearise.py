@@ -59,7 +59,7 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
     """Mean NIS of `count` observations of `dimension` and the 99.9 % band of that mean (Bar-Shalom, 5.4)."""
-    low, high = chi2.ppf([0.0005, 0.9995], count * dimension) / max(count, 1)
+    low, high = np.asarray(chi2.ppf([0.0005, 0.9995], count * dimension)) / max(count, 1)
     return Consistency(total / max(count, 1), float(low), float(high), count)
 
 

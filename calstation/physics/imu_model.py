@@ -28,14 +28,18 @@ class Compensation(NamedTuple):
 def compensation(parameters: FloatArray) -> Compensation:
     """Constants for one parameter vector, shape (30,), SI."""
     return Compensation(
-        np.linalg.inv(np.eye(3) + group_matrix(parameters, "gyro_scale", "gyro_misalign")),
+        _inverse(parameters, "gyro_scale", "gyro_misalign"),
         group_vector(parameters, "gyro_bias"),
-        np.linalg.inv(np.eye(3) + group_matrix(parameters, "accel_scale", "accel_misalign")),
+        _inverse(parameters, "accel_scale", "accel_misalign"),
         group_vector(parameters, "accel_bias"),
         group_vector(parameters, "accel_quadratic"),
         group_vector(parameters, "inner_lever"),
         group_vector(parameters, "outer_lever"),
     )
+
+
+def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
+    return np.asarray(np.linalg.inv(np.eye(3) + group_matrix(parameters, *groups)), dtype=np.float64)
 
 
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -45,15 +45,18 @@ def rotation_vector(C: FloatArray) -> FloatArray:
     cosine = 0.5 * (C[0, 0] + C[1, 1] + C[2, 2] - 1.0)
     if sine < 1e-9:
         if cosine > 0.0:
-            return 0.5 * v
+            v *= 0.5
+            return v
         k = 0
         for i in range(1, 3):
             if C[i, i] > C[k, k]:
                 k = i
         axis = C[:, k].copy()
         axis[k] += 1.0
-        return axis * (np.pi / np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2))
-    return v * (np.arctan2(sine, cosine) / (2.0 * sine))
+        axis *= np.pi / np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+        return axis
+    v *= np.arctan2(sine, cosine) / (2.0 * sine)
+    return v
 
 
 def angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:

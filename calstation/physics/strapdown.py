@@ -10,7 +10,8 @@ State order of the errors: φ (0:3), δv (3:6), δp (6:9), the 30 parameters (9:
 References
 ----------
 P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, J. Guidance Control Dynamics
-21(1-2), 1998: coning and sculling from the last and the present increment (part 1 eq. 42, part 2 eq. 57); the third-order term is that of ω constant, f quadratic over the sample.
+21(1-2), 1998: coning and sculling from the last and the present increment (part 1 eq. 42, part 2 eq. 57);
+the third-order term is that of ω constant and f quadratic over the sample.
 P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.
 """
 

@@ -49,7 +49,7 @@ def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
     count = sum(len(c) for c in correlations)
     squares = sum(float(np.sum(c * c)) for c in correlations)
     freedom = count**2 / squares
-    low, high = chi2.ppf(BAND, freedom) / freedom
+    low, high = np.asarray(chi2.ppf(BAND, freedom)) / freedom
     return float(np.sqrt(low)), float(np.sqrt(high))
 
 
@@ -115,14 +115,14 @@ def _group(data: CaseData, chosen: list[int], ratio: FloatArray | None) -> dict[
         low, high = rms_band([block / expected**2] * len(data.errors))
         low, high = low * expected, high * expected
     rms = _rms(normalised)
-    sigma = float(np.mean([np.sqrt(np.mean(np.diag(c)[chosen])) for c in data.covariances]))
+    size = float(np.mean([np.sqrt(np.mean(np.diag(c)[chosen])) for c in data.covariances]))
     return {
         "rms": rms,
         "expected": expected,
         "low": low,
         "high": high,
         "passed": low <= rms <= high,
-        "sigma": sigma,
+        "sigma": size,
         "worst": NAMES[chosen[int(np.argmax(np.sqrt(np.mean(np.square(normalised), axis=0))))]],
     }
 
@@ -134,7 +134,7 @@ def _nees(data: CaseData, estimated: np.ndarray) -> dict[str, Any]:
         chosen = [i for i in estimated if covariance[i, i] > 0.0]
         total += float(error[chosen] @ np.linalg.solve(covariance[np.ix_(chosen, chosen)], error[chosen]))
         count += len(chosen)
-    low, high = chi2.ppf(BAND, count) / count
+    low, high = np.asarray(chi2.ppf(BAND, count)) / count
     mean = total / count
     return {"mean": mean, "low": float(low), "high": float(high), "passed": bool(low <= mean <= high)}
 
