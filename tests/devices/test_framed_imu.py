@@ -1,0 +1,197 @@
+"""The IMU driver as byte pairs: what it sends, what it makes of the answers, and what it says of silence and noise."""
+
+import queue
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from test_frames import reply_frame, stream_frame
+
+from calstation.devices.framed_imu import FramedImu
+from calstation.devices.imu_profile import ImuProfile, load_imu_profile
+from calstation.errors import DeviceFaultError
+
+PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")
+QUICK = PROFILE.model_copy(update={"commands": PROFILE.commands.model_copy(update={"timeout_s": 0.1})})
+
+
+class ScriptedLink:
+    """A link that answers each expected request with its reply and keeps what it did not expect."""
+
+    port = "SCRIPT"
+
+    def __init__(self, pairs: list[tuple[bytes, bytes]]) -> None:
+        self._pairs = list(pairs)
+        self._bytes: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self.unexpected: list[bytes] = []
+        self.closed = threading.Event()
+        self.failure: DeviceFaultError | None = None
+
+    def send(self, data: bytes) -> None:
+        self._bytes.put(data)
+
+    def read(self, wait: float) -> bytes:
+        if self.failure is not None:
+            raise self.failure
+        try:
+            return self._bytes.get(timeout=wait)
+        except queue.Empty:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        if self._pairs and self._pairs[0][0] == data:
+            self._bytes.put(self._pairs.pop(0)[1])
+        else:
+            self.unexpected.append(data)
+
+    def close(self) -> None:
+        self.closed.set()
+
+    @property
+    def finished(self) -> bool:
+        return not self._pairs and not self.unexpected
+
+
+@contextmanager
+def driver(
+    pairs: list[tuple[bytes, bytes]], profile: ImuProfile = QUICK
+) -> Iterator[tuple[FramedImu, ScriptedLink]]:
+    link = ScriptedLink(pairs)
+    imu = FramedImu(link, profile)  # type: ignore[arg-type]
+    try:
+        yield imu, link
+    finally:
+        imu.close()
+        assert link.closed.is_set()
+
+
+def request(op: int, payload: bytes = b"") -> bytes:
+    return b"\x55\xa5" + reply_frame(op, payload)[2:]
+
+
+def wait_for_frames(imu: FramedImu, count: int) -> None:
+    deadline = time.monotonic() + 5.0
+    while imu.stats.frames < count and time.monotonic() < deadline:
+        time.sleep(0.001)
+
+
+def test_identify_on_the_wire() -> None:
+    with driver([(request(1), reply_frame(1, b"bench-imu;SN-7;1.2"))]) as (imu, link):
+        identity = imu.identify()
+        assert (identity.model, identity.serial, identity.firmware) == ("bench-imu", "SN-7", "1.2")
+        assert link.finished
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"), [(b"other;SN;1", "choose the right IMU profile"), (b"odd", "identity 'odd'")]
+)
+def test_another_unit_is_refused(answer: bytes, told: str) -> None:
+    with (
+        driver([(request(1), reply_frame(1, answer))]) as (imu, _),
+        pytest.raises(DeviceFaultError, match=told),
+    ):
+        imu.identify()
+
+
+def test_samples_come_with_unwrapped_count_time_and_units() -> None:
+    with driver([(request(6, b"\x01"), reply_frame(6, b"\x01"))]) as (imu, link):
+        imu.start()
+        link.send(stream_frame(65534, [1, 2, 3, 4, 5, 6]) + stream_frame(65535, [0] * 6)[:20])
+        link.send(stream_frame(65535, [0] * 6)[20:] + stream_frame(0, [-1] * 6, 2600, 3))
+        wait_for_frames(imu, 3)
+        batch = imu.read()
+        assert batch.seq.tolist() == [65534, 65535, 65536]
+        assert batch.time.tolist() == [65535 / 200, 65536 / 200, 65537 / 200]
+        assert batch.counts[0].tolist() == [1, 2, 3, 4, 5, 6]
+        assert batch.temperature.tolist() == [25.12, 25.12, 26.0]
+        assert batch.status.tolist() == [1, 1, 3]
+        assert len(batch.arrival) == 3
+        assert len(imu.read()) == 0
+        link.send(stream_frame(5, [0] * 6) + stream_frame(0, [0] * 6))
+        wait_for_frames(imu, 5)
+        assert imu.read().seq.tolist() == [65541, 65543]
+        assert imu.stats.gaps == 2
+        assert imu.received == imu.stats.bytes
+
+
+def test_registers_on_the_wire_between_samples() -> None:
+    entries = [(e.address, len(e.parameters)) for e in PROFILE.registers]
+    pairs = []
+    for address, count in entries:
+        head = struct.pack("<HB", address, count)
+        values = struct.pack(f"<{count}f", *(0.001 * (address + i) for i in range(count)))
+        noise = stream_frame(address, [0] * 6) + reply_frame(2, b"\xff\xff\x01late")
+        pairs.append((request(2, head), noise + reply_frame(2, head + values)))
+    with driver(pairs) as (imu, link):
+        values = imu.read_registers()
+        assert link.finished
+        assert values["gyro_bias_z"] == pytest.approx(0.002)
+        assert values["gyro_misalign_xy"] == pytest.approx(0.004)
+        assert values["inner_lever_z"] == pytest.approx(0.029)
+
+
+def test_writing_and_committing_on_the_wire() -> None:
+    values = {name: 0.0 for e in PROFILE.registers for name in e.parameters if name}
+    values["accel_misalign_zx"] = 0.25 / 4
+    pairs = []
+    for e in PROFILE.registers:
+        head = struct.pack("<HB", e.address, len(e.parameters))
+        row = [values.get(name, 0.0) for name in e.parameters]
+        pairs.append((request(3, head + struct.pack(f"<{len(row)}f", *row)), reply_frame(3, head)))
+    pairs.append((request(4), reply_frame(4, struct.pack("<BI", 0, 17))))
+    pairs += [(request(5), reply_frame(5, b"\x00")), (request(1), reply_frame(1, b"bench-imu;SN;1"))]
+    with driver(pairs) as (imu, link):
+        imu.write_registers(values)
+        imu.commit()
+        imu.reset()
+        assert link.finished
+
+
+def test_a_commit_is_never_repeated() -> None:
+    with driver([]) as (imu, link):
+        with pytest.raises(DeviceFaultError, match="not a byte came"):
+            imu.commit()
+        assert link.unexpected == [request(4)]
+
+
+def test_a_lost_answer_is_asked_for_again() -> None:
+    with driver([]) as (imu, link):
+        with pytest.raises(DeviceFaultError, match="no answer on SCRIPT within"):
+            imu.identify()
+        assert link.unexpected == [request(1)] * 3
+
+
+def test_an_error_reply_is_told_by_its_meaning() -> None:
+    with (
+        driver([(request(4), reply_frame(0xFF, b"\x03"))]) as (imu, _),
+        pytest.raises(DeviceFaultError, match="command 4 was refused: flash busy"),
+    ):
+        imu.commit()
+
+
+def test_noise_of_a_wrong_baud_is_told() -> None:
+    with driver([]) as (imu, link):
+        link.send(bytes(range(1, 85)) * 30)
+        deadline = time.monotonic() + 5.0
+        while imu.received == 0 and time.monotonic() < deadline:
+            time.sleep(0.001)
+        with pytest.raises(DeviceFaultError, match="check baud, parity"):
+            imu.read()
+        with pytest.raises(DeviceFaultError, match="check baud"):
+            imu.identify()
+
+
+def test_a_lost_link_is_told_after_the_last_samples() -> None:
+    with driver([]) as (imu, link):
+        link.send(stream_frame(1, [0] * 6))
+        wait_for_frames(imu, 1)
+        link.failure = DeviceFaultError("IMU: port SCRIPT was lost")
+        time.sleep(0.1)
+        assert len(imu.read()) == 1
+        with pytest.raises(DeviceFaultError, match="was lost"):
+            imu.read()
+        assert imu.silence > 0.05

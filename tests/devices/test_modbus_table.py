@@ -1,0 +1,245 @@
+"""The table driver as byte pairs on the wire, and what it makes of exceptions, silence and wrong answers."""
+
+import socket
+import struct
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calstation.devices.modbus_table import ModbusTable, decode, encode
+from calstation.devices.table_profile import ModbusRegister, TableProfile, load_table_profile
+from calstation.errors import ConfigurationError, DeviceFaultError
+
+PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "bench.toml")
+MOVE, STOP, HOME = 1, 2, 3
+
+
+def quick(gap: int = 16) -> TableProfile:
+    modbus = PROFILE.modbus.model_copy(update={"timeout_s": 0.15, "gap": gap})
+    return PROFILE.model_copy(update={"modbus": modbus})
+
+
+class ScriptedServer:
+    """A Modbus TCP server that expects requests in order: (request PDU, reply PDU or None for silence)."""
+
+    def __init__(self, pairs: list[tuple[bytes, bytes | None]]) -> None:
+        self.pairs = list(pairs)
+        self.unexpected: list[bytes] = []
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = f"tcp://127.0.0.1:{self._server.getsockname()[1]}"
+        self._peers: list[socket.socket] = []
+        self._thread = threading.Thread(target=self._accept, daemon=True)
+        self._thread.start()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                peer, _ = self._server.accept()
+            except OSError:
+                return
+            self._peers.append(peer)
+            threading.Thread(target=self._serve, args=(peer,), daemon=True).start()
+
+    def _serve(self, peer: socket.socket) -> None:
+        with peer, peer.makefile("rb") as stream:
+            while len(head := stream.read(7)) == 7:
+                transaction, _, length, unit = struct.unpack(">HHHB", head)
+                request = stream.read(length - 1)
+                if not self.pairs or self.pairs[0][0] != request:
+                    self.unexpected.append(request)
+                    return
+                reply = self.pairs.pop(0)[1]
+                if reply is not None:
+                    peer.sendall(struct.pack(">HHHB", transaction, 0, len(reply) + 1, unit) + reply)
+
+    def close(self) -> None:
+        self._server.close()
+        for peer in self._peers:
+            try:
+                peer.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                continue
+
+
+@contextmanager
+def table(
+    pairs: list[tuple[bytes, bytes | None]], profile: TableProfile | None = None
+) -> Iterator[tuple[ModbusTable, ScriptedServer]]:
+    server = ScriptedServer(pairs)
+    driver = ModbusTable(server.port, profile or quick())
+    try:
+        yield driver, server
+    finally:
+        driver.close()
+        server.close()
+    assert server.pairs == []
+    assert server.unexpected == []
+
+
+def read(address: int, words: list[int]) -> tuple[bytes, bytes]:
+    reply = struct.pack(f">BB{len(words)}H", 3, 2 * len(words), *words)
+    return struct.pack(">BHH", 3, address, len(words)), reply
+
+
+def write(address: int, *words: int) -> tuple[bytes, bytes]:
+    if len(words) == 1:
+        request = struct.pack(">BHH", 6, address, words[0])
+        return request, request
+    head = struct.pack(">BHH", 16, address, len(words))
+    return head + struct.pack(f">B{len(words)}H", 2 * len(words), *words), head
+
+
+def long(value: int) -> list[int]:
+    return list(struct.unpack(">HH", struct.pack(">i", value)))
+
+
+def image(status: int = 0x1627, fault: int = 0) -> list[int]:
+    words = [0] * 64
+    words[17:21] = [status, fault, 1, 1500]
+    for joint, (position, rate) in zip((30, 50), ((-4500000, 123456), (36000001, -20000)), strict=True):
+        words[joint : joint + 4] = long(position) + long(rate)
+        words[joint + 10 : joint + 14] = long(-108000000) + long(108000000)
+    return words
+
+
+def test_identity_on_the_wire() -> None:
+    def text(value: bytes) -> list[int]:
+        return list(struct.unpack(">8H", value.ljust(16, b"\0")))
+
+    with table([read(0, text(b"bench-table")), read(8, text(b"T-0001"))]) as (driver, _):
+        identity = driver.identify()
+        assert (identity.model, identity.serial) == ("bench-table", "T-0001")
+    with (
+        table([read(0, text(b"other")), read(8, text(b"T"))]) as (driver, _),
+        pytest.raises(DeviceFaultError, match="model 'other' answers"),
+    ):
+        driver.identify()
+
+
+def test_status_is_one_transfer_where_gaps_may_be_read() -> None:
+    with table([read(17, image()[17:64])]) as (driver, _):
+        status = driver.status()
+    np.testing.assert_allclose(status.angles, np.deg2rad([-45.0, 360.00001]), atol=1e-12)
+    np.testing.assert_allclose(status.rates, np.deg2rad([12.3456, -2.0]))
+    assert (status.enabled, status.homed, status.moving, status.settled) == (True, True, False, True)
+    assert status.fault is None
+    assert status.interlock_closed
+    assert status.watchdog == 1.5
+    np.testing.assert_allclose(status.limits.high, np.deg2rad([1080.0, 1080.0]))
+    np.testing.assert_allclose(status.limits.rate, np.deg2rad([120.0, 120.0]))
+
+
+def test_status_leaves_gaps_out_where_they_must_not_be_read() -> None:
+    words = image(0x0248, 2)
+    pairs = [read(a, words[a:b]) for a, b in ((17, 21), (30, 34), (40, 44), (50, 54), (60, 64))]
+    with table(pairs, quick(gap=0)) as (driver, _):
+        status = driver.status()
+    assert status.fault == "watchdog"
+    assert not status.enabled
+    words = image(0x0008, 77)
+    with table([read(17, words[17:64])]) as (driver, _):
+        assert driver.status().fault == "code 77"
+
+
+def test_commands_on_the_wire() -> None:
+    pairs = [
+        *(write(16, word) for word in (0x06, 0x07, 0x0F)),
+        write(22, HOME),
+        write(34, *long(-9000000), *long(200000), *long(400000)),
+        write(54, *long(72000000), *long(200000), *long(400000)),
+        write(22, MOVE),
+        write(21, 1),
+        write(22, STOP),
+        write(16, 0x06),
+        *(write(16, word) for word in (0x06, 0x86, 0x06)),
+    ]
+    with table(pairs) as (driver, _):
+        driver.enable()
+        driver.home()
+        driver.move(*np.deg2rad([-90.0, 720.0, 20.0, 40.0]))
+        driver.heartbeat()
+        driver.stop()
+        driver.disable()
+        driver.reset_fault()
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [(2, "no such register"), (3, "the value is refused"), (4, "present state"), (99, "exception 99")],
+)
+def test_an_exception_is_told_by_its_meaning_and_not_repeated(code: int, told: str) -> None:
+    with (
+        table([(write(22, STOP)[0], bytes([0x86, code]))]) as (driver, _),
+        pytest.raises(DeviceFaultError, match=told),
+    ):
+        driver.stop()
+
+
+def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
+    request, reply = write(22, STOP)
+    with table([(request, None), (request, None), (request, reply)]) as (driver, _):
+        driver.stop()
+    with (
+        table([(write(22, HOME)[0], None)]) as (driver, _),
+        pytest.raises(DeviceFaultError, match="register 22"),
+    ):
+        driver.home()
+
+
+def test_a_table_that_went_silent_or_away_is_told() -> None:
+    request = read(17, image()[17:64])[0]
+    with (
+        table([(request, None)] * 3) as (driver, _),
+        pytest.raises(DeviceFaultError, match=r"registers 17-63 cannot be read on tcp://.*; check cable"),
+    ):
+        driver.status()
+    server = ScriptedServer([])
+    driver = ModbusTable(server.port, quick())
+    server.close()
+    with pytest.raises(DeviceFaultError, match="cannot be read"):
+        driver.status()
+    driver.close()
+
+
+def test_an_answer_of_the_wrong_length_is_not_taken() -> None:
+    request = read(17, image()[17:64])[0]
+    short = read(17, image()[17:60])[1]
+    with (
+        table([(request, short)] * 3) as (driver, _),
+        pytest.raises(DeviceFaultError, match="cannot be read"),
+    ):
+        driver.status()
+
+
+def test_ports_that_cannot_be_are_told() -> None:
+    for port in ("tcp://nohost", "tcp://:1", "tcp://x:99999"):
+        with pytest.raises(ConfigurationError, match="is not tcp://host:port"):
+            ModbusTable(port, quick())
+    with pytest.raises(DeviceFaultError, match="/dev/ttyNONE7 cannot be opened"):
+        ModbusTable("/dev/ttyNONE7", quick())
+
+
+def test_a_value_that_does_not_fit_is_told_before_anything_is_sent() -> None:
+    with (
+        table([]) as (driver, _),
+        pytest.raises(ConfigurationError, match=r"outer_target = 57295\.8 does not fit"),
+    ):
+        driver.move(1000.0, 0.0, 0.1, 0.1)
+
+
+@settings(deadline=None, max_examples=100)
+@given(kind=st.sampled_from(["u16", "i16", "u32", "i32"]), part=st.floats(0, 1))
+def test_registers_round_trip(kind: str, part: float) -> None:
+    register = ModbusRegister(address=0, type=kind, scale=1e-5)  # type: ignore[arg-type]
+    low, high = register.bounds
+    raw = round(low + part * (high - low))
+    words = encode(register, raw * register.scale, "x")
+    assert len(words) == register.count
+    assert all(0 <= word <= 0xFFFF for word in words)
+    assert decode(register, words) == raw * register.scale
