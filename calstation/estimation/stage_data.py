@@ -14,6 +14,9 @@ REST_WINDOW = 0.5
 REST_MARGIN = 0.3
 """Cut from both ends of a rest found in the data, s: a table creeps before it settles."""
 
+FORCE_STEP = 0.5
+"""A larger change of mean specific force from one window to the next, m/s², is another position."""
+
 
 @dataclass(frozen=True)
 class StageData:
@@ -82,11 +85,12 @@ def _window_mean(values: FloatArray, width: int) -> FloatArray:
 def rests(
     data: StageData, segment: tuple[int, int], imu: ImuModel, gyro_bias: FloatArray, bias_sigma: float
 ) -> list[tuple[int, int]]:
-    """Stretches of a segment in which the unit rests, found from the gyros alone, (start, stop).
+    """Stretches of a segment in which the unit rests, found from the data, (start, stop).
 
     Coarse: in every window of `REST_WINDOW` the mean rate stays within what bias (3 sigma), noise (5 sigma),
     quantisation and a floor of 0.1 °/s explain. Fine: within such a stretch no window differs from the median
-    by more than noise and 0.02 °/s, so a table still creeping does not count as resting.
+    by more than noise and 0.02 °/s, so a table still creeping does not count as resting. A step of the specific
+    force (`FORCE_STEP`) parts two rests even where no rotation was recorded between them.
     """
     start, stop = segment
     width = max(round(REST_WINDOW / data.dt), 2)
@@ -102,6 +106,7 @@ def rests(
     for first, last in _runs(quiet):
         middle = np.median(mean[first:last], axis=0)
         still = np.abs(mean[first:last] - middle).max(axis=1) < 5.0 * noise + np.deg2rad(0.02)
+        still &= _steady(_window_mean(data.accel[start + first : start + last + width - 1], width), width)
         for a, b in _runs(still):
             begin = start + first + a
             end = start + first + b + width - 1
@@ -110,6 +115,16 @@ def rests(
             if end - begin >= width:
                 found.append((begin, end))
     return found
+
+
+def _steady(force: FloatArray, width: int) -> BoolArray:
+    """Whether each window of mean force agrees with those a window before and after, shape (n,)."""
+    steady = np.ones(len(force), dtype=np.bool_)
+    if len(force) > width:
+        stepped = np.abs(force[width:] - force[:-width]).max(axis=1) > FORCE_STEP
+        steady[width:] &= ~stepped
+        steady[:-width] &= ~stepped
+    return steady
 
 
 def _runs(flags: BoolArray) -> list[tuple[int, int]]:
