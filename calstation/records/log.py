@@ -10,7 +10,8 @@ from calstation.estimation.samples import SampleBlock
 from calstation.records.csv_log import csv_blocks, meta_path
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta, load_meta
-from calstation.records.raw_log import SUFFIX, raw_blocks, read_contents
+from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_read import raw_blocks, read_contents
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""The raw log: HDF5 in SWMR mode, appended and flushed so that a kill or a power cut costs next to nothing.
+"""Writes the raw log: HDF5 in SWMR mode, appended and flushed so that a kill or a power cut costs next to nothing.
 
 One compound dataset holds the samples, so their columns cannot differ in length after a crash;
 configuration, events, results and the closing word are JSON lines in byte datasets. Everything is created
@@ -7,12 +7,10 @@ rewriting a partly filled compressed chunk at every flush would leak file space,
 its rows.
 """
 
-import itertools
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +18,10 @@ import h5py
 import numpy as np
 from numpy.typing import DTypeLike
 
-from calstation.errors import ConfigurationError, InputError
+from calstation.errors import ConfigurationError
 from calstation.estimation.samples import SampleBlock
 from calstation.records.facts import FactsBuilder, LogFacts
-from calstation.records.meta import LogMeta, meta_from_json
+from calstation.records.meta import LogMeta
 
 FORMAT = "calstation.log/1"
 SUFFIX = ".h5"
@@ -43,10 +41,7 @@ ROW = np.dtype(
         ("valid", "u1"),
     ]
 )
-_CHUNK_ROWS = 1024
-_READ_ROWS = 16 * _CHUNK_ROWS
-_SIGNATURE = b"\x89HDF\r\n\x1a\n\x03"
-"""First bytes of an HDF5 file with a superblock of version 3."""
+CHUNK_ROWS = 1024
 _TEXTS = ("events", "results", "closing")
 
 
@@ -75,7 +70,7 @@ class RawLogWriter:
         configuration = np.frombuffer(meta.to_json().encode(), np.uint8)
         self._file.attrs["format"] = FORMAT
         self._file.create_dataset("meta", data=configuration)
-        self._samples = self._growing("samples", ROW, _CHUNK_ROWS)
+        self._samples = self._growing("samples", ROW, CHUNK_ROWS)
         self._stage_names = self._growing("stages", "S64", 16)
         for name in _TEXTS:
             self._growing(name, np.uint8, 8192)
@@ -183,144 +178,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     return str(value)
-
-
-@dataclass(frozen=True)
-class RawLogContents:
-    """What a raw log holds beside its samples; `outcome` is None where the run did not reach its end."""
-
-    meta: LogMeta
-    events: list[dict[str, Any]]
-    results: list[dict[str, Any]]
-    outcome: str | None
-    sha256: str | None
-
-
-def read_contents(path: Path) -> RawLogContents:
-    """Read configuration, events and results; raises InputError where the file is no readable raw log."""
-    with _Opened(path) as file:
-        meta = meta_from_json(_text(file["meta"]), path)
-        closing = _json_lines(file["closing"])
-        last = closing[-1] if closing else {}
-        return RawLogContents(
-            meta,
-            _json_lines(file["events"]),
-            _json_lines(file["results"]),
-            last.get("outcome"),
-            last.get("sha256"),
-        )
-
-
-def raw_blocks(path: Path) -> Iterator[SampleBlock]:
-    """Read a raw log's samples in order in blocks of one stage.
-
-    After a crash the rows behind the first that does not rise (never written out) are left off; in a closed
-    log such a row is an error (InputError).
-    """
-    with _Opened(path) as file:
-        samples = file["samples"]
-        names = [name.decode() for name in file["stages"][:]]
-        closed = file["closing"].shape[0] > 0
-        last = np.int64(-1)
-        for start in range(0, samples.shape[0], _READ_ROWS):
-            rows = samples[start : start + _READ_ROWS]
-            rising = np.diff(rows["seq"], prepend=last) > 0
-            sound = rising & (rows["stage"] < len(names))
-            good = len(rows) if sound.all() else int(np.argmin(sound))
-            if good < len(rows) and closed:
-                raise InputError(f"{path}: row {start + good} is damaged; use a copy of the log")
-            rows = rows[:good]
-            if good:
-                last = rows["seq"][-1]
-                yield from _blocks(rows, names)
-            if good < len(sound):
-                return
-
-
-def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
-    stage = rows["stage"]
-    edges = np.concatenate(([0], np.flatnonzero(stage[1:] != stage[:-1]) + 1, [len(rows)]))
-    for a, b in itertools.pairwise(edges.tolist()):
-        part = rows[a:b]
-        yield SampleBlock(
-            names[int(part["stage"][0])],
-            np.ascontiguousarray(part["seq"]),
-            np.ascontiguousarray(part["time"]),
-            np.ascontiguousarray(part["counts"]),
-            np.ascontiguousarray(part["angles"]),
-            part["step"].astype(np.int64),
-            part["valid"] != 0,
-            np.ascontiguousarray(part["temperature"]),
-        )
-
-
-def find_incomplete(folder: Path) -> list[Path]:
-    """Raw logs in `folder` (searched with its subfolders) whose run did not reach its end, oldest first."""
-    found = []
-    for path in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda p: p.stat().st_mtime):
-        try:
-            if read_contents(path).outcome is None:
-                found.append(path)
-        except InputError:
-            continue
-    return found
-
-
-class _Opened:
-    """An HDF5 file open for reading; every failure inside becomes one InputError."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> h5py.File:
-        if not self._path.is_file():
-            raise InputError(f"{self._path}: no such file; give the path of an existing log")
-        try:
-            self._file = h5py.File(self._path, "r", libver="latest", swmr=self._left_open())
-        except OSError as exc:
-            raise self._damaged() from exc
-        if self._file.attrs.get("format") != FORMAT:
-            self._file.close()
-            raise InputError(f"{self._path}: not a raw log of this program; give a .h5 log or a .csv")
-        return self._file
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        try:
-            self._file.close()
-        except (OSError, RuntimeError) as exc:
-            raise self._damaged() from exc
-        if isinstance(error, (OSError, RuntimeError, KeyError)):
-            raise self._damaged() from error
-
-    def _left_open(self) -> bool:
-        """Whether the file was not closed, from its superblock (HDF5 file format 4.0, II.A, version 3).
-
-        Only then SWMR reading is needed; it retries damaged metadata for ever, so a file shorter than its
-        superblock says is refused before.
-        """
-        with self._path.open("rb") as stream:
-            head = stream.read(48)
-        if len(head) < 48 or head[:9] != _SIGNATURE:
-            raise self._damaged()
-        end = int.from_bytes(head[28:36], "little")
-        if self._path.stat().st_size < end:
-            raise self._damaged()
-        return head[11] != 0
-
-    def _damaged(self) -> InputError:
-        return InputError(f"{self._path}: damaged, cut short or no raw log; use a copy of the log")
-
-
-def _text(dataset: h5py.Dataset) -> str:
-    return bytes(dataset[:]).decode("utf-8", errors="replace")
-
-
-def _json_lines(dataset: h5py.Dataset) -> list[dict[str, Any]]:
-    """Whole lines that parse; what a crash left half written is skipped."""
-    lines = []
-    for line in _text(dataset).split("\n")[:-1]:
-        try:
-            lines.append(json.loads(line))
-        except ValueError:
-            continue
-    return lines

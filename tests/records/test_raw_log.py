@@ -18,7 +18,8 @@ from calstation.estimation.samples import SampleBlock
 from calstation.records import raw_log
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter, find_incomplete
+from calstation.records.raw_log import RawLogWriter
+from calstation.records.raw_read import find_incomplete
 
 
 def test_a_log_gives_back_what_was_written(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from calstation.errors import DeviceFaultError
 from calstation.records.log import open_log
-from calstation.records.raw_log import find_incomplete
+from calstation.records.raw_read import find_incomplete
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import StageStarted, StateChanged, StepStarted, Verdict
 from calstation.station.engine import Engine
@@ -31,12 +31,17 @@ def test_events_come_and_commands_go(place: Place) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(place: Place) -> None:
-    with Engine.start(place.request("rate")) as engine:
-        with pytest.raises(DeviceFaultError, match="ended unexpectedly"):
-            for event in engine.events():
-                if isinstance(event, StepStarted) and event.step == 7:
-                    assert engine.process.pid is not None
-                    os.kill(engine.process.pid, signal.SIGKILL)
+    def kill_in_the_middle(engine: Engine) -> None:
+        for event in engine.events():
+            if isinstance(event, StepStarted) and event.step == 7:
+                assert engine.process.pid is not None
+                os.kill(engine.process.pid, signal.SIGKILL)
+
+    with (
+        Engine.start(place.request("rate")) as engine,
+        pytest.raises(DeviceFaultError, match="ended unexpectedly"),
+    ):
+        kill_in_the_middle(engine)
     (path,) = find_incomplete(place.folder / "runs")
     log = open_log(path)
     assert log.outcome is None
