@@ -58,6 +58,7 @@ def validate(
         return model.model_validate(data)
     except ValidationError as exc:
         details = exc.errors(include_url=False, include_context=True)
+        details.sort(key=lambda d: d["type"] != "extra_forbidden")  # a misspelt name is missing as well
         more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
         raise error(f"{source}: {_sentence(details[0], data, model)}{more}") from exc
 

@@ -1,0 +1,278 @@
+"""Every error a user can cause: the contract's exit code and one clear message, never a traceback."""
+
+import re
+import stat
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from calstation.station.library import shipped_folder
+from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
+
+Run = Callable[..., Done]
+
+
+def check(done: Done, code: int, *words: str) -> None:
+    """One or two lines that say these words, and the exit code."""
+    assert done.code == code, done.err
+    told = [line for line in done.err.splitlines() if line.startswith("calstation: ")]
+    assert len(told) == 1, done.err
+    assert "Traceback" not in done.err
+    for word in words:
+        assert word in done.err
+    assert done.out == ""
+
+
+# ---- logs
+
+
+def test_no_such_log(calstation: Run, tmp_path: Path) -> None:
+    check(calstation("resolve", tmp_path / "none.csv"), 2, "none.csv", "no such file")
+
+
+def test_no_toml_beside_the_csv(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    log.with_suffix(".toml").unlink()
+    check(calstation("resolve", log), 2, "log.toml")
+
+
+def test_missing_column(calstation: Run, tmp_path: Path) -> None:
+    rows = [re.sub(r",[^,]*$", "", row) for row in six_position_rows()]
+    header = HEADER.removesuffix(",step")
+    check(calstation("resolve", write_log(tmp_path, rows, header)), 2, "log.csv", "column 'step'")
+
+
+def test_nan_in_a_cell(calstation: Run, tmp_path: Path) -> None:
+    rows = six_position_rows()
+    rows[10] = rows[10].replace(rows[10].split(",")[4], "nan", 1)
+    check(calstation("resolve", write_log(tmp_path, rows)), 2, "line 12", "NaN")
+
+
+def test_short_log(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows()[:150])
+    check(calstation("resolve", log), 2, "log.csv", "six_position")
+
+
+def test_repeated_rows(calstation: Run, tmp_path: Path) -> None:
+    rows = six_position_rows()
+    check(calstation("resolve", write_log(tmp_path, [*rows[:50], *rows[40:]])), 2, "line 52")
+
+
+def test_reordered_rows(calstation: Run, tmp_path: Path) -> None:
+    rows = six_position_rows()
+    rows[20], rows[21] = rows[21], rows[20]
+    check(calstation("resolve", write_log(tmp_path, rows)), 2, "line 2")
+
+
+def test_latitude_out_of_range(calstation: Run, tmp_path: Path) -> None:
+    meta = META.replace("34.25", "134.25")
+    log = write_log(tmp_path, six_position_rows(), meta=meta)
+    check(calstation("resolve", log), 2, "log.toml", "site.latitude_deg")
+
+
+def test_unknown_stage(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    check(calstation("resolve", log, "--stages", "six_positions"), 2, "six_positions", "choose from")
+    check(calstation("run", "--stages", "six_positions"), 2, "six_positions", "choose from")
+
+
+def test_a_stage_that_the_log_does_not_hold(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    check(calstation("resolve", log, "--stages", "rate"), 2, "rate", "which holds six_position")
+
+
+def test_empty_or_repeated_stages(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    check(calstation("resolve", log, "--stages", ","), 2, "--stages")
+    check(calstation("resolve", log, "--stages", "rate,rate"), 2, "twice")
+
+
+def test_range_outside_the_log(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    check(calstation("resolve", log, "--from", 10**6), 2, "the log holds")
+    check(calstation("resolve", log, "--from", 20, "--to", 10), 2, "--from")
+    check(calstation("resolve", log, "--from", 0, "--to", 100), 2, "six_position")
+
+
+def test_a_file_that_is_no_log(calstation: Run, tmp_path: Path) -> None:
+    for name, content in (("a.h5", b"not hdf5"), ("a.txt", b""), ("a.csv.gz", b"no gzip")):
+        path = tmp_path / name
+        path.write_bytes(content)
+        (tmp_path / "a.toml").write_text(META, encoding="utf-8")
+        check(calstation("resolve", path), 2, name)
+
+
+def test_import_into_a_wrong_name(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    check(calstation("import", log, "-o", tmp_path / "log.dat"), 2, "log.dat")
+
+
+# ---- options
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["frobnicate"],
+        ["resolve"],
+        ["resolve", "a.csv", "--frobnicate"],
+        ["resolve", "a.csv", "--from", "x"],
+        ["run", "--speed", "fast"],
+        ["run", "--seed", "1.5"],
+        ["export", "a.h5"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_usage(calstation: Run, arguments: list[str]) -> None:
+    check(calstation(*arguments), 2)
+
+
+# ---- stations, products, profiles
+
+
+def edited(tmp_path: Path, kind: str, name: str, *changes: tuple[str, str]) -> Path:
+    """A copy of a shipped file with changes."""
+    text = (shipped_folder() / kind / f"{name}.toml").read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    folder = tmp_path / "home" / kind
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The site's own folder."""
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    return tmp_path / "home"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("latitude_deg = 34.25", "latitude_deg = 91.0"), ("site.latitude_deg", "at most 90")),
+        (("latitude_deg = 34.25\n", ""), ("site.latitude_deg", "missing")),
+        (("latitude_deg", "lattitude_deg"), ("lattitude_deg",)),
+        (("speed = 0.0", "speed = -1.0"), ("bench", "speed")),
+        (('profile = "bench"', 'profile = "none"'), ("'none'", "choose from: bench")),
+        (("[site]", "[site"), ("not valid TOML",)),
+        (("[bench]", "[unused]"), ("unused",)),
+    ],
+    ids=lambda v: v[0][:25],
+)
+def test_a_wrong_station_file(
+    calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
+) -> None:
+    station = edited(tmp_path, "stations", "virtual_bench", change)
+    check(calstation("run", "--station", station), 2, *words)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("baud = 921600", "baud = 0"), ("imu.serial.baud", "at least 50")),
+        (('parity = "N"', 'parity = "X"'), ("imu.serial.parity",)),
+        (("stop_bits = 1", "stop_bits = 3"), ("imu.serial.stop_bits",)),
+        (("timeout_s = 1.0", "timeout_s = 0.0"), ("imu.timeout_s",)),
+        (('port = "/dev/ttyUSB0"', "# no port"), ("imu.port", "missing")),
+    ],
+    ids=lambda v: v[0][:25],
+)
+def test_wrong_serial_settings(
+    calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
+) -> None:
+    station = edited(tmp_path, "stations", "example_hardware", change)
+    check(calstation("run", "--station", station, "--serial", "SN-1", "--yes"), 2, *words)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (('"six_position"', '"six_positions"'), ("six_positions",)),
+        (("turns = 2", "turns = 0"), ("schedule.rate", "turns")),
+        (("turns = 2", "tunrs = 2"), ("schedule.rate", "tunrs")),
+        (("[limits.gyro_bias]", "[limits.gyro_byas]"), ("gyro_byas",)),
+        (("within = 1.5e-05", "within = -1.0"), ("within",)),
+        (('imu = "bench_nav"', 'imu = "none"'), ("imu profile", "choose from")),
+        (('serial_pattern = "[A-Za-z0-9]', 'serial_pattern = "('), ("serial_pattern",)),
+    ],
+    ids=lambda v: v[0][:25],
+)
+def test_a_wrong_product_file(
+    calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
+) -> None:
+    product = edited(tmp_path, "products", "nav_a", change)
+    check(calstation("run", "--product", product), 2, *words)
+
+
+def test_a_profile_with_an_overlapping_register(calstation: Run, tmp_path: Path, home: Path) -> None:
+    edited(tmp_path, "imus", "bench_nav", ("address = 3\n", "address = 2\n"))
+    check(calstation("run"), 2, "bench_nav.toml", "overlap", "register 2")
+
+
+def test_a_serial_number_outside_the_pattern(calstation: Run) -> None:
+    check(calstation("run", "--serial", "SN 1!"), 2, "--serial 'SN 1!'")
+
+
+def test_hardware_needs_a_serial_number_and_no_bench_options(calstation: Run, tmp_path: Path) -> None:
+    station = edited(tmp_path, "stations", "example_hardware")
+    check(calstation("run", "--station", station), 2, "--serial is missing")
+    done = calstation("run", "--station", station, "--serial", "SN-1", "--speed", 2)
+    check(done, 2, "--speed", "virtual bench")
+
+
+def test_an_unwritable_folder(calstation: Run, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    check(calstation("run", "--out", tmp_path / "file" / "runs"), 2, "--out")
+    log = write_log(tmp_path, six_position_rows())
+    done = calstation("resolve", log, "--json", tmp_path / "none" / "a.json")
+    assert done.code == 2
+    assert "a.json: cannot be written" in done.err
+    check(calstation("import", log, "-o", tmp_path / "none" / "a.h5"), 2, "a.h5")
+    check(calstation("export", log, "-o", tmp_path / "none" / "a.csv"), 2, "a.csv")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="folder modes are POSIX")
+def test_a_folder_without_write_permission(calstation: Run, tmp_path: Path) -> None:
+    locked = tmp_path / "locked"
+    locked.mkdir()
+    locked.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    try:
+        (locked / "probe").touch()
+    except OSError:
+        check(calstation("run", "--out", locked), 2, "--out", "cannot be written")
+    finally:
+        locked.chmod(stat.S_IRWXU)
+
+
+# ---- devices
+
+
+def test_no_port(calstation: Run, tmp_path: Path) -> None:
+    station = edited(
+        tmp_path, "stations", "example_hardware", ("tcp://192.168.1.10:502", "tcp://127.0.0.1:9")
+    )
+    run = ("run", "--station", station, "--serial", "SN-1", "--yes", "--out", tmp_path / "runs")
+    done = calstation(*run, "--json", "-")
+    assert done.code == 3
+    assert "tcp://127.0.0.1:9" in done.err
+    assert done.json["outcome"] == "fault"
+    assert done.json["passed"] is False
+
+
+def test_declining_the_motion_stops(calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    station = edited(tmp_path, "stations", "example_hardware")
+    monkeypatch.setattr("typer.confirm", lambda *a, **k: False)
+    check(calstation("run", "--station", station, "--serial", "SN-1"), 4, "nothing has moved")
+
+
+def test_a_wrong_baud_looks_like_noise(calstation: Run, tmp_path: Path, home: Path) -> None:
+    edited(tmp_path, "imus", "bench_nav", ('sync = "55 AA"', 'sync = "5A A1"'))
+    done = calstation("run", "--out", tmp_path / "runs")
+    assert done.code == 3
+    assert "check baud, parity" in done.err

@@ -1,0 +1,71 @@
+"""resolve, import and export from the command line."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.cli.conftest import Done, six_position_rows, write_log
+
+
+def test_resolve_shows_a_table(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    done = calstation("resolve", write_log(tmp_path, six_position_rows()))
+    assert done.code == 0, done.err
+    assert "accel_scale_x" in done.out
+    assert "ppm" in done.out
+
+
+def test_json_on_standard_output_is_nothing_but_json(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    done = calstation("resolve", write_log(tmp_path, six_position_rows()), "--json", "-")
+    assert done.code == 0
+    assert done.json["schema"] == "calstation.result/1"
+    assert done.json["passed"] is None
+    assert done.json["outcome"] == "resolved"
+    assert done.json["unit"]["serial"] == "SN-7"
+    assert abs(done.json["parameters"]["accel_scale_x"]["value"]) < 1e-3
+
+
+def test_json_to_a_file(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    target = tmp_path / "result.json"
+    assert calstation("resolve", write_log(tmp_path, six_position_rows()), "--json", target).code == 0
+    assert json.loads(target.read_text(encoding="utf-8"))["stages"] == ["six_position"]
+
+
+def test_import_export_resolve_agree(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    assert calstation("import", log, "-o", tmp_path / "log.h5").code == 0
+    assert calstation("export", tmp_path / "log.h5", "-o", tmp_path / "again.csv").code == 0
+    answers = [
+        calstation("resolve", tmp_path / name, "--json", "-").json["parameters"]
+        for name in ("log.csv", "log.h5", "again.csv")
+    ]
+    assert answers[0] == answers[1] == answers[2]
+
+
+def test_a_part_of_the_log_solves(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows(10.0))
+    done = calstation("resolve", log, "--from", 100, "--to", 2900, "--json", "-")
+    assert done.code == 0, done.err
+    assert (done.json["log"]["first_seq"], done.json["log"]["last_seq"]) == (100, 2900)
+
+
+def test_debug_shows_where(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    done = calstation("resolve", tmp_path / "none.csv", "--debug")
+    assert done.code == 2
+    assert "Traceback" in done.err
+
+
+def test_help_answers_at_once() -> None:
+    command = [sys.executable, "-m", "calstation", "--help"]
+    times = []
+    for _ in range(3):
+        begin = time.perf_counter()
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        times.append(time.perf_counter() - begin)
+    assert all(name in done.stdout for name in ("run", "resolve", "import", "export", "study"))
+    assert min(times) < 0.5
+    heavy = "import sys, calstation.cli.app; print(sorted({'numpy', 'numba', 'h5py'} & set(sys.modules)))"
+    listed = subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True, check=True)
+    assert listed.stdout.strip() == "[]"
