@@ -37,7 +37,7 @@ def contract_rows():
 def test_names_order_and_units_are_the_contracts():
     rows = list(contract_rows())
     assert len(rows) == COUNT == 30
-    assert NAMES == tuple(f"{group}_{axis}" for group, axis, _ in rows)
+    assert [f"{group}_{axis}" for group, axis, _ in rows] == list(NAMES)
     assert [p.unit for p in PARAMETERS] == [unit for _, _, unit in rows]
     assert tuple(dict.fromkeys(group for group, _, _ in rows)) == GROUPS
 
