@@ -276,3 +276,11 @@ def test_a_wrong_baud_looks_like_noise(calstation: Run, tmp_path: Path, home: Pa
     done = calstation("run", "--out", tmp_path / "runs")
     assert done.code == 3
     assert "check baud, parity" in done.err
+
+
+# ---- study
+
+
+def test_study_options(calstation: Run) -> None:
+    check(calstation("study", "--grade", "toy"), 2, "'toy'", "nav")
+    check(calstation("study", "--seeds", 0), 2, "--seeds")
