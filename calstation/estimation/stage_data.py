@@ -87,33 +87,36 @@ def rests(
 ) -> list[tuple[int, int]]:
     """Stretches of a segment in which the unit rests, found from the data, (start, stop).
 
-    Coarse: in every window of `REST_WINDOW` the mean rate stays within what bias (3 sigma), noise (5 sigma),
-    quantisation and a floor of 0.1 °/s explain. Fine: within such a stretch no window differs from the median
-    by more than noise and 0.02 °/s, so a table still creeping does not count as resting. A step of the specific
-    force (`FORCE_STEP`) parts two rests even where no rotation was recorded between them.
+    Rates are judged as means over `REST_WINDOW`. Where they are small (3 sigma of bias, 5 of noise, a floor of
+    0.1 °/s) and flat, their median is the unit's rate at rest, bias and earth; rest is where no window departs
+    from it by more than noise and 0.03 °/s (the earth turns with 0.004), so that a table still creeping does not
+    count. A step of the specific force (`FORCE_STEP`) parts two rests even where no rotation between them was
+    recorded.
     """
     start, stop = segment
     width = max(round(REST_WINDOW / data.dt), 2)
-    if stop - start < width:
+    if stop - start < 2 * width:
         return []
     mean = _window_mean(data.gyro[start:stop] - gyro_bias, width)
     noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.gyro_lsb * (
         1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
     )
-    quiet = np.abs(mean).max(axis=1) < 3.0 * bias_sigma + 5.0 * noise + np.deg2rad(0.1)
+    small = np.abs(mean).max(axis=1) < 3.0 * bias_sigma + 5.0 * noise + np.deg2rad(0.1)
+    flat = np.zeros(len(mean), dtype=np.bool_)
+    flat[width:] = np.abs(mean[width:] - mean[:-width]).max(axis=1) < 5.0 * noise + np.deg2rad(0.01)
+    if not np.any(small & flat):
+        return []
+    at_rest = np.median(mean[small & flat], axis=0)
+    still = np.abs(mean - at_rest).max(axis=1) < 5.0 * noise + np.deg2rad(0.03)
+    still &= _steady(_window_mean(data.accel[start:stop], width), width)
     margin = round(REST_MARGIN / data.dt)
     found = []
-    for first, last in _runs(quiet):
-        middle = np.median(mean[first:last], axis=0)
-        still = np.abs(mean[first:last] - middle).max(axis=1) < 5.0 * noise + np.deg2rad(0.02)
-        still &= _steady(_window_mean(data.accel[start + first : start + last + width - 1], width), width)
-        for a, b in _runs(still):
-            begin = start + first + a
-            end = start + first + b + width - 1
-            begin += margin if begin > start else 0
-            end -= margin if end < stop else 0
-            if end - begin >= width:
-                found.append((begin, end))
+    for first, last in _runs(still):
+        begin = start + first + (margin if first > 0 else 0)
+        end = start + last + width - 1
+        end -= margin if end < stop else 0
+        if end - begin >= width:
+            found.append((begin, end))
     return found
 
 

@@ -51,12 +51,12 @@ def _matrix(group: str, sensor: str, pairs: str, prior_sigma: float) -> list[Par
 
 
 PARAMETERS: tuple[Parameter, ...] = tuple(
-    _vector("gyro_bias", "gyro", "rad/s", 5e-3)
-    + _vector("gyro_scale", "gyro", "1", 5e-3)
-    + _matrix("gyro_misalign", "gyro", "xy xz yx yz zx zy", 5e-3)
-    + _vector("accel_bias", "accel", "m/s^2", 0.1)
-    + _vector("accel_scale", "accel", "1", 5e-3)
-    + _matrix("accel_misalign", "accel", "yx zx zy", 5e-3)
+    _vector("gyro_bias", "gyro", "rad/s", 1e-2)
+    + _vector("gyro_scale", "gyro", "1", 2e-2)
+    + _matrix("gyro_misalign", "gyro", "xy xz yx yz zx zy", 1e-2)
+    + _vector("accel_bias", "accel", "m/s^2", 0.2)
+    + _vector("accel_scale", "accel", "1", 2e-2)
+    + _matrix("accel_misalign", "accel", "yx zx zy", 1e-2)
     + _vector("accel_quadratic", "accel", "s^2/m", 2e-5)
     + _vector("inner_lever", "lever", "m", 0.1)
     + _vector("outer_lever", "lever", "m", 0.5)
