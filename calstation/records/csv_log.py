@@ -153,7 +153,8 @@ class _Table:
         """A column as float64, shape (n,); empty cells become NaN where allowed."""
         cells = self._columns[name]
         try:
-            values = np.fromiter(map(float, cells), np.float64, len(cells))
+            filled = [cell or "nan" for cell in cells] if may_be_empty else cells
+            values = np.fromiter(map(float, filled), np.float64, len(cells))
         except ValueError:
             values = np.array([self._float(name, i, c, may_be_empty) for i, c in enumerate(cells)])
         wrong = np.isinf(values) if may_be_empty else ~np.isfinite(values)
