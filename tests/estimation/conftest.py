@@ -1,0 +1,27 @@
+"""Simulated stages that several tests share, made once."""
+
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import settings
+from simulated_stages import block_of, context_of, prior_of, simulate
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+
+settings.register_profile("estimation", deadline=None)
+settings.load_profile("estimation")
+
+
+@pytest.fixture(scope="session")
+def nav_stage():
+    """An excitation of a navigation-grade unit with white noise only, as one block, 100 Hz."""
+    truth = BenchTruth.draw("nav", 21, sample_rate=100.0, instability=False)
+    samples = simulate(Simulator(truth, 21), truth, "excitation")
+    return SimpleNamespace(
+        truth=truth,
+        context=context_of(truth),
+        prior=prior_of(truth),
+        block=block_of(samples),
+        samples=samples,
+    )

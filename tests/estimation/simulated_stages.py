@@ -1,0 +1,104 @@
+"""Stages of the bench as solvers take them, and what a station would tell the solver about that bench."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from calstation.bench.grades import GRADES
+from calstation.bench.simulate import Simulated, Simulator
+from calstation.bench.truth import BenchTruth
+from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.parameters import COUNT, PARAMETERS
+from calstation.physics.table import TableGeometry
+from procedures import method
+
+QUICK = {"rate_dps": 30.0, "acceleration_dps2": 40.0}
+SCHEDULES = {
+    "rate": {"turns": 1, "dwell_s": 5.0, **QUICK},
+    "six_position": {"dwell_s": 10.0, **QUICK},
+    "excitation": {"rounds": 1, "dwell_s": 8.0, "place_dwell_s": 3.0, **QUICK},
+    "azimuth_flip": {"rounds": 1, "dwell_s": 30.0, **QUICK},
+}
+
+
+def context_of(truth: BenchTruth) -> SolveContext:
+    """What a station knows of the bench: nominal axes, told azimuth, noise of the grade."""
+    imu, table = truth.imu, truth.table
+    return SolveContext(
+        Site(table.latitude, 0.0, table.height, truth.azimuth, table.gravity),
+        ImuModel(
+            "SIM",
+            imu.sample_rate,
+            imu.output,
+            imu.gyro_lsb,
+            imu.accel_lsb,
+            imu.gyro_arw,
+            imu.accel_vrw,
+            imu.gyro_bias_instability,
+            imu.accel_bias_instability,
+        ),
+        TableModel(table.outer_axis, table.inner_axis, truth.outer_lever),
+    )
+
+
+def prior_of(truth: BenchTruth, factor: float = 2.0) -> Belief:
+    """Zero mean and `factor` of the grade's sigmas; an outer lever fixed at zero is known."""
+    sigma = factor * np.array([GRADES[truth.grade].sigma[p.group] for p in PARAMETERS])
+    if truth.outer_lever == "fixed":
+        sigma[[p.group == "outer_lever" for p in PARAMETERS]] = 0.0
+    return Belief(np.zeros(COUNT), np.diag(sigma**2))
+
+
+def geometry_of(truth: BenchTruth) -> TableGeometry:
+    """The table as the station knows it."""
+    return TableGeometry(truth.table.outer_axis, truth.table.inner_axis)
+
+
+def block_of(samples: Simulated, keep: np.ndarray | None = None) -> SampleBlock:
+    """The samples as one block, those of `keep` alone where given."""
+    keep = np.ones(len(samples.seq), dtype=bool) if keep is None else keep
+    return SampleBlock(
+        samples.stage,
+        samples.seq[keep],
+        samples.time[keep],
+        samples.counts[keep],
+        samples.angles[keep],
+        samples.step[keep],
+        np.ones(int(keep.sum()), dtype=bool),
+        samples.temperature[keep],
+    )
+
+
+def simulate(simulator: Simulator, truth: BenchTruth, stage: str, **schedule: object) -> Simulated:
+    """One stage of a plan with a quick schedule."""
+    chosen = method(stage)
+    settings = chosen.schedule(**{**SCHEDULES[stage], **schedule})
+    return simulator.run(chosen.plan(geometry_of(truth), settings), stage, getattr(settings, "rounds", None))
+
+
+def cut(block: SampleBlock, places: list[int]) -> list[SampleBlock]:
+    """The block cut before each of `places`."""
+    edges = [0, *sorted(places), len(block)]
+    return [block.part(a, b) for a, b in pairwise(edges)]
+
+
+def solver_of(truth: BenchTruth, prior: Belief, stage: str, context: SolveContext | None = None):
+    """A fresh solver of a stage."""
+    chosen = method(stage)
+    return chosen.solver(context or context_of(truth), prior, chosen.schedule(**SCHEDULES[stage]))
+
+
+def solved(truth, prior, blocks, context=None):
+    """The solution of one stage's blocks."""
+    solver = solver_of(truth, prior, blocks[0].stage, context)
+    for block in blocks:
+        solver.feed(block)
+    return solver.finish()
+
+
+def errors_in_sigma(belief: Belief, truth: BenchTruth) -> np.ndarray:
+    """Error over sigma of every parameter, 0 where a parameter is known exactly, shape (30,)."""
+    known = belief.sigma == 0.0
+    assert np.all(belief.mean[known] == truth.parameters[known])
+    return (belief.mean - truth.parameters) / np.where(known, 1.0, belief.sigma)
