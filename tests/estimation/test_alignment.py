@@ -1,0 +1,127 @@
+"""Where a stage starts: the prior's sigmas, levelling and gyrocompassing on a body at rest."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calstation.estimation.alignment import FREE_AZIMUTH_SIGMA, FREE_TILT_SIGMA, gyrocompass, starts
+from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.stage_data import StageData
+from calstation.physics.earth import RATE, rotation_rate
+from calstation.physics.parameters import COUNT, group_indices
+from calstation.physics.rotation import axis_rotation, rotation_matrix, rotation_vector
+from calstation.physics.table import TableGeometry
+
+LATITUDE = np.deg2rad(40.0)
+CONTEXT = SolveContext(
+    Site(LATITUDE, 0.0, 0.0, azimuth=0.8),
+    ImuModel("S", 100.0, "rate", 1e-12, 1e-12, 1e-9, 1e-9),
+    TableModel(),
+)
+BIAS_SIGMA = 1e-6
+
+
+def belief(bias=0.0, bias_sigma=BIAS_SIGMA):
+    mean, sigma = np.zeros(COUNT), np.full(COUNT, 1e-6)
+    mean[group_indices("gyro_bias")] = bias
+    sigma[group_indices("gyro_bias")] = bias_sigma
+    return Belief(mean, np.diag(sigma**2))
+
+
+def at_rest(attitude, count=1000, angles=(np.nan, np.nan), segments=None, bias=0.0):
+    """A body at rest in `attitude` on the turning earth."""
+    ones = np.ones((count, 1))
+    return StageData(
+        dt=0.01,
+        seq=np.arange(count),
+        time=(np.arange(count) + 1) * 0.01,
+        gyro=ones * (attitude.T @ rotation_rate(LATITUDE) + bias),
+        accel=ones * (attitude.T @ [0.0, 0.0, 9.8]),
+        angles=ones * np.array(angles),
+        step=np.zeros(count, dtype=np.int64),
+        segments=segments or ((0, count),),
+        gaps=0,
+    )
+
+
+def without_azimuth():
+    return replace(CONTEXT, site=replace(CONTEXT.site, azimuth=None))
+
+
+ANGLES = (0.4, -1.3)
+NOMINAL = TableGeometry().body_to_level(*ANGLES, 0.8)
+TURNED = rotation_matrix(np.array([0.01, -0.015, 0.02])) @ NOMINAL
+
+
+def test_encoders_and_azimuth_give_the_prior_and_the_table_its_sigmas():
+    (start,) = starts(at_rest(TURNED, angles=ANGLES), CONTEXT, belief())
+    assert start.prior == pytest.approx(NOMINAL, abs=1e-12)
+    mount, tilt, encoder, azimuth = np.deg2rad([1.0, 0.2, 0.05, 0.5])
+    level = np.sqrt(mount**2 + tilt**2 + encoder**2)
+    heading = np.sqrt(azimuth**2 + mount**2 + encoder**2)
+    assert start.prior_sigma == pytest.approx([level, level, heading])
+    assert start.azimuth_sigma is None
+    assert (start.begin, start.end) == (0, 1000)
+
+
+def test_the_point_to_linearise_about_is_levelled_and_keeps_the_priors_heading():
+    (start,) = starts(at_rest(TURNED, angles=ANGLES), CONTEXT, belief())
+    up_b = TURNED.T @ [0.0, 0.0, 1.0]
+    assert start.attitude @ up_b == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+    assert abs(rotation_vector(start.attitude @ start.prior.T)[2]) < 1e-4
+
+
+def test_without_azimuth_the_heading_is_gyrocompassed_and_its_prior_free():
+    (start,) = starts(at_rest(TURNED, angles=ANGLES), without_azimuth(), belief())
+    assert rotation_vector(start.attitude @ TURNED.T) == pytest.approx(np.zeros(3), abs=0.02)
+    assert start.attitude @ (TURNED.T @ [0.0, 0.0, 1.0]) == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+    assert start.prior_sigma[2] == FREE_AZIMUTH_SIGMA
+    assert start.azimuth_sigma == pytest.approx(BIAS_SIGMA / (RATE * np.cos(LATITUDE)))
+
+
+VECTORS = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
+
+
+@given(VECTORS)
+def test_without_encoders_any_attitude_is_found_from_gravity_and_earth_rate(vector):
+    attitude = rotation_matrix(vector)
+    (start,) = starts(at_rest(attitude, count=200), CONTEXT, belief())
+    assert rotation_vector(start.attitude @ attitude.T) == pytest.approx(np.zeros(3), abs=1e-6)
+    assert start.prior_sigma.tolist() == [FREE_TILT_SIGMA, FREE_TILT_SIGMA, FREE_AZIMUTH_SIGMA]
+    assert start.azimuth_sigma == pytest.approx(BIAS_SIGMA / (RATE * np.cos(LATITUDE)))
+
+
+def test_a_known_bias_is_taken_off_before_gyrocompassing():
+    attitude = axis_rotation((0.0, 0.0, 1.0), 1.0)
+    bias = np.array([3e-5, -2e-5, 1e-5])
+    (start,) = starts(at_rest(attitude, bias=bias), without_azimuth(), belief(bias))
+    assert rotation_vector(start.attitude @ attitude.T) == pytest.approx(np.zeros(3), abs=1e-6)
+
+
+def test_an_east_gyro_bias_turns_the_heading_by_its_share_of_the_earth():
+    attitude = np.eye(3)
+    level_rate, up = rotation_rate(LATITUDE), np.array([0.0, 0.0, 9.8])
+    north = RATE * np.cos(LATITUDE)
+    found, sigma = gyrocompass(level_rate + np.array([1e-6, 0.0, 0.0]), up, LATITUDE, belief())
+    assert rotation_vector(found @ attitude.T)[2] == pytest.approx(1e-6 / north, rel=1e-3)
+    assert sigma == pytest.approx(1e-6 / north)
+
+
+def test_at_the_pole_the_heading_is_said_to_be_hopeless():
+    _, sigma = gyrocompass(np.array([0.0, 0.0, RATE]), np.array([0.0, 0.0, 9.8]), np.pi / 2, belief())
+    assert sigma > 1e3
+
+
+def test_every_segment_long_enough_starts_on_its_own():
+    data = at_rest(TURNED, angles=ANGLES, segments=((0, 400), (400, 420), (420, 1000)))
+    found = starts(data, CONTEXT, belief())
+    assert [(s.begin, s.end) for s in found] == [(0, 400), (420, 1000)]
+
+
+def test_nothing_starts_where_nothing_rests():
+    data = at_rest(TURNED, angles=ANGLES)
+    spinning = replace(data, gyro=data.gyro + 0.3)
+    assert starts(spinning, CONTEXT, belief()) == []

@@ -1,0 +1,171 @@
+"""MAP and consider estimates against the closed forms of the linear Gaussian case."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calstation.estimation.context import Belief
+from calstation.estimation.least_squares import gauss_newton
+from calstation.estimation.relinearise import nis_consistency, restricted
+from calstation.physics.parameters import COUNT
+
+ALL = np.ones(COUNT, dtype=bool)
+SEEDS = st.integers(0, 2**31)
+
+
+def correlated_prior(random, size=1.0):
+    root = random.normal(size=(COUNT, COUNT)) * size
+    return Belief(random.normal(size=COUNT) * size, root @ root.T + 0.1 * size**2 * np.eye(COUNT))
+
+
+def linear_case(seed, nuisances=4, observations=20):
+    """A linear model with its observations, and its posterior in information form."""
+    random = np.random.default_rng(seed)
+    prior = correlated_prior(random)
+    nuisance, nuisance_sigma = random.normal(size=nuisances), random.uniform(0.5, 2.0, nuisances)
+    A = random.normal(size=(observations, COUNT))
+    B = random.normal(size=(observations, nuisances))
+    noise = random.uniform(0.5, 2.0, observations)
+    observed = random.normal(size=observations) * 5.0
+    H = np.hstack([A, B])
+    P = np.zeros((COUNT + nuisances,) * 2)
+    P[:COUNT, :COUNT], P[COUNT:, COUNT:] = prior.covariance, np.diag(nuisance_sigma**2)
+    information = np.linalg.inv(P) + H.T @ (H / noise[:, None])
+    mean = np.concatenate([prior.mean, nuisance])
+    posterior = mean + np.linalg.solve(information, H.T @ ((observed - H @ mean) / noise))
+    arguments = (observed, noise, prior, nuisance, nuisance_sigma)
+    return (lambda p, n: A @ p + B @ n), arguments, H, posterior, np.linalg.inv(information)
+
+
+@given(SEEDS)
+def test_a_linear_model_gives_the_gaussian_posterior(seed):
+    model, arguments, _, posterior, covariance = linear_case(seed)
+    result = gauss_newton(model, *arguments, ALL)
+    assert result.belief.mean == pytest.approx(posterior[:COUNT], abs=1e-6)
+    assert result.nuisance == pytest.approx(posterior[COUNT:], abs=1e-6)
+    assert result.belief.covariance == pytest.approx(covariance[:COUNT, :COUNT], abs=1e-6)
+
+
+@given(SEEDS)
+def test_chi2_is_the_innovations_squared_over_their_covariance(seed):
+    model, arguments, H, _, _ = linear_case(seed)
+    observed, noise, prior, nuisance, nuisance_sigma = arguments
+    P = np.zeros((H.shape[1],) * 2)
+    P[:COUNT, :COUNT], P[COUNT:, COUNT:] = prior.covariance, np.diag(nuisance_sigma**2)
+    innovation = observed - H @ np.concatenate([prior.mean, nuisance])
+    expected = innovation @ np.linalg.solve(H @ P @ H.T + np.diag(noise), innovation)
+    result = gauss_newton(model, *arguments, ALL)
+    assert result.chi2 == pytest.approx(expected, rel=1e-6)
+    posterior = model(result.belief.mean, result.nuisance)
+    assert result.residual == pytest.approx(observed - posterior, abs=1e-9)
+
+
+def test_what_the_prior_knows_exactly_stays_and_takes_no_part():
+    model, arguments, *_ = linear_case(5)
+    observed, noise, prior, nuisance, nuisance_sigma = arguments
+    covariance = prior.covariance.copy()
+    for known in (0, 7):
+        covariance[known, :] = covariance[:, known] = 0.0
+    result = gauss_newton(
+        model, observed, noise, Belief(prior.mean, covariance), nuisance, nuisance_sigma, ALL
+    )
+    assert np.all(np.isfinite(result.belief.covariance))
+    for known in (0, 7):
+        assert result.belief.mean[known] == pytest.approx(prior.mean[known], abs=1e-12)
+        assert result.belief.covariance[known] == pytest.approx(np.zeros(COUNT), abs=1e-12)
+
+
+def test_a_curved_model_is_solved_at_its_own_point():
+    prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, np.full(COUNT - 1, 1e-12)]))
+    result = gauss_newton(
+        lambda p, n: np.array([np.exp(p[0])]),
+        np.array([np.e]),
+        np.array([1e-8]),
+        prior,
+        np.zeros(0),
+        np.zeros(0),
+        ALL,
+    )
+    assert result.belief.mean[0] == pytest.approx(1.0, abs=1e-6)
+    # sigma over slope, at the solution and not at the prior's mean
+    assert result.belief.sigma[0] == pytest.approx(1e-4 / np.e, rel=1e-3)
+
+
+def test_parameters_not_estimated_are_not_linearised_about_new_values():
+    seen = []
+
+    def model(p, n):
+        seen.append(p[1])
+        return np.array([p[0] + p[1], p[0] * p[1] + p[0]])
+
+    prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, 0.5, np.full(COUNT - 2, 1e-12)]) ** 2)
+    estimated = ALL.copy()
+    estimated[1] = False
+    gauss_newton(model, np.array([1.0, 0.8]), np.full(2, 1e-4), prior, np.zeros(0), np.zeros(0), estimated)
+    # the last call evaluates the residual; all before are the Jacobian's small steps about the prior's mean
+    assert max(abs(value) for value in seen[:-1]) < 1e-4
+
+
+def schmidt(prior, H, noise, observed, estimated):
+    """Schmidt's batch update written out in parts: x estimated, p considered (Schmidt 1966; Jazwinski, 8.3)."""
+    x, p = np.flatnonzero(estimated), np.flatnonzero(~estimated)
+    P = prior.covariance
+    Pxx, Pxp, Ppp = P[np.ix_(x, x)], P[np.ix_(x, p)], P[np.ix_(p, p)]
+    Hx, Hp = H[:, x], H[:, p]
+    R = np.diag(noise)
+    S = Hx @ Pxx @ Hx.T + Hx @ Pxp @ Hp.T + Hp @ Pxp.T @ Hx.T + Hp @ Ppp @ Hp.T + R
+    K = (Pxx @ Hx.T + Pxp @ Hp.T) @ np.linalg.inv(S)
+    mean, covariance = prior.mean.copy(), P.copy()
+    mean[x] += K @ (observed - H @ prior.mean)
+    covariance[np.ix_(x, x)] = Pxx - K @ S @ K.T
+    cross = Pxp - K @ (Hx @ Pxp + Hp @ Ppp)
+    covariance[np.ix_(x, p)], covariance[np.ix_(p, x)] = cross, cross.T
+    return mean, covariance
+
+
+@given(SEEDS, st.integers(1, COUNT - 1))
+def test_a_consider_posterior_is_schmidts_and_keeps_what_was_not_estimated(seed, count):
+    random = np.random.default_rng(seed)
+    estimated = np.zeros(COUNT, dtype=bool)
+    estimated[random.choice(COUNT, count, replace=False)] = True
+    prior = correlated_prior(random)
+    H, noise, observed = random.normal(size=(12, COUNT)), random.uniform(0.1, 1.0, 12), random.normal(size=12)
+    full = gauss_newton(lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).belief
+    found = restricted(prior, full, estimated)
+    mean, covariance = schmidt(prior, H, noise, observed, estimated)
+    assert found.mean == pytest.approx(mean, abs=1e-5)
+    assert found.covariance == pytest.approx(covariance, abs=1e-5)
+    kept = ~estimated
+    assert np.array_equal(found.mean[kept], prior.mean[kept])
+    assert np.array_equal(np.diag(found.covariance)[kept], np.diag(prior.covariance)[kept])
+    assert np.linalg.eigvalsh(found.covariance).min() > -1e-9
+    assert np.array_equal(found.covariance, found.covariance.T)
+
+
+def test_considering_everything_learns_nothing_and_considering_nothing_learns_all():
+    model, arguments, *_ = linear_case(8)
+    prior = arguments[2]
+    full = gauss_newton(model, *arguments, ALL).belief
+    nothing = restricted(prior, full, ~ALL)
+    assert np.array_equal(nothing.mean, prior.mean)
+    assert nothing.covariance == pytest.approx(prior.covariance, rel=1e-12)
+    assert np.array_equal(restricted(prior, full, ALL).mean, full.mean)
+
+
+def test_the_nis_band_holds_999_of_1000_means():
+    random = np.random.default_rng(3)
+    consistency = nis_consistency(0.0, 40, 3)
+    means = random.chisquare(3, (20000, 40)).mean(axis=1)
+    outside = np.mean((means < consistency.nis_low) | (means > consistency.nis_high))
+    assert 0.0003 < outside < 0.002
+
+
+def test_a_fit_above_its_band_fails_and_one_below_it_warns():
+    assert not nis_consistency(40 * 5.0, 40, 3).passed
+    low = nis_consistency(40 * 1.0, 40, 3)
+    assert low.passed
+    assert low.warning
+    right = nis_consistency(40 * 3.0, 40, 3)
+    assert right.passed
+    assert not right.warning

@@ -1,0 +1,81 @@
+"""Noise as the filters use it, against its definitions and against what the bench really does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from simulated_stages import block_of, context_of
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+from calstation.estimation.context import ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.noise import filter_noise, rest_mean_variance
+from calstation.estimation.stage_data import slope_weights, stage_data
+from calstation.physics.motion import Dwell
+from calstation.physics.parameters import PARAMETERS
+
+IMU = ImuModel("S", 200.0, "increment", 1e-7, 1e-6, 1e-6, 1e-4)
+CONTEXT = SolveContext(Site(0.6, 0.0, 0.0), IMU, TableModel())
+
+
+def with_imu(**changes):
+    return replace(CONTEXT, imu=replace(IMU, **changes))
+
+
+def test_white_noise_is_the_profiles():
+    noise = filter_noise(with_imu(gyro_lsb=1e-15, accel_lsb=1e-15))
+    assert noise.rate == pytest.approx(1e-12)
+    assert noise.force == pytest.approx(1e-8)
+    assert noise.velocity == pytest.approx(1e-6)
+    assert noise.interval == 0.1
+
+
+def test_a_count_adds_a_uniform_error_per_sample_or_per_observation():
+    coarse = {"gyro_arw": 1e-12, "accel_vrw": 1e-12}
+    increment = filter_noise(with_imu(**coarse))
+    # one count of angle per 0.1 s
+    assert increment.rate == pytest.approx(1e-14 / 12.0 / 0.1, rel=1e-3)
+    rate = filter_noise(with_imu(**coarse, output="rate"))
+    # every sample rounds lsb · dt of angle
+    assert rate.rate == pytest.approx((1e-7 / 200.0) ** 2 / 12.0 * 200.0, rel=1e-3)
+    assert rate.force == pytest.approx((1e-6 / 200.0) ** 2 / 12.0 * 200.0, rel=1e-3)
+
+
+def test_only_biases_walk():
+    walk = filter_noise(with_imu(gyro_bias_instability=1e-7, accel_bias_instability=1e-5)).parameter_walk
+    walking = [p.group for p, w in zip(PARAMETERS, walk, strict=True) if w > 0.0]
+    assert walking == ["gyro_bias"] * 3 + ["accel_bias"] * 3
+    # K²τ/3 equals (0.664 B)² at 100 s
+    assert walk[0] * 100.0 / 3.0 == pytest.approx((0.664e-7) ** 2)
+    assert not np.any(filter_noise(CONTEXT).parameter_walk)
+
+
+def scatter(accel, count):
+    """Variance of the rests' weighted means, and how many values it comes from."""
+    weights = slope_weights(count)
+    means = np.array([weights @ accel[k : k + count] for k in range(0, len(accel) - count + 1, count)])
+    return float(means.var(axis=0, ddof=1).mean()), 3 * (len(means) - 1)
+
+
+@pytest.mark.parametrize("velocity_sigma", [1e-6, 1e-3])
+def test_the_mean_of_a_rest_scatters_as_said(velocity_sigma):
+    random = np.random.default_rng(2)
+    context = SolveContext(
+        CONTEXT.site,
+        replace(IMU, sample_rate=10.0, accel_lsb=1e-15),
+        TableModel(velocity_sigma=velocity_sigma),
+    )
+    velocity = random.normal(0.0, velocity_sigma, (60001, 3))
+    accel = np.diff(velocity, axis=0) / 0.1 + random.normal(0.0, 1e-4 / np.sqrt(0.1), (60000, 3))
+    found, degrees = scatter(accel, 200)
+    low, high = chi2.ppf([0.0005, 0.9995], degrees) / degrees
+    assert low < found / rest_mean_variance(context, 20.0) < high
+
+
+def test_a_rest_on_the_shaking_bench_scatters_less_than_said_and_more_than_the_sensor():
+    truth = BenchTruth.draw("nav", 4, sample_rate=100.0, instability=False)
+    samples = Simulator(truth, 4).run([Dwell(2000.0)], "six_position")
+    context = context_of(truth)
+    found, _ = scatter(stage_data([block_of(samples)], context.imu).accel, 1000)
+    assert truth.imu.accel_vrw**2 / 10.0 < found < rest_mean_variance(context, 10.0)
