@@ -1,0 +1,36 @@
+# Two commands: `make run` calibrates on the virtual bench, `make test` runs the tests. Both set themselves up.
+PYTHON ?= python3
+VENV := .venv
+
+.PHONY: run test check benchmarks study clean
+
+run: $(VENV)/installed
+	$(VENV)/bin/calstation run
+
+test: $(VENV)/installed-dev
+	$(VENV)/bin/python -m pytest -n 2 --dist loadgroup
+
+check: $(VENV)/installed-dev
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/mypy
+	$(VENV)/bin/lint-imports
+
+benchmarks: $(VENV)/installed-dev
+	$(VENV)/bin/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only
+
+study: $(VENV)/installed
+	$(VENV)/bin/calstation study
+
+$(VENV)/installed: pyproject.toml
+	$(PYTHON) -c "import sys; sys.exit('calstation needs Python 3.11 or newer: make PYTHON=python3.11 ...' if sys.version_info < (3, 11) else 0)"
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+$(VENV)/installed-dev: $(VENV)/installed
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
