@@ -46,10 +46,15 @@ class Start:
 
 
 def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start]:
-    """A `Start` for every segment that holds a rest of at least a second; the others cannot be aligned."""
+    """A `Start` for every segment that holds a rest of at least a second; the others cannot be aligned.
+
+    The rate at an observation is the mean of the samples before and after it: a sample is left on either side of
+    a gap, or a turn beyond it would pass for motion at rest.
+    """
     bias = group_indices("gyro_bias")
     found = []
-    for segment in data.segments:
+    for first, last in data.segments:
+        segment = (first + (first > 0), last - (last < len(data)))
         sigma = float(belief.sigma[bias].max())
         for a, b in rests(data, segment, context.imu, belief.mean[bias], sigma):
             if (b - a) * data.dt >= SHORTEST_REST:

@@ -1,0 +1,147 @@
+"""A whole excitation solved: truth, the same bits however it came, live sigmas, what cannot be known."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated_stages import block_of, context_of, cut, errors_in_sigma, prior_of, simulate, solved, solver_of
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+from calstation.errors import InsufficientDataError
+from calstation.physics.motion import Dwell
+from calstation.physics.parameters import INDEX, NAMES
+
+
+@pytest.fixture(scope="module")
+def solution(nav_stage):
+    """The stage solved from one block."""
+    return solved(nav_stage.truth, nav_stage.prior, [nav_stage.block])
+
+
+def test_every_parameter_comes_within_its_sigma_of_the_truth(nav_stage, solution):
+    errors = errors_in_sigma(solution.belief, nav_stage.truth)
+    assert np.abs(errors).max() < 4.0
+    assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.5
+    assert solution.consistency.passed
+    assert not solution.consistency.warning
+    assert solution.estimated == NAMES
+
+
+def test_everything_is_known_far_better_than_before(nav_stage, solution):
+    assert np.all(solution.belief.sigma < 0.1 * nav_stage.prior.sigma)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_how_the_samples_were_cut_changes_no_bit(nav_stage, solution, seed):
+    random = np.random.default_rng(seed)
+    places = sorted(random.choice(len(nav_stage.block), 300, replace=False).tolist())
+    solver = solver_of(nav_stage.truth, nav_stage.prior, "excitation")
+    for number, part in enumerate(cut(nav_stage.block, places)):
+        solver.feed(part)
+        if number % 20 == 0:
+            solver.sigma()
+    again = solver.finish()
+    assert again.belief.mean.tobytes() == solution.belief.mean.tobytes()
+    assert again.belief.covariance.tobytes() == solution.belief.covariance.tobytes()
+    assert json.dumps(again.observability) == json.dumps(solution.observability)
+
+
+def test_live_sigmas_fall_to_the_final_ones(nav_stage, solution):
+    solver = solver_of(nav_stage.truth, nav_stage.prior, "excitation")
+    shown = [solver.sigma()]
+    assert np.array_equal(shown[0], nav_stage.prior.sigma)
+    for part in cut(nav_stage.block, list(range(1000, len(nav_stage.block), 1000))):
+        solver.feed(part)
+        shown.append(solver.sigma())
+    steps = np.array(shown)[1:] / np.array(shown)[:-1]
+    assert steps.max() < 1.001
+    assert shown[-1] == pytest.approx(solution.belief.sigma, rel=0.05)
+
+
+def test_live_sigmas_survive_a_gap(nav_stage):
+    keep = np.ones(len(nav_stage.block), dtype=bool)
+    keep[9000:9500] = False
+    block = block_of(nav_stage.samples, keep)
+    solver = solver_of(nav_stage.truth, nav_stage.prior, "excitation")
+    shown = []
+    for part in cut(block, list(range(777, len(block), 777))):
+        solver.feed(part)
+        shown.append(solver.sigma())
+    final = solver.finish().belief.sigma
+    assert (np.array(shown)[1:] / np.array(shown)[:-1]).max() < 1.001
+    assert shown[-1] == pytest.approx(final, rel=0.1)
+
+
+def test_a_lever_fixed_at_zero_stays_there_and_costs_nothing():
+    truth = BenchTruth.draw("nav", 5, sample_rate=100.0, instability=False, outer_lever="fixed")
+    prior = prior_of(truth)
+    stage = block_of(simulate(Simulator(truth, 5), truth, "excitation"))
+    result = solved(truth, prior, [stage])
+    lever = [INDEX[f"outer_lever_{a}"] for a in "xyz"]
+    assert result.belief.mean[lever].tolist() == [0.0] * 3
+    assert result.belief.sigma[lever].tolist() == [0.0] * 3
+    assert result.estimated == tuple(n for n in NAMES if not n.startswith("outer"))
+    assert np.abs(errors_in_sigma(result.belief, truth)).max() < 4.0
+    assert all(result.observability["states"][f"outer_lever_{a}"]["step"] is None for a in "xyz")
+
+
+@pytest.fixture(scope="module")
+def static():
+    """A minute at rest and nothing else."""
+    truth = BenchTruth.draw("nav", 6, sample_rate=100.0)
+    samples = Simulator(truth, 6).run([Dwell(60.0)], "excitation")
+    prior = prior_of(truth)
+    return truth, prior, solved(truth, prior, [block_of(samples)])
+
+
+def test_at_rest_only_what_gravity_and_earth_show_is_found(static):
+    _, prior, result = static
+    ratio = dict(zip(NAMES, result.belief.sigma / prior.sigma, strict=True))
+    hidden = {n for n, r in ratio.items() if r > 0.9}
+    assert hidden >= {
+        *(n for n in NAMES if n.startswith(("gyro_scale", "gyro_misalign", "inner_lever", "outer_lever"))),
+        *("gyro_bias_z", "accel_bias_x", "accel_bias_y", "accel_scale_x", "accel_scale_y"),
+        *("accel_misalign_yx", "accel_quadratic_x", "accel_quadratic_y"),
+    }
+    assert ratio["gyro_bias_x"] < 0.5
+    assert ratio["gyro_bias_y"] < 0.5
+
+
+def test_what_rest_does_not_show_keeps_its_prior(static):
+    truth, prior, result = static
+    assert np.all(result.belief.sigma <= prior.sigma * (1.0 + 1e-4))
+    assert np.abs(errors_in_sigma(result.belief, truth)).max() < 4.0
+
+
+def test_with_nothing_at_rest_it_says_what_is_missing(nav_stage):
+    turning = np.flatnonzero(nav_stage.block.step == 8)[:120]
+    keep = np.zeros(len(nav_stage.block), dtype=bool)
+    keep[turning] = True
+    with pytest.raises(InsufficientDataError, match=r"excitation: no rest of at least 1 s in 1\.2 s"):
+        solved(nav_stage.truth, nav_stage.prior, [block_of(nav_stage.samples, keep)])
+
+
+def test_with_no_samples_at_all_it_says_so_too(nav_stage):
+    with pytest.raises(InsufficientDataError, match=r"0\.0 s of samples"):
+        solver_of(nav_stage.truth, nav_stage.prior, "excitation").finish()
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "angles"), [(False, True), (False, False)], ids=["no azimuth", "no encoders"]
+)
+def test_the_start_is_found_from_the_data_where_it_is_not_told(nav_stage, azimuth, angles, solution):
+    context = context_of(nav_stage.truth)
+    context = replace(context, site=replace(context.site, azimuth=None))
+    block = (
+        nav_stage.block
+        if angles
+        else replace(nav_stage.block, angles=np.full_like(nav_stage.block.angles, np.nan))
+    )
+    result = solved(nav_stage.truth, nav_stage.prior, [block], context)
+    assert np.abs(errors_in_sigma(result.belief, nav_stage.truth)).max() < 4.0
+    assert result.consistency.passed
+    assert [key for key, _ in result.messages] == ["azimuth_from_data"]
+    # a start told or found matters little once everything has been turned
+    assert result.belief.sigma == pytest.approx(solution.belief.sigma, rel=0.5)

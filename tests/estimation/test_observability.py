@@ -1,0 +1,118 @@
+"""PWCS observability: ranks that theory demands, each state seen in the turn that shows it."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from simulated_stages import SCHEDULES, geometry_of, solved
+
+from calstation.estimation.alignment import starts
+from calstation.estimation.navigation import NavigationFilter
+from calstation.estimation.observability import LARGEST_TURN, STATE_NAMES, pieces, pwcs
+from calstation.estimation.stage_data import stage_data
+from calstation.physics.motion import Move
+from calstation.physics.parameters import NAMES
+from procedures import method
+
+
+@pytest.fixture(scope="module")
+def passed(nav_stage):
+    """Samples, history of one pass over the stage, and its observability."""
+    data = stage_data([nav_stage.block], nav_stage.context.imu)
+    run = NavigationFilter(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
+    (start,) = starts(data, nav_stage.context, nav_stage.prior)
+    run.run(data, start, start.attitude, smooth=False)
+    found = pwcs(data, run.history, nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
+    return data, run.history, found
+
+
+@pytest.fixture(scope="module")
+def labels(nav_stage):
+    """What each step of the stage did, by its number."""
+    excitation = method("excitation")
+    schedule = excitation.schedule(**SCHEDULES["excitation"])
+    last = int(nav_stage.block.step[-1])
+    moves = (s.label for s in excitation.plan(geometry_of(nav_stage.truth), schedule) if isinstance(s, Move))
+    return {number: next(moves) for number in range(1, last + 1)}
+
+
+def first_turn_about(labels, axis):
+    """Number of the step that first turns about a body axis, not counting turns that bring one into place."""
+    return min(number for number, label in labels.items() if label[:2] == ("turn_about", axis))
+
+
+def test_at_rest_eight_directions_are_seen(passed):
+    _, _, found = passed
+    # velocity (3), force against tilt and bias (3), rate across gravity (2); a bias and a tilt only as their sum
+    assert found["segments"][0]["rank"] == 8
+
+
+def test_each_turn_adds_to_the_rank_and_none_takes_away(passed):
+    _, _, found = passed
+    ranks = [segment["rank"] for segment in found["segments"]]
+    assert ranks == sorted(ranks)
+    assert ranks[-1] == 36
+    strongest = [segment["singular_values"][0] for segment in found["segments"]]
+    assert strongest == sorted(strongest)
+
+
+def test_segments_are_the_steps_in_order(passed, labels):
+    data, _, found = passed
+    assert [segment["step"] for segment in found["segments"]] == list(labels)
+    seqs = [(segment["first_seq"], segment["last_seq"]) for segment in found["segments"]]
+    assert all(a <= b for a, b in seqs)
+    assert all(b < c for (_, b), (c, _) in pairwise(seqs))
+    for segment in found["segments"]:
+        assert data.step[data.seq == segment["last_seq"]] == segment["step"]
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_gyro_scale_factor_is_seen_in_the_first_turn_about_its_axis_and_not_before(passed, labels, axis):
+    _, _, found = passed
+    assert found["states"][f"gyro_scale_{axis}"]["step"] == first_turn_about(labels, axis)
+
+
+def test_what_gravity_shows_at_rest_is_seen_in_the_first_step(passed):
+    _, _, found = passed
+    states = found["states"]
+    assert all(states[f"velocity_error_{a}"]["step"] == 1 for a in ("east", "north", "up"))
+    assert states["accel_bias_z"]["step"] == 1
+    assert states["accel_bias_x"]["step"] > 1
+    assert all(states[f"outer_lever_{a}"]["step"] > 1 for a in "xyz")
+
+
+def test_position_is_never_seen_for_nothing_observes_it(passed):
+    _, _, found = passed
+    assert all(found["states"][f"position_error_{a}"]["step"] is None for a in ("east", "north", "up"))
+
+
+def test_every_parameter_of_a_full_excitation_is_seen(passed):
+    _, _, found = passed
+    assert all(found["states"][name]["step"] is not None for name in NAMES)
+    assert all(found["states"][name]["strength"] > 1.0 for name in NAMES)
+    assert tuple(found["states"]) == STATE_NAMES
+
+
+def test_strength_never_falls_from_step_to_step(passed):
+    _, _, found = passed
+    for state in found["states"].values():
+        assert np.all(np.diff(state["by_step"]) >= -2e-3 * np.array(state["by_step"][1:]))
+
+
+def test_pieces_cover_every_observation_and_turn_no_more_than_five_degrees(passed):
+    data, history, _ = passed
+    found = list(pieces(data, history))
+    assert found[0][0] == 0
+    assert found[-1][1] == len(history.index)
+    assert all(b == c for (_, b), (c, _) in pairwise(found))
+    rate = np.linalg.norm(history.rate, axis=1)
+    interval = 0.1
+    for a, b in found:
+        turned = np.sum(rate[a + 1 : b]) * interval
+        assert turned <= LARGEST_TURN + 1e-6 or rate[a:b].max() <= np.deg2rad(0.5)
+
+
+def test_the_stages_own_answer_is_ready_for_json(nav_stage):
+    found = solved(nav_stage.truth, nav_stage.prior, [nav_stage.block]).observability
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
