@@ -15,7 +15,7 @@ from calstation.errors import InsufficientDataError
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.least_squares import gauss_newton
 from calstation.estimation.method import Method, Solution
-from calstation.estimation.noise import rest_mean_variance
+from calstation.estimation.noise import filter_noise, rest_mean_variance
 from calstation.estimation.relinearise import nis_consistency, restricted
 from calstation.estimation.samples import SampleBlock
 from calstation.estimation.stage_data import StageData, mean_angles, rests, slope_weights, stage_data
@@ -101,11 +101,12 @@ class SixPositionSolver:
 def find_positions(data: StageData, context: SolveContext, prior: Belief) -> list[Position]:
     """The rests of a stage, found from the data, with their mean force."""
     bias = group_indices("gyro_bias")
+    stride = max(round(filter_noise(context).interval / data.dt), 1)
     found = []
     for segment in data.segments:
         for a, b in rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max())):
             if (b - a) * data.dt >= SHORTEST_REST:
-                force = slope_weights(b - a) @ data.accel[a:b]
+                force = slope_weights(b - a, stride) @ data.accel[a:b]
                 variance = rest_mean_variance(context, (b - a) * data.dt)
                 found.append(Position(a, b, force, variance, mean_angles(data, a, b)))
     return found

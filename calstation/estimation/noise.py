@@ -55,14 +55,16 @@ def filter_noise(context: SolveContext) -> FilterNoise:
 
 
 def rest_mean_variance(context: SolveContext, duration: float) -> float:
-    """Variance (m/s²)² of the specific force of a rest, averaged with `slope_weights` over `duration` s.
+    """Variance (m/s²)² of the specific force of a rest of `duration` s, averaged with `slope_weights`.
 
-    12 σ_v²/(N T²) from N velocity observations, 6/5 of the white noise's q/T, and the bias instability.
+    Slope through m + 1 velocities τ apart: 12 σ_v²/(τ² m (m+1) (m+2)); the white force noise's q/τ Σw², which is
+    6/5 q/T; and the bias instability.
     """
     noise = filter_noise(context)
-    count = max(duration / noise.interval, 1.0)
+    m = max(int(duration / noise.interval + 1e-9), 1)
+    size = m * (m + 1) * (m + 2)
     return (
-        12.0 * noise.velocity / (count * duration**2)
-        + 1.2 * noise.force / duration
+        12.0 * noise.velocity / (noise.interval**2 * size)
+        + noise.force / noise.interval * 1.2 * (m * m + 2 * m + 2) / size
         + context.imu.accel_bias_instability**2
     )

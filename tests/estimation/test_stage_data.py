@@ -137,17 +137,23 @@ def test_noise_does_not_break_a_rest():
     assert_rests(rests(data, (0, 3000), noisy, NO_BIAS, 0.0), [(0, 1000), (1200, 3000)])
 
 
-@given(st.integers(2, 4000))
-def test_slope_weights_are_the_slope_of_the_velocity(count):
-    weights = slope_weights(count)
+@given(st.integers(2, 400), st.integers(1, 30), st.integers(0, 29))
+def test_slope_weights_are_the_slope_of_the_velocity(blocks, stride, rest):
+    count = blocks * stride + rest % stride
+    weights = slope_weights(count, stride)
+    used = weights[: blocks * stride]
     assert weights.sum() == pytest.approx(1.0)
-    assert np.all(weights > 0.0)
-    assert weights == pytest.approx(weights[::-1])
+    assert np.all(used > 0.0)
+    assert used == pytest.approx(used[::-1])
+    velocity = np.random.default_rng(blocks).normal(size=blocks + 1)
+    accel = np.repeat(np.diff(velocity), stride) / stride
+    line = np.polyfit(np.arange(blocks + 1) * stride, velocity, 1)
+    assert weights[: blocks * stride] @ accel == pytest.approx(line[0], abs=1e-12)
 
 
 def test_slope_weights_have_the_variance_of_the_least_squares_slope():
     count, dt, sigma = 1000, 0.01, 1e-3
-    weights = slope_weights(count)
+    weights = slope_weights(count, 1)
     # velocity noise white at the samples' borders: acceleration noise is its difference over dt
     on_velocity = np.diff(np.concatenate([[0.0], weights, [0.0]])) / dt
     assert sigma**2 * np.sum(on_velocity**2) == pytest.approx(

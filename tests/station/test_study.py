@@ -1,0 +1,67 @@
+"""The study in short: few units, short schedules, every number inside its band. The long one is `calstation study`."""
+
+import json
+
+import numpy as np
+import pytest
+
+from calstation.station.study import CASES, run_study
+from calstation.station.study_table import rms_band
+
+SHORT = {
+    "six_position": {"dwell_s": 10.0},
+    "excitation": {"dwell_s": 10.0},
+    "azimuth_flip": {"dwell_s": 30.0, "rounds": 1},
+}
+
+
+def run(grade: str, seeds: int, *names: str) -> dict:
+    cases = tuple(c for c in CASES if c.name in names)
+    assert len(cases) == len(names)
+    return run_study(grade, seeds, cases=cases, schedules=SHORT, workers=1)
+
+
+def outside(study: dict) -> list:
+    return [
+        (row["grade"], row["case"], group, numbers)
+        for row in study["rows"]
+        for group, numbers in row["groups"].items()
+        if not numbers["passed"]
+    ]
+
+
+@pytest.mark.parametrize(
+    ("grade", "seeds", "names"),
+    [
+        ("nav", 3, ("full", "full, no outer lever")),
+        ("nav", 20, ("rate", "six_position", "scale factors")),
+        ("tactical", 2, ("full", "excitation")),
+        ("mems", 3, ("full", "azimuth_flip")),
+    ],
+)
+def test_errors_agree_with_their_sigmas_and_come_near_the_bound(grade, seeds, names):
+    study = run(grade, seeds, *names)
+    assert outside(study) == []
+    for row in study["rows"]:
+        assert row["nees"]["passed"], (row["case"], row["nees"])
+        assert row["bound_ratio"] <= row["bound_limit"], row["case"]
+        for stage, nis in row["nis"].items():
+            assert nis["inside"] == 1.0, (row["case"], stage, nis)
+    assert json.loads(json.dumps(study)) == study
+
+
+def test_bias_instability_widens_the_bands_by_what_the_noise_explains():
+    study = run("tactical", 2, "excitation, bias instability")
+    (row,) = study["rows"]
+    assert outside(study) == []
+    assert row["groups"]["outer_lever"]["expected"] == pytest.approx(1.0, abs=0.1)
+    assert row["groups"]["gyro_bias"]["expected"] != pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_band_of_an_rms_is_that_of_correlated_normals():
+    correlation = np.array([[1.0, 0.9], [0.9, 1.0]])
+    draws = np.random.default_rng(1).multivariate_normal(np.zeros(2), correlation, (20_000, 10))
+    rms = np.sqrt((draws**2).mean(axis=(1, 2)))
+    low, high = rms_band([correlation] * 10)
+    assert np.mean(rms < low) < 2e-3
+    assert np.mean(rms > high) < 3e-3
