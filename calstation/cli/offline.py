@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.show import emit_json, result_table
-from calstation.cli.wording import word
+from calstation.cli.wording import RESOLVED, word
 from calstation.records.convert import export_csv, import_csv
 from calstation.station.resolve import resolve
 
@@ -31,7 +31,9 @@ def resolve_command(
         console.print(word(key, values), highlight=False, markup=False)
     emit_json(resolved.result, json)
     if json != "-":
-        result_table(Console(file=sys.stdout), resolved.result)
+        out = Console(file=sys.stdout)
+        result_table(out, resolved.result)
+        out.print(RESOLVED[resolved.result["passed"]], highlight=False)
     return 1 if resolved.result["passed"] is False else 0
 
 

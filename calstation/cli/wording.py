@@ -13,12 +13,10 @@ MESSAGES: dict[str, str] = {
     "step_repeated": "Step repeated ({reason}), attempt {attempt}.",
     "finishing": "To the load angle, axes off.",
     "safe_stop_incomplete": "Safe stop: {text}",
-    "listener_lost": "Nobody listens any more: safe stop.",
     "azimuth_from_data": "{stage}: azimuth found from the data, not from the station file.",
+    "turns_assumed_whole": "{stage}: no encoder angles; every turn is taken for whole.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
-    "registers_not_asked": "No limits for what was solved: the unit keeps its registers.",
     "registers_written": "Registers written, read back and equal.",
-    "solving": "Solving {stage}.",
     "stopped_early": "{stage} is outside the limits: the remaining stages are left out.",
 }
 """Sentence by message id, with the values' names in braces."""
@@ -50,11 +48,25 @@ OUTCOMES: dict[str, str] = {
     "incomplete": "INCOMPLETE",
 }
 
+RESOLVED: dict[bool | None, str] = {
+    True: "Inside every limit of the product.",
+    False: "OUTSIDE the product's limits.",
+    None: "The log names no limits to compare with.",
+}
+
 STEPS: dict[str, str] = {
+    "start": "To the start of the stage",
+    "into_place": "Bringing axis {1} into place",
+    "whole_turns": "Turning about {1} by {2:g}°",
+    "turn_about": "Turning about {1} by {2:g}°",
+    "unwind": "Unwinding before the next turn about {1}",
+    "face_up": "Turning {1} up",
+    "flip": "Half turn about the vertical, {1:+g}°",
     "return": "Back to the start of the step",
     "check": "A small turn to check mounting and signs",
     "load": "To the load angle",
 }
+"""What a move does, by the first word of its label; the others are the braces' values."""
 
 
 def word(key: str, values: Mapping[str, Any]) -> str:
@@ -73,9 +85,9 @@ def word_step(kind: str, label: tuple[str | float, ...]) -> str:
         return "Resting"
     if not label:
         return "Moving"
-    known = STEPS.get(str(label[0]))
-    if known is not None:
-        return known
+    template = STEPS.get(str(label[0]))
+    if template is not None:
+        return template.format(*label)
     return " ".join(
         f"{part:g}" if isinstance(part, float | int) else part.replace("_", " ") for part in label
     )

@@ -17,6 +17,9 @@ _START_WITHIN = 60.0
 
 _END_WITHIN = 5.0
 
+_OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+"""On Windows, keeps a Ctrl-C of the console from the bench; elsewhere it inherits the engine's deafness."""
+
 
 @dataclass
 class BenchHost:
@@ -30,7 +33,12 @@ class BenchHost:
         """Start a bench with its configuration. Raises DeviceFaultError where it does not come up."""
         command = [sys.executable, "-m", "calstation.bench", "--config", json.dumps(config)]
         process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            bufsize=0,
+            creationflags=_OWN_GROUP,
         )
         assert process.stdout is not None
         lines: SimpleQueue[bytes] = SimpleQueue()

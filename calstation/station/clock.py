@@ -15,6 +15,10 @@ _SAMPLES_WITHIN = 5.0
 """Host time in which samples handed over by the bench must have been read, s."""
 
 
+_YIELD_FOR = 0.001
+"""Host time in which the reader usually has them: until then the processor is only yielded, s."""
+
+
 class RealClock:
     """Station time is host time."""
 
@@ -85,12 +89,11 @@ class BenchClock:
 
     def _wait_for_bytes(self, count: int) -> None:
         assert self._received is not None
-        deadline = None
+        begin = time.monotonic()
         while self._received() < count:
-            time.sleep(0.0001)
-            if deadline is None:
-                deadline = time.monotonic() + _SAMPLES_WITHIN
-            elif time.monotonic() > deadline:
+            waited = time.monotonic() - begin
+            time.sleep(0.0 if waited < _YIELD_FOR else _YIELD_FOR)
+            if waited > _SAMPLES_WITHIN:
                 return  # a link that loses bytes is the sequencer's matter: it sees the gap
 
     def _ask(self, request: dict[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -125,10 +126,21 @@ def _run(run: _Run, control: Control) -> None:
     )
     try:
         ended = sequencer.run()
-    except BaseException:
-        run.log.close("fault")
+    except Exception as mistake:
+        error = CalstationError(f"{type(mistake).__name__}: {mistake}")
+        with suppress(OSError, RuntimeError, CalstationError):  # what failed may be the log itself
+            _end(run, Ended(State.FAULT, tuple(run.chain.solutions), error), begin)
+        if isinstance(mistake, OSError):
+            raise ConfigurationError(
+                f"{run.log.path}: cannot be written any more ({mistake}); make room on its disk"
+            ) from mistake
         raise
-    _close(run.log, run.chain, run.meta, ended, _elapsed(run.devices, begin), run.registers or None, run.emit)
+    _end(run, ended, begin)
+
+
+def _end(run: _Run, ended: Ended, begin: float) -> None:
+    registers = run.registers or None
+    _close(run.log, run.chain, run.meta, ended, _elapsed(run.devices, begin), registers, run.emit)
 
 
 def _elapsed(devices: Devices, begin: float) -> float:

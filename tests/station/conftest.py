@@ -12,7 +12,7 @@ from calstation.sequencer.events import Event, Fault, Verdict
 from calstation.station.request import RunRequest
 from calstation.station.run import execute
 
-QUICK = {"rate_dps": 60.0, "acceleration_dps2": 60.0}
+QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 PRODUCT: dict[str, Any] = {
     "name": "short",
     "imu": "bench_nav",

@@ -11,6 +11,7 @@ from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import open_log
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Message, StageSolved, StateChanged, StepStarted
+from calstation.station import library
 from calstation.station.resolve import resolve
 from tests.station.conftest import Place
 
@@ -135,3 +136,17 @@ def test_no_limits_no_run(place: Place) -> None:
     place.write({"limits": {}})
     with pytest.raises(ConfigurationError, match="limits"):
         place.run("rate")
+
+
+def test_a_stream_behind_the_registers_has_them_read_and_logged_first(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = place.folder / "home"
+    (home / "imus").mkdir(parents=True)
+    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
+    behind = shipped.replace("before_registers", "after_registers", 1)
+    (home / "imus" / "bench_nav.toml").write_text(behind, encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    verdict = place.run("six_position")
+    assert verdict.outcome == "passed"
+    assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]

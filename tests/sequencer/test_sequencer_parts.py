@@ -1,0 +1,96 @@
+"""Stop rules, previews and the mapping of table polls to samples."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
+from calstation.physics.parameters import COUNT, INDEX
+from calstation.sequencer.acquisition import Acquisition, StatusMasks, to_si
+from calstation.sequencer.preview import move_time, plan_time, planned
+from calstation.sequencer.stop_rule import StopRule, named, reached
+from tests.sequencer.fakes import MODEL, RATE, FakeClock, FakeImu, FakeTable, endless
+
+
+def test_move_time_of_a_trapezoid_and_a_triangle() -> None:
+    assert move_time((0.0, 0.0), Move(10.0, 0.0, 1.0, 1.0)) == pytest.approx(11.0)
+    assert move_time((0.0, 0.0), Move(0.25, 0.0, 1.0, 1.0)) == pytest.approx(1.0)
+    assert move_time((0.0, 5.0), Move(0.25, 0.0, 1.0, 1.0)) == pytest.approx(6.0)
+
+
+def test_a_plan_ends_at_its_finish() -> None:
+    steps = [Prepare(), Move(1.0, 0.0, 1.0, 1.0), Dwell(5.0), Finish(), Dwell(100.0)]
+    assert plan_time(steps, StopRule(), (0.0, 0.0)) == pytest.approx(2.0 + 1.5 + 5.0)
+
+
+@pytest.mark.parametrize(
+    ("rule", "seconds"),
+    [(StopRule(rounds=4), 4.0), (StopRule(duration=6.5), 7.0), (StopRule(targets={"gyro_bias": 1.0}), 1.0)],
+)
+def test_an_endless_plan_is_previewed_as_far_as_its_rule(rule: StopRule, seconds: float) -> None:
+    assert plan_time(endless(), rule, (0.0, 0.0)) == pytest.approx(seconds)
+    last = [step for step, _ in planned(endless(), rule, (0.0, 0.0))][-1]
+    assert isinstance(last, RoundEnd)
+
+
+def test_targets_are_parameters_or_groups() -> None:
+    assert named("accel_scale_y") == [INDEX["accel_scale_y"]]
+    assert len(named("gyro_misalign")) == 6
+    assert named("nonsense") == []
+    sigma = np.full(COUNT, 1.0)
+    sigma[INDEX["gyro_bias_x"]] = 1e-6
+    assert reached(sigma, {"gyro_bias_x": 1e-5})
+    assert not reached(sigma, {"gyro_bias": 1e-5})
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.004, 0.03])
+def test_polled_angles_lie_on_the_sample_of_their_time(latency: float) -> None:
+    clock = FakeClock()
+    table = FakeTable(clock)
+    imu = FakeImu(clock, table)
+    blocks: list[SampleBlock] = []
+    acquisition = Acquisition(imu, MODEL, clock, blocks.append, latency=latency)
+    table.move(2.0, -2.0, 0.5, 1.0)
+    for _ in range(40):
+        clock.sleep(0.05)
+        late = clock.time - latency
+        old = replace(
+            table.status(),
+            angles=np.array(table.angles_at(late)),
+            rates=np.array([0.5, -0.5]) if late > 0.0 else np.zeros(2),
+        )
+        acquisition.poll(old, clock.time, clock.time)
+        acquisition.drain()
+    times = np.concatenate([b.time for b in blocks])
+    angles = np.concatenate([b.angles for b in blocks])
+    polled = ~np.isnan(angles[:, 0])
+    assert 35 <= polled.sum() <= 40
+    truth = np.array([table.angles_at(t) for t in times])
+    assert np.abs(angles[polled] - truth[polled])[2:].max() < 1e-6
+
+
+def test_status_bits_and_gaps_are_seen() -> None:
+    clock = FakeClock()
+    imu = FakeImu(clock, FakeTable(clock), ready_at=0.2)
+    acquisition = Acquisition(imu, MODEL, clock, lambda block: None, masks=StatusMasks(1, 2, 4))
+    assert acquisition.recent is None
+    clock.sleep(0.1)
+    assert not acquisition.drain().ready
+    clock.sleep(0.2)
+    imu.drop, imu.saturated = 3, True
+    flow = acquisition.drain()
+    assert (flow.ready, flow.saturated, flow.failed, flow.missing) == (True, True, False, 3)
+    assert acquisition.gaps == 1
+    assert acquisition.recent is not None
+    mean, temperature = acquisition.recent
+    assert mean[5] == pytest.approx(9.8, abs=1e-4)
+    assert temperature == 25.0
+    assert not any(b for b in [acquisition.drain().count])
+
+
+def test_increments_become_rates() -> None:
+    assert to_si(replace(MODEL, output="increment"))[0] == pytest.approx(MODEL.gyro_lsb * RATE)
+    assert math.isclose(to_si(MODEL)[5], MODEL.accel_lsb)
