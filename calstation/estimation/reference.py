@@ -108,7 +108,7 @@ def _filter(
         d = K @ z
         P = predicted - K @ H @ predicted
         P = 0.5 * (P + P.T)
-        _turn(work.attitude, d[:3])
+        work.attitude[:] = rotation_matrix(d[:3]) @ work.attitude
         work.velocity[:] = work.velocity + d[3:]
         corrections[k + 1] = d
         attitude[k + 1], velocity[k + 1] = work.attitude, work.velocity
@@ -116,10 +116,3 @@ def _filter(
     for k in range(count - 1, -1, -1):
         smoothed[k] = gains[k] @ (corrections[k + 1] + smoothed[k + 1])
     return attitude, velocity, smoothed
-
-
-@nb.njit(cache=True)
-def _turn(C: FloatArray, phi: FloatArray) -> None:
-    """C ← (I + [φ×] + ½[φ×]²) C for a small φ, orthonormal to its third order."""
-    K = np.array([[0.0, -phi[2], phi[1]], [phi[2], 0.0, -phi[0]], [-phi[1], phi[0], 0.0]])
-    C[:] = C + K @ C + 0.5 * K @ (K @ C)

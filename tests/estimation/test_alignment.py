@@ -115,10 +115,10 @@ def test_at_the_pole_the_heading_is_said_to_be_hopeless():
     assert sigma > 1e3
 
 
-def test_every_segment_long_enough_starts_on_its_own():
+def test_every_segment_long_enough_starts_on_its_own_a_sample_clear_of_each_gap():
     data = at_rest(TURNED, angles=ANGLES, segments=((0, 400), (400, 420), (420, 1000)))
     found = starts(data, CONTEXT, belief())
-    assert [(s.begin, s.end) for s in found] == [(0, 400), (420, 1000)]
+    assert [(s.begin, s.end) for s in found] == [(0, 399), (421, 1000)]
 
 
 def test_nothing_starts_where_nothing_rests():

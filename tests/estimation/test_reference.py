@@ -1,0 +1,75 @@
+"""The smoothed trajectory that later passes linearise about: a rotation everywhere, and near the truth."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from simulated_stages import context_of
+
+from calstation.bench.kinematics import JointProfile
+from calstation.bench.stream_truth import SensorStream
+from calstation.bench.truth import BenchTruth
+from calstation.estimation.noise import filter_noise
+from calstation.estimation.reference import smoothed_reference
+from calstation.estimation.samples import SampleBlock
+from calstation.estimation.stage_data import stage_data
+from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.imu_model import compensation
+
+STRIDE = 20
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """A MEMS unit that rests, turns and rests for three minutes: samples and true attitudes at the strides' ends."""
+    truth = BenchTruth.draw("mems", 8, instability=False)
+    stream = SensorStream(truth.imu, truth.table, 8)
+    outer = JointProfile.rest(0.3, -1.0).move(60.0, 3.4, 0.35, 0.5)
+    inner = JointProfile.rest(-0.5, -1.0).move(60.0, 1.0, 0.35, 0.5)
+    counts = stream.produce(36000, outer, inner).counts
+    seq = np.arange(36000)
+    unknown, ones = np.full((36000, 2), np.nan), np.ones(36000, dtype=bool)
+    block = SampleBlock("excitation", seq, (seq + 1) / 200.0, counts, unknown, seq * 0, ones, unknown[:, 0])
+    times = np.arange(0, 36001, STRIDE) / 200.0
+    angles = np.column_stack([outer.states(times)[:, 0], inner.states(times)[:, 0]])
+    return truth, stage_data([block], context_of(truth).imu), truth.table.attitude(angles)
+
+
+def reference(truth, data, attitude, tilt_sigma=0.02):
+    gravity = normal_gravity(truth.table.latitude, truth.table.height)
+    return smoothed_reference(
+        compensation(truth.parameters),
+        rotation_rate(truth.table.latitude),
+        gravity,
+        filter_noise(context_of(truth)),
+        data,
+        (0, len(data), STRIDE),
+        attitude,
+        tilt_sigma,
+    )
+
+
+def test_it_follows_what_the_gyro_noise_did(motion):
+    truth, data, attitudes = motion
+    found = reference(truth, data, attitudes[0])
+    errors = Rotation.from_matrix(found.attitude @ attitudes.transpose(0, 2, 1)).as_rotvec()
+    walked = truth.imu.gyro_arw * np.sqrt(len(data) / 200.0)
+    # levelled all the way by 1 mm/s of velocity every 0.1 s, while the heading walks off as its noise does
+    assert np.sqrt(np.mean(errors[:, :2] ** 2)) < 0.3 * walked
+    assert np.abs(errors[:, 2]).max() < 4.0 * walked
+
+
+def test_it_corrects_a_wrong_start_and_does_not_jump(motion):
+    truth, data, attitudes = motion
+    tilted = Rotation.from_rotvec([0.01, -0.02, 0.0]).as_matrix() @ attitudes[0]
+    found = reference(truth, data, tilted)
+    right = reference(truth, data, attitudes[0])
+    off = Rotation.from_matrix(found.attitude @ right.attitude.transpose(0, 2, 1)).as_rotvec()
+    assert np.abs(off[:, :2]).max() < 1e-4
+
+
+@pytest.mark.parametrize("tilt", [0.02, 0.3])
+def test_it_is_a_rotation_however_wrong_the_start(motion, tilt):
+    truth, data, attitudes = motion
+    tilted = Rotation.from_rotvec([tilt, -tilt, 0.0]).as_matrix() @ attitudes[0]
+    found = reference(truth, data, tilted, tilt_sigma=0.2).attitude
+    assert found @ found.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (len(found), 1, 1)), abs=1e-9)
