@@ -38,6 +38,9 @@ class Journal(Protocol):
 class Solving(Protocol):
     """The chain of stage solvers."""
 
+    def warm(self) -> None:
+        """Make ready to solve: may take seconds on a new computer, where kernels are compiled first."""
+
     def start(self, stage: str) -> None:
         """Begin a stage with the last one's posterior as its prior."""
 

@@ -1,8 +1,10 @@
 """Runs a calibration from preparation to verdict; every way out leaves the table at rest, axes off."""
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -38,6 +40,8 @@ from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.stop_rule import StopRule
+
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,10 @@ class Sequencer:
         """
         try:
             self._go(State.PREPARING)
-            self._prepare()
+            with _worker("warm-up") as worker:
+                warm = worker.submit(self._solving.warm)
+                self._prepare()
+                self._wait_for(warm)
             self._go(State.RUNNING)
             for index, stage in enumerate(self._task.stages):
                 if not self._run_stage(stage, index):
@@ -266,18 +273,21 @@ class Sequencer:
             self.emit(self._track.event(self._clock.now()))
 
     def _solve(self) -> Solution:
-        """Solve in a worker so that the table's watchdog is fed and samples are drained meanwhile."""
-        with ThreadPoolExecutor(1, "solver") as worker:
-            future = worker.submit(self._solving.finish)
-            while not future.done():
-                before = self._clock.now()
-                self._clock.idle(TICK)
-                if self._clock.now() > before:
-                    self._pulse.look()
-                else:
-                    self._pulse.keep_alive()
-                    self._pulse.hear()
-            return future.result()
+        """Solve in a worker, the table's watchdog fed and samples drained meanwhile."""
+        with _worker("solver") as worker:
+            return self._wait_for(worker.submit(self._solving.finish))
+
+    def _wait_for(self, job: Future[_Result]) -> _Result:
+        """What a worker's job returns; a stop does not wait for it."""
+        while not job.done():
+            before = self._clock.now()
+            self._clock.idle(TICK)
+            if self._clock.now() > before:
+                self._pulse.look()
+            else:
+                self._pulse.keep_alive()
+                self._pulse.hear()
+        return job.result()
 
     def _tell(self, solution: Solution) -> None:
         sigma = solution.belief.sigma
@@ -324,3 +334,13 @@ class Sequencer:
             self._acquisition.drain()
         except DeviceFaultError as error:
             self.emit(Message("safe_stop_incomplete", {"text": str(error)}))
+
+
+@contextmanager
+def _worker(name: str) -> Iterator[ThreadPoolExecutor]:
+    """A worker for one job, left to end by itself where the run does not wait for it."""
+    worker = ThreadPoolExecutor(1, name)
+    try:
+        yield worker
+    finally:
+        worker.shutdown(wait=False)

@@ -11,6 +11,7 @@ from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.context import Belief
 from calstation.estimation.method import Solution, StageSolver
 from calstation.estimation.samples import SampleBlock
+from calstation.estimation.warm import warm_up
 from calstation.physics.arrays import FloatArray
 from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
 from procedures import method
@@ -39,6 +40,10 @@ class StageChain:
         self._belief = self.prior
         self._solver: StageSolver | None = None
         self.solutions: list[Solution] = []
+
+    def warm(self) -> None:
+        """Compile the solvers' kernels, or load them from their cache."""
+        warm_up()
 
     @property
     def belief(self) -> Belief:

@@ -211,6 +211,9 @@ class FakeSolving:
         self.stage = ""
         self.level = 1.0
 
+    def warm(self) -> None:
+        pass
+
     def start(self, stage: str) -> None:
         self.stage = stage
         self.blocks[stage] = []
