@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from calstation.errors import InsufficientDataError
+from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.least_squares import gauss_newton
 from calstation.estimation.method import Method, Solution
@@ -25,7 +25,7 @@ from calstation.physics.earth import rotation_rate
 from calstation.physics.motion import Dwell, Move, Step
 from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.rotation import axis_rotation, rotation_matrix
-from calstation.physics.table import INNER, OUTER, TableGeometry
+from calstation.physics.table import INNER, TableGeometry
 
 ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
 SMALLEST_TURN = np.deg2rad(300.0)
@@ -68,28 +68,38 @@ class Turn:
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """About x, y and z: into place, rest, whole turns one way, rest, whole turns back, rest."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
-    outer, inner = 0.0, 0.0
+    joints = [0.0, 0.0]
     for axis in range(3):
         direction = np.zeros(3)
         direction[axis] = 1.0
-        turn = geometry.body_turn(direction, inner)
-        inner = inner if turn.inner is None else turn.inner
-        yield Move(outer, inner, rate, acceleration, ("into_place", "xyz"[axis]))
+        turn = geometry.body_turn(direction, joints[INNER])
+        joints[INNER] = joints[INNER] if turn.inner is None else turn.inner
+        joints[turn.joint], whole = _room(geometry, turn.joint, turn.sign, joints[turn.joint], schedule.turns)
+        yield Move(joints[0], joints[1], rate, acceleration, ("into_place", "xyz"[axis]))
         yield Dwell(schedule.dwell_s)
-        for way in _ways(geometry, turn.joint, turn.sign, (outer, inner)[turn.joint], schedule.turns):
-            if turn.joint == OUTER:
-                outer += way
-            else:
-                inner += way
+        for way in (whole, -whole):
+            joints[turn.joint] += way
             label = ("whole_turns", "xyz"[axis], float(np.rad2deg(way * turn.sign)))
-            yield Move(outer, inner, rate, acceleration, label)
+            yield Move(joints[0], joints[1], rate, acceleration, label)
             yield Dwell(schedule.dwell_s)
 
 
-def _ways(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int) -> tuple[float, float]:
-    """There and back, first the positive way about the body axis unless the travel has room only for the other."""
-    way = 2.0 * np.pi * turns * sign
-    return (way, -way) if geometry.limits.within(joint, at + way) else (-way, way)
+def _room(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int) -> tuple[float, float]:
+    """Where to start nearest `at`, rad, and the first way: positive about the body axis if there is room for it.
+
+    Raises ConfigurationError where the travel is too short for the turns wherever they start.
+    """
+    limits, way = geometry.limits, 2.0 * np.pi * turns * sign
+    low, high = limits.low[joint], limits.high[joint]
+    for first in (way, -way):
+        if limits.within(joint, at + first):
+            return at, first
+    if high - low < abs(way):
+        raise ConfigurationError(
+            f"table limits: {turns} whole turns need {360 * turns}° of travel on the {('outer', 'inner')[joint]} axis, "
+            f"which has {np.rad2deg(high - low):.0f}°; lower turns in the schedule of rate"
+        )
+    return float(np.clip(at, low - min(way, 0.0), high - max(way, 0.0))), way
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:

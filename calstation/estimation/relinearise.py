@@ -21,7 +21,7 @@ from calstation.physics.imu_model import compensation
 from calstation.physics.rotation import axis_rotation, rotation_matrix
 from calstation.physics.strapdown import body_rotation
 
-MOST_PASSES = 8
+MOST_PASSES = 20
 SETTLED = 0.01
 """A pass that moves no parameter by more than this many sigmas is the last."""
 AZIMUTHS_TRIED = 8

@@ -1,0 +1,50 @@
+"""Full chains of simulated stages, one unit per grade, solved once for all tests."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import settings
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+
+sys.path.append(str(Path(__file__).parent.parent / "estimation"))
+
+settings.register_profile("procedures", deadline=None)
+settings.load_profile("procedures")
+
+STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
+
+
+@pytest.fixture(scope="session")
+def solve_chain():
+    """Simulates the four stages of one bench and solves them one after another."""
+    from simulated_stages import block_of, prior_of, simulate, solved
+
+    def chain(grade, seed, **bench):
+        truth = BenchTruth.draw(grade, seed, sample_rate=100.0, **bench)
+        simulator = Simulator(truth, seed)
+        found = SimpleNamespace(truth=truth, prior=prior_of(truth), samples={}, priors={}, solutions={})
+        belief = found.prior
+        for stage in STAGES:
+            found.samples[stage] = simulate(simulator, truth, stage)
+            found.priors[stage] = belief
+            found.solutions[stage] = solved(truth, belief, [block_of(found.samples[stage])])
+            belief = found.solutions[stage].belief
+        return found
+
+    return chain
+
+
+@pytest.fixture(scope="session")
+def nav_chain(solve_chain):
+    """A navigation-grade unit with white noise only."""
+    return solve_chain("nav", 31, instability=False)
+
+
+@pytest.fixture(scope="session", params=["nav", "tactical", "mems"])
+def chain(request, solve_chain):
+    """A unit of each grade, bias instability and all."""
+    return solve_chain(request.param, 31)

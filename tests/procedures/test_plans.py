@@ -1,0 +1,215 @@
+"""Plans as geometry sees them: faces up, turns about the right axis the right way, inside the table's limits."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+import procedures
+from calstation.errors import ConfigurationError
+from calstation.physics.motion import Dwell, Move, RoundEnd
+from calstation.physics.rotation import rotation_vector
+from calstation.physics.table import UP, JointLimits, TableGeometry
+from procedures import DEFAULT_STAGES, method
+
+TABLES = [
+    TableGeometry(),
+    TableGeometry((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    TableGeometry((0.0, -1.0, 0.0), (1.0, 0.0, 0.0)),
+]
+IDS = ["outer x inner z", "outer y inner z", "outer -y inner x"]
+BODY = dict(zip("xyz", np.eye(3), strict=True))
+
+
+def steps_of(stage, table, rounds=None, **schedule):
+    """The plan's steps; an endless one up to the end of `rounds`."""
+    chosen = method(stage)
+    steps = []
+    for step in chosen.plan(table, chosen.schedule(**schedule)):
+        steps.append(step)
+        if rounds is not None and isinstance(step, RoundEnd) and step.rounds == rounds:
+            break
+    return steps
+
+
+def moves_of(steps):
+    return [step for step in steps if isinstance(step, Move)]
+
+
+def turned(table, before, after):
+    """Rotation vector of the body, in the body, from one pose to the next."""
+    C0, C1 = table.body_to_home(before.outer, before.inner), table.body_to_home(after.outer, after.inner)
+    return rotation_vector(C0.T @ C1)
+
+
+@st.composite
+def limits(draw):
+    """Travel of at least half a turn either way from home."""
+    low = tuple(-draw(st.floats(np.pi, 12.0)) for _ in range(2))
+    high = tuple(draw(st.floats(np.pi, 12.0)) for _ in range(2))
+    return JointLimits(low=low, high=high)
+
+
+def assert_within(found, steps):
+    for move in moves_of(steps):
+        assert found.within(0, move.outer)
+        assert found.within(1, move.inner)
+
+
+def test_every_file_is_a_method_of_its_own_name():
+    names = {path.stem for path in Path(procedures.__file__).parent.glob("*.py")} - {"__init__"}
+    assert set(DEFAULT_STAGES) <= names
+    assert all(method(name).name == name for name in names)
+
+
+def test_an_unknown_stage_is_refused_with_those_there_are():
+    with pytest.raises(
+        ConfigurationError, match=r"no stage 'rates'; choose from azimuth_flip, excitation, .*rate"
+    ):
+        method("rates")
+
+
+@pytest.mark.parametrize("stage", DEFAULT_STAGES)
+def test_a_schedule_refuses_unknown_keys_and_senseless_values(stage):
+    schedule = method(stage).schedule
+    with pytest.raises(ValidationError, match="extra"):
+        schedule(dwel_s=10.0)
+    for wrong in ({"dwell_s": 0.0}, {"rate_dps": 0.0}, {"acceleration_dps2": -1.0}):
+        with pytest.raises(ValidationError):
+            schedule(**wrong)
+
+
+@pytest.mark.parametrize("stage", DEFAULT_STAGES)
+def test_every_move_is_followed_by_the_rest_asked_for(stage):
+    steps = [s for s in steps_of(stage, TableGeometry(), 1, dwell_s=7.0) if not isinstance(s, RoundEnd)]
+    pairs = list(zip(steps[::2], steps[1::2], strict=True))
+    assert all(isinstance(a, Move) and isinstance(b, Dwell) for a, b in pairs)
+    durations = {b.duration for a, b in pairs if a.label[0] not in ("into_place", "unwind")}
+    assert durations == {7.0}
+
+
+@pytest.mark.parametrize("table", TABLES, ids=IDS)
+def test_six_positions_bring_each_face_up_once(table):
+    found = moves_of(steps_of("six_position", table))
+    faces = [move.label[1] for move in found]
+    assert sorted(faces) == ["+x", "+y", "+z", "-x", "-y", "-z"]
+    for move, face in zip(found, faces, strict=True):
+        up = table.body_to_home(move.outer, move.inner).T @ UP
+        assert up == pytest.approx(BODY[face[1]] * (1.0 if face[0] == "+" else -1.0), abs=1e-9)
+
+
+@given(limits())
+def test_six_positions_stay_within_any_travel_of_half_a_turn_either_way(travel):
+    assert_within(travel, steps_of("six_position", TableGeometry(limits=travel)))
+
+
+def test_an_outer_axis_that_stands_upright_cannot_show_the_faces():
+    with pytest.raises(ConfigurationError, match="upward"):
+        steps_of("six_position", TableGeometry((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize("table", TABLES, ids=IDS)
+def test_excitation_turns_y_x_z_z_x_y_once_round_always_the_same_way(table):
+    steps = steps_of("excitation", table, 2)
+    found = moves_of(steps)
+    order = [move.label[1] for move in found if move.label[0] == "turn_about"]
+    assert "".join(order) == 2 * "".join(4 * axis for axis in "yxzzxy")
+    for before, after in pairwise(found):
+        if after.label[0] == "turn_about":
+            assert turned(table, before, after) == pytest.approx(0.5 * np.pi * BODY[after.label[1]], abs=1e-9)
+    assert not any(move.label[0] == "unwind" for move in found)
+
+
+def test_excitation_turns_the_inner_axis_while_gravity_lies_across_it():
+    for before, after in pairwise(moves_of(steps_of("excitation", TableGeometry(), 1))):
+        if after.label[:2] == ("turn_about", "z"):
+            z_n = TableGeometry().body_to_home(before.outer, before.inner)[:, 2]
+            assert z_n @ UP == pytest.approx(0.0, abs=1e-9)
+
+
+@given(limits())
+def test_excitation_unwinds_only_where_the_travel_demands_it(travel):
+    table = TableGeometry(limits=travel)
+    steps = steps_of("excitation", table, 2)
+    assert_within(travel, steps)
+    found = moves_of(steps)
+    for before, after, following in zip(found, found[1:], [*found[2:], None], strict=False):
+        if after.label[0] == "turn_about":
+            assert turned(table, before, after) == pytest.approx(0.5 * np.pi * BODY[after.label[1]], abs=1e-9)
+        if after.label[0] == "unwind":
+            # a whole number of turns back: the same attitude, and the turn after it had no room before
+            assert turned(table, before, after) == pytest.approx(np.zeros(3), abs=1e-6)
+            joint = 0 if abs(after.outer - before.outer) > 1e-6 else 1
+            at = (before.outer, before.inner)[joint]
+            way = np.sign((following.outer, following.inner)[joint] - (after.outer, after.inner)[joint])
+            assert not travel.within(joint, at + way * 0.5 * np.pi)
+
+
+@given(limits(), st.integers(1, 2))
+def test_whole_turns_stay_within_the_travel_or_are_refused(travel, turns):
+    table = TableGeometry(limits=travel)
+    room = min(high - low for low, high in zip(travel.low, travel.high, strict=True))
+    if room < 2.0 * np.pi * turns:
+        with pytest.raises(ConfigurationError, match=f"{turns} whole turns need {360 * turns}° of travel"):
+            steps_of("rate", table, turns=turns)
+    else:
+        assert_within(travel, steps_of("rate", table, turns=turns))
+
+
+def test_whole_turns_start_where_a_short_travel_has_room_for_them():
+    table = TableGeometry(limits=JointLimits(np.deg2rad([-200.0, -200.0]), np.deg2rad([200.0, 200.0])))
+    ends = {move.label[1]: [] for move in moves_of(steps_of("rate", table, turns=1))}
+    for move in moves_of(steps_of("rate", table, turns=1)):
+        ends[move.label[1]].append(np.rad2deg(move.inner if move.label[1] == "z" else move.outer))
+    assert ends["x"] == pytest.approx([-160.0, 200.0, -160.0])
+    assert ends["z"] == pytest.approx([-160.0, 200.0, -160.0])
+
+
+@pytest.mark.parametrize("table", TABLES, ids=IDS)
+@pytest.mark.parametrize("turns", [1, 3])
+def test_rate_turns_each_axis_both_ways_by_whole_turns(table, turns):
+    found = moves_of(steps_of("rate", table, turns=turns))
+    seen = {}
+    for before, after in pairwise(found):
+        if after.label[0] == "whole_turns":
+            way = np.array([after.outer - before.outer, after.inner - before.inner])
+            joint = int(np.argmax(np.abs(way)))
+            assert way[1 - joint] == 0.0
+            axis_b = table.joint_axis(joint, before.inner) * way[joint]
+            seen.setdefault(after.label[1], []).append(axis_b @ BODY[after.label[1]])
+            assert np.rad2deg(axis_b @ BODY[after.label[1]]) == pytest.approx(after.label[2])
+    assert sorted(seen) == ["x", "y", "z"]
+    for ways in seen.values():
+        assert sorted(ways) == pytest.approx([-2.0 * np.pi * turns, 2.0 * np.pi * turns])
+
+
+@pytest.mark.parametrize("table", TABLES[:2], ids=IDS[:2])
+def test_azimuth_flips_are_half_turns_about_the_vertical_plus_minus_minus_plus(table):
+    steps = steps_of("azimuth_flip", table, 2)
+    found = moves_of(steps)[1:]
+    ways = []
+    for before, after in pairwise(moves_of(steps)):
+        way = np.array([after.outer - before.outer, after.inner - before.inner])
+        joint = int(np.argmax(np.abs(way)))
+        axis_n = table.body_to_home(before.outer, before.inner) @ table.joint_axis(joint, before.inner)
+        assert axis_n * way[joint] == pytest.approx([0.0, 0.0, after.label[1] * np.pi / 180.0], abs=1e-9)
+        ways.append(after.label[1])
+    assert ways == [180.0, -180.0, -180.0, 180.0] * 2
+    assert (found[-1].outer, found[-1].inner) == pytest.approx(
+        (moves_of(steps)[0].outer, moves_of(steps)[0].inner)
+    )
+
+
+def test_azimuth_flips_need_half_a_turn_either_way():
+    narrow = TableGeometry(limits=JointLimits((-4.0, -3.0), (4.0, 3.0)))
+    with pytest.raises(ConfigurationError, match="180° both ways on the inner axis"):
+        steps_of("azimuth_flip", narrow, 1)
+
+
+@given(limits())
+def test_azimuth_flips_stay_within_the_travel(travel):
+    assert_within(travel, steps_of("azimuth_flip", TableGeometry(limits=travel), 2))
