@@ -5,6 +5,7 @@ from typing import Any
 
 MESSAGES: dict[str, str] = {
     "identified": "Table {table} ({table_serial}), IMU {imu} {serial}.",
+    "incomplete_run": "An earlier run did not reach its end: {log} (its samples can be resolved).",
     "waiting_ready": "Waiting for the unit to be ready.",
     "homing": "Homing the table, slowly.",
     "warming_up": "Warming up, {seconds:g} s at least.",

@@ -12,7 +12,7 @@ from typing import IO, Any
 
 from calstation.errors import DeviceFaultError
 
-_START_WITHIN = 60.0
+_START_WITHIN = 180.0
 """Host time for the bench to start, its compilation on a fresh machine included, s."""
 
 _END_WITHIN = 5.0

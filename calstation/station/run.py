@@ -22,6 +22,7 @@ from calstation.sequencer.ports import Emit
 from calstation.sequencer.sequencer import Ended, Sequencer
 from calstation.sequencer.states import State
 from calstation.station.compose import compose
+from calstation.station.incomplete import settle_incomplete
 from calstation.station.request import RunRequest
 from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.setup import Setup, prepare
@@ -91,6 +92,8 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     """
     setup = prepare(request)
     folder = _folder(request.out)
+    for dead in settle_incomplete(folder):
+        emit(Message("incomplete_run", {"log": str(dead)}))
     started = datetime.now(UTC)
     attempt = 1 + len(list(folder.glob(f"{_stem(request.serial)}_*.h5")))
     path = folder / f"{_stem(request.serial)}_{started:%Y%m%dT%H%M%S%f}.h5"

@@ -16,6 +16,7 @@ from calstation.records.raw_read import find_incomplete
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import StageStarted, StateChanged, StepStarted, Verdict
 from calstation.station.engine import Engine
+from calstation.station.incomplete import settle_incomplete
 from tests.station.conftest import Place
 
 
@@ -47,6 +48,12 @@ def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(place: Place) -> 
     assert log.outcome is None
     samples = sum(len(block) for block in log.blocks())
     assert samples > 200
+
+    os.utime(path, (0.0, 0.0))
+    assert settle_incomplete(path.parent) == [path]
+    result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    assert (result["outcome"], result["passed"]) == ("incomplete", False)
+    assert settle_incomplete(path.parent) == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
