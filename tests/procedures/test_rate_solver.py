@@ -1,0 +1,89 @@
+"""The rate stage: scale factors within their sigma, of the size the encoder dictates, or what is missing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated_stages import SCHEDULES, block_of, context_of, errors_in_sigma, solved
+
+from calstation.errors import InsufficientDataError
+from calstation.physics.parameters import NAMES, group_indices
+
+SCALE = group_indices("gyro_scale")
+
+
+def moves(chain):
+    """Step numbers of the stage in order: into place, one way, back, for x, y and z."""
+    return sorted({int(s) for s in chain.samples["rate"].step if s > 0})
+
+
+def without(chain, *steps):
+    """The stage without the samples of some steps."""
+    samples = chain.samples["rate"]
+    return block_of(samples, ~np.isin(samples.step, steps))
+
+
+def test_scale_factors_come_within_their_sigma(chain):
+    errors = errors_in_sigma(chain.solutions["rate"].belief, chain.truth)
+    assert np.abs(errors).max() < 4.0
+    assert chain.solutions["rate"].consistency.passed
+
+
+def test_sigma_is_the_encoders_over_the_angle(nav_chain):
+    encoder, angle = np.deg2rad(0.05), 2.0 * np.pi * SCHEDULES["rate"]["turns"]
+    # from rests 0, 1, 2: ((e1 − e0) − (e2 − e1)) over both ways' angle
+    by_encoder = np.sqrt(6.0) * encoder / (2.0 * angle)
+    prior = nav_chain.prior.sigma[SCALE]
+    expected = 1.0 / np.sqrt(1.0 / by_encoder**2 + 1.0 / prior**2)
+    assert nav_chain.solutions["rate"].belief.sigma[SCALE] == pytest.approx(expected, rel=0.1)
+
+
+def test_a_better_encoder_makes_a_better_scale_factor(nav_chain):
+    context = context_of(nav_chain.truth)
+    fine = replace(context, table=replace(context.table, encoder_sigma=np.deg2rad(0.005)))
+    block = block_of(nav_chain.samples["rate"])
+    better = solved(nav_chain.truth, nav_chain.prior, [block], fine).belief.sigma[SCALE]
+    assert better == pytest.approx(nav_chain.solutions["rate"].belief.sigma[SCALE] / 10.0, rel=0.3)
+
+
+def test_all_else_is_considered_and_kept(chain):
+    others = [i for i, name in enumerate(NAMES) if i not in SCALE]
+    found = chain.solutions["rate"]
+    assert np.array_equal(found.belief.mean[others], chain.prior.mean[others])
+    assert np.array_equal(found.belief.sigma[others], chain.prior.sigma[others])
+    assert found.estimated == tuple(NAMES[i] for i in SCALE)
+    assert (
+        np.linalg.eigvalsh(found.belief.covariance / np.outer(found.belief.sigma, found.belief.sigma)).min()
+        > -1e-9
+    )
+
+
+def test_six_turns_are_found_each_with_its_joint_and_angle(nav_chain):
+    turns = nav_chain.solutions["rate"].details["turns"]
+    assert [turn["joint"] for turn in turns] == ["outer"] * 4 + ["inner"] * 2
+    assert np.rad2deg([turn["angle"] for turn in turns]) == pytest.approx([360.0, -360.0] * 3, abs=0.3)
+
+
+def test_without_encoders_turns_are_taken_for_whole_and_it_is_said(nav_chain):
+    block = block_of(nav_chain.samples["rate"])
+    blind = replace(block, angles=np.full_like(block.angles, np.nan))
+    found = solved(nav_chain.truth, nav_chain.prior, [blind])
+    assert [key for key, _ in found.messages] == ["turns_assumed_whole"]
+    assert np.abs(errors_in_sigma(found.belief, nav_chain.truth)).max() < 4.0
+    assert found.belief.sigma[SCALE] == pytest.approx(
+        nav_chain.solutions["rate"].belief.sigma[SCALE], rel=0.2
+    )
+
+
+@pytest.mark.parametrize(("lost", "missing"), [((1,), r"\+x, -x"), ((5,), "-y"), ((7, 8), r"\+z, -z")])
+def test_a_missing_way_is_named_and_a_missing_rest_costs_the_ways_on_both_its_sides(nav_chain, lost, missing):
+    steps = [moves(nav_chain)[i] for i in lost]
+    with pytest.raises(
+        InsufficientDataError, match=rf"rate: no whole turn about {missing} between two rests"
+    ):
+        solved(nav_chain.truth, nav_chain.prior, [without(nav_chain, *steps)])
+
+
+def test_no_samples_miss_every_way(nav_chain):
+    with pytest.raises(InsufficientDataError, match=r"\+x, -x, \+y, -y, \+z, -z .*0 turns found"):
+        solved(nav_chain.truth, nav_chain.prior, [without(nav_chain, *moves(nav_chain), 0)])

@@ -1,0 +1,126 @@
+"""The six-position stage: accelerometer scale and bias from the modulus of gravity, real recording included."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simulated_stages import block_of, context_of, errors_in_sigma, solved
+
+from calstation.errors import InsufficientDataError
+from calstation.estimation.context import Belief
+from calstation.physics.parameters import INDEX, NAMES, group_indices
+from calstation.records.log import open_log
+from calstation.station.solve import solve
+
+SCALE, BIAS = group_indices("accel_scale"), group_indices("accel_bias")
+QUADRATIC = group_indices("accel_quadratic")
+RECORDING = Path(__file__).parents[3] / "shared" / "data" / "real" / "hand_six_position" / "session.csv.gz"
+
+
+def without_face(chain, place):
+    samples = chain.samples["six_position"]
+    step = sorted({int(s) for s in samples.step})[place]
+    return block_of(samples, samples.step != step)
+
+
+def test_scale_and_bias_come_within_their_sigma(chain):
+    errors = errors_in_sigma(chain.solutions["six_position"].belief, chain.truth)
+    assert np.abs(errors).max() < 4.0
+    assert chain.solutions["six_position"].consistency.passed
+
+
+def test_scale_and_bias_are_known_far_better_than_before(chain):
+    before, after = (chain.priors["six_position"].sigma, chain.solutions["six_position"].belief.sigma)
+    assert np.all(after[SCALE] < 0.05 * before[SCALE])
+    assert np.all(after[BIAS] < 0.5 * before[BIAS])
+
+
+def test_bias_keeps_the_doubt_of_the_second_order_term(nav_chain):
+    # up and down, K2 g² is the same as a bias
+    found, gravity = nav_chain.solutions["six_position"].belief, 9.797
+    prior = nav_chain.priors["six_position"]
+    doubt = prior.sigma[QUADRATIC] * gravity**2
+    assert np.all(found.sigma[BIAS] > 0.99 * doubt)
+    assert found.sigma[BIAS] == pytest.approx(np.hypot(doubt, 5e-5), rel=0.05)
+    known = prior.covariance.copy()
+    known[QUADRATIC, :] = known[:, QUADRATIC] = 0.0
+    sharper = Belief(
+        np.where(np.isin(np.arange(30), QUADRATIC), nav_chain.truth.parameters, prior.mean), known
+    )
+    certain = solved(nav_chain.truth, sharper, [block_of(nav_chain.samples["six_position"])])
+    assert np.all(certain.belief.sigma[BIAS] < 0.3 * found.sigma[BIAS])
+    assert np.abs(errors_in_sigma(certain.belief, nav_chain.truth)[BIAS]).max() < 4.0
+
+
+def test_a_mount_off_by_a_degree_does_not_show_in_the_scale(solve_chain):
+    tilted = solve_chain("nav", 33, instability=False, mount=(np.deg2rad(0.99), np.deg2rad(1.0)))
+    errors = errors_in_sigma(tilted.solutions["six_position"].belief, tilted.truth)
+    assert np.abs(errors[SCALE]).max() < 4.0
+    # a nominal direction would have cost 1 − cos 1° = 150 ppm
+    assert np.abs(errors * tilted.solutions["six_position"].belief.sigma)[SCALE].max() < 5e-5
+
+
+def test_it_works_without_encoder_angles(nav_chain):
+    block = block_of(nav_chain.samples["six_position"])
+    blind = replace(block, angles=np.full_like(block.angles, np.nan))
+    found = solved(nav_chain.truth, nav_chain.priors["six_position"], [blind])
+    assert np.abs(errors_in_sigma(found.belief, nav_chain.truth)).max() < 4.0
+    assert np.all(found.belief.sigma[SCALE] < 0.1 * nav_chain.prior.sigma[SCALE])
+
+
+def test_a_wrong_gravity_goes_one_to_one_into_the_scale(nav_chain):
+    context, block = context_of(nav_chain.truth), block_of(nav_chain.samples["six_position"])
+    heavy = replace(context, site=replace(context.site, gravity=9.8))
+    light = replace(context, site=replace(context.site, gravity=9.8 * (1.0 - 1e-4)))
+    a, b = (
+        solved(nav_chain.truth, nav_chain.priors["six_position"], [block], c).belief for c in (heavy, light)
+    )
+    assert (b.mean - a.mean)[SCALE] == pytest.approx(1e-4, rel=0.02)
+
+
+def test_all_else_is_considered_and_kept(chain):
+    others = [i for i in range(30) if i not in SCALE + BIAS]
+    before, found = chain.priors["six_position"], chain.solutions["six_position"]
+    assert np.array_equal(found.belief.mean[others], before.mean[others])
+    assert found.belief.sigma[others] == pytest.approx(before.sigma[others], rel=1e-12)
+    assert set(found.estimated) == {NAMES[i] for i in SCALE + BIAS}
+
+
+@pytest.mark.parametrize(
+    ("place", "face"), [(0, r"\+z"), (1, "-z"), (2, r"\+y"), (3, "-y"), (4, r"\+x"), (5, "-x")]
+)
+def test_a_missing_face_is_named(nav_chain, place, face):
+    with pytest.raises(
+        InsufficientDataError, match=rf"six_position: no rest of 1 s or more with {face} upward"
+    ):
+        solved(nav_chain.truth, nav_chain.prior, [without_face(nav_chain, place)])
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """The real recording, solved."""
+    if not RECORDING.exists():
+        pytest.skip(f"{RECORDING} is not there: the real recordings are not part of the project")
+    log = open_log(RECORDING)
+    return solve(log.blocks, log.meta).belief
+
+
+@pytest.mark.parametrize(
+    ("scale", "bias"),
+    [
+        ((-1.227e-3, -4.232e-3, 2.861e-2), (-0.0290, -0.2310, -0.1413)),
+        ((-1.399e-3, -4.007e-3, 2.848e-2), (-0.0288, -0.2312, -0.1387)),
+    ],
+    ids=["by modulus", "faces assumed exact"],
+)
+def test_a_recording_turned_by_hand_gives_its_authors_answer(recording, scale, bias):
+    assert recording.mean[SCALE] == pytest.approx(scale, abs=5e-4)
+    assert recording.mean[BIAS] == pytest.approx(bias, abs=5e-3)
+
+
+def test_the_recordings_sigmas_cover_its_authors_answer_by_modulus(recording):
+    published = {"accel_scale_x": -1.227e-3, "accel_scale_y": -4.232e-3, "accel_bias_x": -0.0290}
+    for name, value in published.items():
+        assert abs(recording.mean[INDEX[name]] - value) < 3.0 * recording.sigma[INDEX[name]]
+        assert recording.sigma[INDEX[name]] < 0.01
