@@ -20,10 +20,13 @@ class Limit(StrictModel):
     """Limits of one parameter or group, SI.
 
     within : largest magnitude, or [low, high]; sigma_below : largest standard deviation
+    sigma_below_after : the same where the named stage was the last to estimate the parameter, so that part of a
+        calibration is judged by what that part can do
     """
 
     within: float | list[float] | None = None
     sigma_below: float | None = Field(default=None, gt=0)
+    sigma_below_after: dict[str, float] = Field(default_factory=dict)
 
     @field_validator("within")
     @classmethod
@@ -34,6 +37,18 @@ class Limit(StrictModel):
         elif within is not None and within <= 0:
             raise ValueError(f"within = {within} must be positive or a list [low, high]")
         return within
+
+    @field_validator("sigma_below_after")
+    @classmethod
+    def _positive(cls, limits: dict[str, float]) -> dict[str, float]:
+        for stage, limit in limits.items():
+            if not limit > 0:
+                raise ValueError(f"sigma_below_after.{stage} = {limit} must be positive")
+        return limits
+
+    def sigma_limit(self, stage: str) -> float | None:
+        """Largest standard deviation of a parameter that `stage` estimated last, or None where it is free."""
+        return self.sigma_below_after.get(stage, self.sigma_below)
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -105,7 +120,7 @@ def check_limits(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence
     belief = solutions[-1].belief
     sigma = belief.sigma
     checks = []
-    for name in estimated_stage(solutions):
+    for name, stage in estimated_stage(solutions).items():
         i = INDEX[name]
         limit = limits.get(name, limits.get(PARAMETERS[i].group))
         if limit is None:
@@ -114,9 +129,10 @@ def check_limits(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence
         if limit.interval is not None:
             low, high = limit.interval
             checks.append(Check(f"{name} within", value, (low, high), unit, bool(low <= value <= high)))
-        if limit.sigma_below is not None:
-            within = bool(sigma[i] <= limit.sigma_below and np.isfinite(sigma[i]))
-            checks.append(Check(f"{name} sigma below", float(sigma[i]), limit.sigma_below, unit, within))
+        largest = limit.sigma_limit(stage)
+        if largest is not None:
+            within = bool(sigma[i] <= largest and np.isfinite(sigma[i]))
+            checks.append(Check(f"{name} sigma below", float(sigma[i]), largest, unit, within))
     for s in solutions:
         c = s.consistency
         checks.append(Check(f"{s.stage} consistency", c.nis_mean, c.nis_high, "1", bool(c.passed)))
