@@ -3,21 +3,16 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import TypeVar
-
-import numpy as np
 
 from calstation.devices.interfaces import Imu, Table
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.estimation.context import ImuModel
 from calstation.estimation.method import Solution
 from calstation.estimation.samples import SampleBlock
-from calstation.physics.motion import Finish, Move, Prepare, RoundEnd, Step
+from calstation.physics.motion import Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import INDEX
-from calstation.physics.table import TableGeometry
 from calstation.sequencer import states
-from calstation.sequencer.acquisition import Acquisition, StatusMasks, to_si
+from calstation.sequencer.acquisition import Acquisition, to_si
 from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.events import (
     LOSSY,
@@ -32,60 +27,16 @@ from calstation.sequencer.events import (
 )
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.ports import Clock, Emit, Journal, Solving
-from calstation.sequencer.preflight import Preflight, PreflightLimits
+from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.preview import plan_time, planned, step_time
 from calstation.sequencer.progress import StageTrack
 from calstation.sequencer.pulse import TICK, Pulse
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
-from calstation.sequencer.stop_rule import StopRule
+from calstation.sequencer.task import Ended, StagePlan, Task
 
 _Result = TypeVar("_Result")
-
-
-@dataclass(frozen=True)
-class StagePlan:
-    """A stage to run: its name, a fresh iterator of its steps, when a repeated plan has done enough."""
-
-    name: str
-    steps: Callable[[], Iterator[Step]]
-    rule: StopRule = field(default_factory=StopRule)
-
-
-@dataclass(frozen=True)
-class Task:
-    """What a run is to do and within what.
-
-    Attributes
-    ----------
-    stages : in order
-    preflight : what is checked first
-    geometry : table axes and limits
-    imu : stream of the unit; masks : bits of its status word
-    latency : of a table poll, s
-    load_angle : joint angles at which a unit is changed, rad
-    travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
-    """
-
-    stages: tuple[StagePlan, ...]
-    preflight: PreflightLimits
-    geometry: TableGeometry
-    imu: ImuModel
-    masks: StatusMasks = field(default_factory=StatusMasks)
-    latency: float = 0.0
-    load_angle: tuple[float, float] = (0.0, 0.0)
-    travel_rate: float = np.deg2rad(20.0)
-    travel_acceleration: float = np.deg2rad(20.0)
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How a run ended: final state, what was solved, and the error of a fault."""
-
-    state: State
-    solutions: tuple[Solution, ...]
-    error: CalstationError | None = None
 
 
 class Sequencer:

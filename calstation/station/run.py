@@ -19,8 +19,9 @@ from calstation.records.raw_log import RawLogWriter
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, Message, Verdict, to_json
 from calstation.sequencer.ports import Emit
-from calstation.sequencer.sequencer import Ended, Sequencer
+from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.states import State
+from calstation.sequencer.task import Ended
 from calstation.station.compose import compose
 from calstation.station.incomplete import settle_incomplete
 from calstation.station.request import RunRequest

@@ -27,8 +27,8 @@ from calstation.records.meta import (
 )
 from calstation.sequencer.acquisition import StatusMasks
 from calstation.sequencer.preflight import PreflightLimits
-from calstation.sequencer.sequencer import StagePlan, Task
 from calstation.sequencer.stop_rule import StopRule, named
+from calstation.sequencer.task import StagePlan, Task
 from calstation.station import library
 from calstation.station.config import ProductConfig, StationConfig, load_product, load_station
 from calstation.station.request import RunRequest

@@ -25,8 +25,9 @@ from calstation.physics.table import JointLimits, TableGeometry
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event
 from calstation.sequencer.preflight import PreflightLimits
-from calstation.sequencer.sequencer import Sequencer, StagePlan, Task
+from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.stop_rule import StopRule
+from calstation.sequencer.task import StagePlan, Task
 
 GRAVITY = 9.8
 RATE = 100.0

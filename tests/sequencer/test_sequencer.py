@@ -7,9 +7,9 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.motion import Move
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Fault, Message, StageEnded, StageProgress, StateChanged, StepStarted
-from calstation.sequencer.sequencer import StagePlan
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
+from calstation.sequencer.task import StagePlan
 from tests.sequencer.fakes import Scene, repeated
 
 

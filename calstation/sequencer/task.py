@@ -1,0 +1,60 @@
+"""What a run is to do, and how it ended."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calstation.errors import CalstationError
+from calstation.estimation.context import ImuModel
+from calstation.estimation.method import Solution
+from calstation.physics.motion import Step
+from calstation.physics.table import TableGeometry
+from calstation.sequencer.acquisition import StatusMasks
+from calstation.sequencer.preflight import PreflightLimits
+from calstation.sequencer.states import State
+from calstation.sequencer.stop_rule import StopRule
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """A stage to run: its name, a fresh iterator of its steps, when a repeated plan has done enough."""
+
+    name: str
+    steps: Callable[[], Iterator[Step]]
+    rule: StopRule = field(default_factory=StopRule)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a run is to do and within what.
+
+    Attributes
+    ----------
+    stages : in order
+    preflight : what is checked first
+    geometry : table axes and limits
+    imu : stream of the unit; masks : bits of its status word
+    latency : of a table poll, s
+    load_angle : joint angles at which a unit is changed, rad
+    travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
+    """
+
+    stages: tuple[StagePlan, ...]
+    preflight: PreflightLimits
+    geometry: TableGeometry
+    imu: ImuModel
+    masks: StatusMasks = field(default_factory=StatusMasks)
+    latency: float = 0.0
+    load_angle: tuple[float, float] = (0.0, 0.0)
+    travel_rate: float = np.deg2rad(20.0)
+    travel_acceleration: float = np.deg2rad(20.0)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended: final state, what was solved, and the error of a fault."""
+
+    state: State
+    solutions: tuple[Solution, ...]
+    error: CalstationError | None = None
