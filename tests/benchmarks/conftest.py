@@ -1,0 +1,54 @@
+"""Benchmarks run only when asked for: pytest tests/benchmarks --benchmark-enable."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+
+sys.path.append(str(Path(__file__).parent.parent / "estimation"))
+
+
+def pytest_runtest_setup(item):
+    """Leave out what only measures time, unless times are to be measured."""
+    if "benchmark" in item.fixturenames and not item.config.getoption("benchmark_enable"):
+        pytest.skip("a benchmark: pytest tests/benchmarks --benchmark-enable")
+
+
+@pytest.fixture
+def figures(benchmark, record_property):
+    """Takes what a benchmark found: into its record and onto the screen at the end."""
+
+    def take(**found):
+        benchmark.extra_info.update(found)
+        for name, value in found.items():
+            record_property(name, value)
+
+    return take
+
+
+def pytest_terminal_summary(terminalreporter):
+    """What the benchmarks found, one line each."""
+    for report in terminalreporter.stats.get("passed", []):
+        if report.when == "call" and "benchmarks" in report.nodeid and report.user_properties:
+            found = ", ".join(f"{name} {value}" for name, value in report.user_properties)
+            terminalreporter.write_line(f"{report.nodeid.partition('::')[2]}: {found}")
+
+
+@pytest.fixture(scope="session")
+def stage():
+    """An excitation of a navigation-grade unit at 200 Hz with what a filter needs to pass over it."""
+    from simulated_stages import block_of, context_of, prior_of, simulate
+
+    from calstation.estimation.alignment import starts
+    from calstation.estimation.stage_data import stage_data
+
+    truth = BenchTruth.draw("nav", 41)
+    block = block_of(simulate(Simulator(truth, 41), truth, "excitation"))
+    context, prior = context_of(truth), prior_of(truth)
+    data = stage_data([block], context.imu)
+    (start,) = starts(data, context, prior)
+    return SimpleNamespace(truth=truth, block=block, context=context, prior=prior, data=data, start=start)

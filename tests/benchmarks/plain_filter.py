@@ -1,0 +1,129 @@
+"""The navigation filter once more, written plainly: numpy, one predict of all 39 states at every sample.
+
+States φ, δv, δp and the 30 parameters; first-order transition per sample; the velocity of the centre of rotation is
+observed every `interval` s and attitude and velocity are fed back. Written from the equations in CONTRACT.md and
+Groves (2nd ed., ch. 14), apart from the compiled kernel, to compare with it.
+"""
+
+import numpy as np
+
+from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.parameters import INDEX
+
+
+def cross_matrix(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def turn(vector):
+    """Rotation matrix of a rotation vector, to the fifth order; enough for one sample's turn."""
+    K = cross_matrix(vector)
+    K2 = K @ K
+    return np.eye(3) + K + K2 / 2.0 + K @ K2 / 6.0 + K2 @ K2 / 24.0
+
+
+def model_matrices(p):
+    """(I + M_g)⁻¹ and (I + M_a)⁻¹ from named parameters."""
+    gyro, accel = np.eye(3), np.eye(3)
+    for i, a in enumerate("xyz"):
+        gyro[i, i] += p[INDEX[f"gyro_scale_{a}"]]
+        accel[i, i] += p[INDEX[f"accel_scale_{a}"]]
+        for j, b in enumerate("xyz"):
+            if i != j:
+                gyro[i, j] += p[INDEX[f"gyro_misalign_{a}{b}"]]
+            if j < i:
+                accel[i, j] += p[INDEX[f"accel_misalign_{a}{b}"]]
+    return np.linalg.inv(gyro), np.linalg.inv(accel)
+
+
+GYRO_PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+ACCEL_PAIRS = ((1, 0), (2, 0), (2, 1))
+
+
+def parameter_columns(gyro_inverse, accel_inverse, omega, force):
+    """What an error of each of the 30 parameters adds to angular rate and specific force, shape (3, 30) each."""
+    rate, accel = np.zeros((3, 30)), np.zeros((3, 30))
+    rate[:, 0:3] = -gyro_inverse
+    rate[:, 3:6] = -gyro_inverse * omega
+    for k, (row, column) in enumerate(GYRO_PAIRS):
+        rate[:, 6 + k] = -gyro_inverse[:, row] * omega[column]
+    accel[:, 12:15] = -accel_inverse
+    accel[:, 15:18] = -accel_inverse * force
+    for k, (row, column) in enumerate(ACCEL_PAIRS):
+        accel[:, 18 + k] = -accel_inverse[:, row] * force[column]
+    accel[:, 21:24] = -accel_inverse * force**2
+    accel[:, 24:27] = np.diag(omega @ omega - omega**2)
+    return rate, accel
+
+
+def plain_pass(context, prior, data, attitude, sigma, noise, first, last):
+    """Posterior mean and covariance of the 30 parameters over samples first to last, linearised about the prior's mean.
+
+    attitude : start C_bn, with the sigmas `sigma` of its error; noise : the filter's `FilterNoise`
+    """
+    p, dt = prior.mean, data.dt
+    lever_arm, inner_lever = p[27:30], p[24:27]
+    gyro_inverse, accel_inverse = model_matrices(p)
+    earth = rotation_rate(context.site.latitude)
+    up = np.array([0.0, 0.0, normal_gravity(context.site.latitude, context.site.height)])
+    x, P = np.zeros(39), np.zeros((39, 39))
+    P[np.arange(9), np.arange(9)] = [*(sigma**2), 1.0, 1.0, 1.0, 1e-6, 1e-6, 1e-6]
+    P[9:, 9:] = prior.covariance
+    R = np.eye(3) * (noise.velocity + lever_arm @ lever_arm * noise.end_rate)
+    every = round(noise.interval / dt)
+    C, v = attitude.copy(), np.zeros(3)
+
+    def compensated(k):
+        omega = gyro_inverse @ (data.gyro[k] - p[0:3])
+        linear = data.accel[k] - p[12:15]
+        force = accel_inverse @ linear
+        for _ in range(3):
+            force = accel_inverse @ (linear - p[21:24] * force**2)
+        return omega, force
+
+    def observe(omega):
+        nonlocal x, P, C, v
+        arm = np.cross(omega - C.T @ earth, lever_arm)
+        rate, _ = parameter_columns(gyro_inverse, accel_inverse, omega, np.zeros(3))
+        H = np.zeros((3, 39))
+        H[:, 0:3] = cross_matrix(C @ arm)
+        H[:, 3:6] = np.eye(3)
+        H[:, 9:39] = C @ cross_matrix(lever_arm) @ rate
+        H[:, 36:39] = -C @ cross_matrix(omega - C.T @ earth)
+        S = H @ P @ H.T + R
+        K = P @ H.T @ np.linalg.inv(S)
+        x = x + K @ (C @ arm - v - H @ x)
+        left = np.eye(39) - K @ H
+        P = left @ P @ left.T + K @ R @ K.T
+        C = turn(x[0:3]) @ C
+        v = v + x[3:6]
+        x[0:6] = 0.0
+        return C @ np.cross(omega - C.T @ earth, lever_arm)
+
+    omega, _ = compensated(first)
+    arm_velocity = observe(omega)
+    for k in range(first, last):
+        omega, force = compensated(k)
+        rate_columns, force_columns = parameter_columns(gyro_inverse, accel_inverse, omega, force)
+        force = force + inner_lever * (omega @ omega - omega**2)
+        middle = C @ turn(0.5 * dt * omega)
+        v = v + (middle @ force - up - 2.0 * np.cross(earth, v)) * dt
+        C = turn(-earth * dt) @ C @ turn(omega * dt)
+        arm_now = C @ np.cross(omega - C.T @ earth, lever_arm)
+        demanded = up + (arm_now - arm_velocity) / dt
+        arm_velocity = arm_now
+        F = np.eye(39)
+        F[0:3, 0:3] -= cross_matrix(earth) * dt
+        F[0:3, 9:39] = middle @ rate_columns * dt
+        F[3:6, 0:3] = -cross_matrix(demanded) * dt
+        F[3:6, 3:6] -= 2.0 * cross_matrix(earth) * dt
+        F[3:6, 9:39] = middle @ force_columns * dt
+        F[6:9, 3:6] = np.eye(3) * dt
+        Q = np.zeros(39)
+        Q[0:3], Q[3:6], Q[9:39] = noise.rate, noise.force, noise.parameter_walk
+        x = F @ x
+        P = F @ P @ F.T + np.diag(Q * dt)
+        if (k + 1 - first) % every == 0:
+            following, _ = compensated(k + 1)
+            arm_velocity = observe(0.5 * (omega + following))
+    return p + x[9:], P[9:, 9:]

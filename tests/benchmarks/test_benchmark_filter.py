@@ -1,0 +1,72 @@
+"""How fast a navigation pass is, and how much faster than the same filter in plain Python; both answer alike."""
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+import pytest
+from plain_filter import plain_pass
+
+from calstation.estimation.navigation import NavigationFilter
+from calstation.estimation.noise import filter_noise
+from calstation.station.solve import one_blas_thread
+
+STRETCH = 6000
+"""Samples of the stretch that both filters pass over: half a minute with a turn and three rests."""
+
+
+def compiled_pass(stage, last):
+    """The house's filter over the first `last` samples, closed loop."""
+    run = NavigationFilter(stage.context, stage.prior, stage.prior.mean)
+    start = replace(stage.start, end=last, prior=stage.start.attitude)
+    run.run(stage.data, start, start.attitude, smooth=False)
+    return run.belief
+
+
+def reference_pass(stage, last):
+    """The plain filter over the same samples."""
+    return plain_pass(
+        stage.context,
+        stage.prior,
+        stage.data,
+        stage.start.attitude,
+        stage.start.prior_sigma,
+        filter_noise(stage.context),
+        stage.start.begin,
+        last,
+    )
+
+
+def test_the_plain_filter_gives_the_same_answer(stage):
+    with one_blas_thread():
+        mean, covariance = reference_pass(stage, STRETCH)
+        belief = compiled_pass(stage, STRETCH)
+    sigma = np.sqrt(np.diag(covariance))
+    assert len(set(stage.data.step[:STRETCH])) >= 3
+    assert belief.sigma == pytest.approx(sigma, rel=0.01)
+    assert np.abs((belief.mean - mean) / sigma).max() < 0.05
+    assert np.min(sigma / stage.prior.sigma) < 0.1
+
+
+@pytest.mark.parametrize("smooth", [False, True], ids=["closed loop", "about a smoothed reference"])
+def test_samples_per_second_of_a_pass(stage, benchmark, figures, smooth):
+    def one_pass():
+        run = NavigationFilter(stage.context, stage.prior, stage.prior.mean)
+        run.run(stage.data, stage.start, stage.start.attitude, smooth=smooth)
+
+    with one_blas_thread():
+        one_pass()
+        benchmark.pedantic(one_pass, rounds=3)
+    figures(samples=len(stage.data), samples_per_second=round(len(stage.data) / benchmark.stats["min"]))
+
+
+def test_ratio_to_a_plain_loop(stage, benchmark, figures):
+    with one_blas_thread():
+        compiled_pass(stage, STRETCH)
+        begin = perf_counter()
+        reference_pass(stage, STRETCH)
+        plain = perf_counter() - begin
+        benchmark.pedantic(compiled_pass, args=(stage, STRETCH), rounds=5)
+    ratio = plain / benchmark.stats["min"]
+    figures(plain_us_per_sample=round(plain / STRETCH * 1e6, 1), ratio=round(ratio, 1))
+    assert ratio > 30.0

@@ -1,0 +1,114 @@
+"""How long it takes to solve: a 2 kHz stream as it comes, and an hour's log once it is there."""
+
+from itertools import pairwise
+from time import perf_counter, process_time
+
+import numpy as np
+import pytest
+from simulated_stages import block_of, context_of, cut, geometry_of, prior_of, simulate, solver_of
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.parameters import NAMES
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+from calstation.station.resolve import resolve
+from calstation.station.solve import one_blas_thread
+from procedures import method
+
+TICK, LOOK = 0.05, 1.0
+"""Time between blocks and between looks at the sigmas, s of the stream."""
+HOUR = {
+    "rate": {"turns": 2},
+    "six_position": {"dwell_s": 30.0},
+    "excitation": {"rounds": 3, "dwell_s": 20.0},
+    "azimuth_flip": {"rounds": 4, "dwell_s": 60.0},
+}
+
+
+def test_a_2_khz_stream_is_followed_in_a_fraction_of_its_time(benchmark, figures):
+    truth = BenchTruth.draw("nav", 51, sample_rate=2000.0)
+    block = block_of(simulate(Simulator(truth, 51), truth, "excitation", dwell_s=4.0, place_dwell_s=2.0))
+    seconds = len(block) / 2000.0
+    parts = cut(block, list(range(int(TICK * 2000), len(block), int(TICK * 2000))))
+
+    def follow():
+        solver = solver_of(truth, prior_of(truth), "excitation")
+        longest = 0.0
+        for number, part in enumerate(parts):
+            begin = perf_counter()
+            solver.feed(part)
+            if number % round(LOOK / TICK) == 0:
+                solver.sigma()
+            longest = max(longest, perf_counter() - begin)
+        return longest
+
+    with one_blas_thread():
+        follow()
+        begin = process_time()
+        longest = benchmark.pedantic(follow, rounds=1)
+        share = (process_time() - begin) / seconds
+    figures(
+        stream_s=round(seconds), share_of_real_time=round(share, 4), longest_block_ms=round(longest * 1e3, 1)
+    )
+    assert share < 0.5
+
+
+@pytest.fixture(scope="module")
+def hour(tmp_path_factory):
+    """A raw log of an hour at 200 Hz with all four stages, and the unit's truth."""
+    truth = BenchTruth.draw("nav", 52)
+    context, simulator = context_of(truth), Simulator(truth, 52)
+    prior = prior_of(truth).sigma
+    meta = LogMeta.model_validate(
+        {
+            "site": {
+                "latitude_deg": float(np.rad2deg(context.site.latitude)),
+                "longitude_deg": 0.0,
+                "height_m": context.site.height,
+                "azimuth_deg": 0.0,
+            },
+            "imu": {
+                "serial": "HOUR",
+                "sample_rate_hz": context.imu.sample_rate,
+                "output": context.imu.output,
+                "gyro_lsb": context.imu.gyro_lsb,
+                "accel_lsb": context.imu.accel_lsb,
+                "gyro_arw": context.imu.gyro_arw,
+                "accel_vrw": context.imu.accel_vrw,
+                "gyro_bias_instability": context.imu.gyro_bias_instability,
+                "accel_bias_instability": context.imu.accel_bias_instability,
+            },
+            "prior": {name: {"sigma": float(sigma)} for name, sigma in zip(NAMES, prior, strict=True)},
+            "schedule": HOUR,
+        }
+    )
+    path = tmp_path_factory.mktemp("hour") / "hour.h5"
+    writer = RawLogWriter(path, meta)
+    for stage, settings in HOUR.items():
+        chosen = method(stage)
+        schedule = chosen.schedule(**settings)
+        samples = simulator.run(chosen.plan(geometry_of(truth), schedule), stage, settings.get("rounds"))
+        block: SampleBlock = block_of(samples)
+        for a, b in pairwise([*range(0, len(block), 200), len(block)]):
+            writer.append(block.part(a, b))
+    writer.close("passed")
+    return path, truth
+
+
+def test_an_hours_log_resolves_in_seconds(hour, benchmark, figures):
+    path, truth = hour
+    resolve(path, stages=("azimuth_flip",))
+    begin = process_time()
+    result = benchmark.pedantic(resolve, args=(path,), rounds=1).result
+    processor = process_time() - begin
+    seconds = (result["log"]["last_seq"] - result["log"]["first_seq"] + 1) / 200.0
+    took = benchmark.stats["min"]
+    figures(log_s=round(seconds), wall_s=round(took, 2), processor_s=round(processor, 2))
+    assert seconds > 3600.0
+    found = result["parameters"]
+    errors = [
+        (found[n]["value"] - t) / found[n]["sigma"] for n, t in zip(NAMES, truth.parameters, strict=True)
+    ]
+    assert np.abs(errors).max() < 4.0
