@@ -66,9 +66,10 @@ class _Run:
             return False
         belief = solutions[-1].belief
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
-        after = self.setup.imu.stream.order == "after_registers"
-        values = compose(self.meta.registers, found) if after else found
-        written = {name: values[name] for name in estimated_stage(solutions)}
+        if self.setup.after_registers:
+            written = compose(self.meta.registers, found)
+        else:
+            written = {name: found[name] for name in estimated_stage(solutions)}
         done = transfer(self.devices.imu, RegisterMap(tuple(self.setup.imu.registers)), written, self._old)
         self.registers = {"old": done.old, "new": done.new, "verified": done.verified}
         self.tell(Message("registers_written", {"count": len(done.new)}))
@@ -101,10 +102,7 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     with one_blas_thread():
         try:
             with connected(setup) as devices:
-                registers = {}
-                if setup.imu.stream.order == "after_registers":
-                    registers = devices.imu.read_registers()
-                meta = setup.meta(started, attempt, registers)
+                meta = setup.meta(started, attempt, devices.imu.read_registers())
                 log = RawLogWriter(path, meta)
                 run = _Run(setup, meta, log, StageChain(meta), devices, emit)
                 _run(run, control)

@@ -34,6 +34,9 @@ from calstation.station.config import ProductConfig, StationConfig, load_product
 from calstation.station.request import RunRequest
 from procedures import method
 
+_PLAUSIBLE = 3.0
+"""A register further from zero than this many sigmas of its parameter's prior holds no calibration of the unit."""
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -48,8 +51,18 @@ class Setup:
     schedules: dict[str, BaseModel]
     texts: dict[str, str]
 
+    @property
+    def after_registers(self) -> bool:
+        """Whether the unit's stream is already corrected by its registers."""
+        return self.imu.stream.order == "after_registers"
+
     def meta(self, started: datetime, attempt: int, registers: dict[str, float]) -> LogMeta:
-        """The log's configuration: all that solving needs. `registers`: the unit's, see `LogMeta`."""
+        """The log's configuration: all that solving needs.
+
+        `registers` : the unit's, by parameter, SI; {} where it could not be asked. Behind them (a stream after
+        the registers) parameters are zero until found; before them, the registers' values are what the unit's
+        parameters are worth until found again, unless they are no such unit's values at all.
+        """
         profile, accuracy, stream, noise = self.imu, self.table.accuracy, self.imu.stream, self.imu.noise
         return LogMeta(
             site=self.station.site,
@@ -75,7 +88,10 @@ class Setup:
                 velocity_sigma=accuracy.velocity_sigma,
                 velocity_interval_s=accuracy.velocity_interval_s,
             ),
-            prior={name: PriorSection(sigma=sigma) for name, sigma in profile.prior_sigmas().items()},
+            prior={
+                name: PriorSection(value=self._present(registers.get(name, 0.0), sigma), sigma=sigma)
+                for name, sigma in profile.prior_sigmas().items()
+            },
             product=ProductSection(
                 name=self.product.name, limits=self.product.limits, targets=self.product.targets
             ),
@@ -90,8 +106,12 @@ class Setup:
             ),
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
             profiles=self.texts,
-            registers=registers,
+            registers=registers if self.after_registers else {},
         )
+
+    def _present(self, register: float, sigma: float) -> float:
+        """A register's value as the mean of a prior, where it may be one; 0 otherwise."""
+        return register if not self.after_registers and abs(register) <= _PLAUSIBLE * sigma else 0.0
 
     @property
     def bench_seed(self) -> int | None:

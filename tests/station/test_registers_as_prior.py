@@ -1,0 +1,39 @@
+"""What a run takes from a unit's registers before it begins."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import pytest
+
+from calstation.physics.parameters import INDEX
+from calstation.records.meta import prior_from_meta
+from calstation.station.request import RunRequest
+from calstation.station.setup import prepare
+
+NOW = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def meta_of(setup, registers):
+    return setup.meta(NOW, 1, registers)
+
+
+def test_a_stream_before_the_registers_starts_from_their_values():
+    setup = prepare(RunRequest("SN-1"))
+    belief = prior_from_meta(meta_of(setup, {"accel_scale_x": 4e-4, "gyro_bias_z": 0.0}))
+    assert belief.mean[INDEX["accel_scale_x"]] == 4e-4
+    assert belief.mean[INDEX["accel_scale_y"]] == 0.0
+
+
+def test_registers_that_hold_no_calibration_are_no_prior():
+    setup = prepare(RunRequest("SN-1"))
+    belief = prior_from_meta(meta_of(setup, {"accel_scale_x": 0.5, "gyro_bias_z": float("nan")}))
+    assert not belief.mean.any()
+
+
+def test_behind_the_registers_nothing_is_known_and_they_are_kept_to_compose_with():
+    setup = prepare(RunRequest("SN-1"))
+    stream = setup.imu.stream.model_copy(update={"order": "after_registers"})
+    setup = replace(setup, imu=setup.imu.model_copy(update={"stream": stream}))
+    meta = meta_of(setup, {"accel_scale_x": 4e-4})
+    assert not prior_from_meta(meta).mean.any()
+    assert meta.registers == {"accel_scale_x": pytest.approx(4e-4)}
