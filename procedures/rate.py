@@ -16,7 +16,7 @@ from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.least_squares import gauss_newton
 from calstation.estimation.method import Method, Solution
-from calstation.estimation.noise import filter_noise
+from calstation.estimation.noise import WANDER_TIME, filter_noise
 from calstation.estimation.relinearise import nis_consistency, restricted
 from calstation.estimation.samples import SampleBlock
 from calstation.estimation.stage_data import StageData, mean_angles, rests, stage_data
@@ -126,7 +126,7 @@ class RateSolver:
         """Solve. Raises InsufficientDataError naming the turns that are missing."""
         data = stage_data(self._blocks, self.context.imu)
         turns, assumed = find_turns(data, self.context, self.prior)
-        _require_turns(turns)
+        _require_turns(turns, data.gaps)
         return _solve(data, turns, self.context, self.prior, assumed)
 
 
@@ -170,7 +170,7 @@ def _whole_turn(geometry: TableGeometry, turned: FloatArray) -> tuple[FloatArray
     return before, after, body_turn.joint
 
 
-def _require_turns(turns: list[Turn]) -> None:
+def _require_turns(turns: list[Turn], gaps: int) -> None:
     missing = []
     for axis in range(3):
         for sign, way in ((1.0, "+"), (-1.0, "-")):
@@ -178,7 +178,8 @@ def _require_turns(turns: list[Turn]) -> None:
                 missing.append(f"{way}{'xyz'[axis]}")
     if missing:
         raise InsufficientDataError(
-            f"rate: no whole turn about {', '.join(missing)} between two rests ({len(turns)} turns found); "
+            f"rate: no whole turn about {', '.join(missing)} between two rests ({len(turns)} turns found"
+            f"{f', {gaps} gaps or spoilt stretches, each of which costs its turn' if gaps else ''}); "
             "include both ways about every axis with the rests before and after"
         )
 
@@ -222,9 +223,8 @@ def _solve(
         return np.concatenate(predicted)
 
     observed = np.concatenate([t.total for t in turns])
-    variance = np.repeat(
-        [noise.rate * t.duration + noise.parameter_walk[0] * t.duration**3 / 3 for t in turns], 3
-    )
+    wander = 2.0 * noise.wander[0] ** 2 / WANDER_TIME
+    variance = np.repeat([noise.rate * t.duration + wander * t.duration**3 / 3.0 for t in turns], 3)
     mask = np.array([name in ESTIMATED for name in NAMES])
     result = gauss_newton(model, observed, variance, prior, np.zeros(len(sigma)), sigma, mask)
     residual = result.residual.reshape(-1, 3)

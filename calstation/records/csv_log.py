@@ -43,7 +43,10 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
     """
     chunks = _text_chunks(path)
     line = 1
-    header, rest = _header(path, next(chunks, ""))
+    first = next(chunks, "")
+    if not first.strip():
+        raise InputError(f"{path}: is empty; give a header row and samples")
+    header, rest = _header(path, first)
     unwrapper = SequenceUnwrapper(1.0 / meta.imu.sample_rate_hz)
     starts: set[tuple[float, ...]] = set()
     empty = True
@@ -209,7 +212,7 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     """Write blocks as the contract's CSV: integers exact, floats so that they read back the same."""
     stream.write(",".join(COLUMNS) + "\n")
     for block in blocks:
-        degrees = np.rad2deg(block.angles)
+        degrees = _shortest_degrees(block.angles)
         columns: list[list[str]] = [
             [str(v) for v in block.seq.tolist()],
             [repr(v) for v in block.time.tolist()],
@@ -221,6 +224,13 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
             ["1" if v else "0" for v in block.valid.tolist()],
         ]
         stream.write("".join(map("{}\n".format, map(",".join, zip(*columns, strict=True)))))
+
+
+def _shortest_degrees(angles: FloatArray) -> FloatArray:
+    """Degrees of ten decimals where these read back to the same `angles` (rad), as typed decimals then do."""
+    exact = np.rad2deg(angles)
+    short = np.round(exact, 10)
+    return np.where(snap_angles(np.deg2rad(short)) == angles, short, exact)
 
 
 def _numbers(values: FloatArray) -> list[str]:

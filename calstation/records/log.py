@@ -58,8 +58,9 @@ class Log:
         if not any_sample:
             facts = self.facts()
             raise InputError(
-                f"{self.path}: no sample from {first_seq} to {last_seq}; the log holds"
-                f" {facts.first_seq} to {facts.last_seq}"
+                f"{self.path}: no sample from {'the start' if first_seq is None else first_seq} to"
+                f" {'the end' if last_seq is None else last_seq}; the log holds"
+                f" {facts.first_seq} to {facts.last_seq}, choose --from and --to in there"
                 if facts.samples
                 else f"{self.path}: the log holds no samples; record some"
             )

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 import tomli_w
-from pydantic import Field, JsonValue, field_validator
+from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.configuration import StrictModel, load, suggestion, validate
 from calstation.errors import InputError
@@ -62,6 +62,12 @@ class TableSection(StrictModel):
         if abs(length - 1.0) > _UNIT_TOLERANCE:
             raise ValueError(f"{axis} has length {length:.6g}; give a unit vector")
         return axis
+
+    @model_validator(mode="after")
+    def _two_axes(self) -> "TableSection":
+        if float(np.linalg.norm(np.cross(self.outer_axis, self.inner_axis))) < 0.5:
+            raise ValueError("outer_axis and inner_axis lie within 30° of each other; correct one of them")
+        return self
 
 
 class PriorSection(StrictModel):

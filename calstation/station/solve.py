@@ -4,10 +4,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from calstation.configuration import validate
-from calstation.errors import InputError, InsufficientDataError
+from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.context import Belief
 from calstation.estimation.method import Solution, StageSolver
 from calstation.estimation.samples import SampleBlock
@@ -121,6 +122,7 @@ def _solve_as_recorded(
                     f"{source}: stage '{stage}' was recorded twice; choose one with --stages, --from and --to"
                 )
             seen.append(stage)
+            _check_name(stage, source)
             chain.start(stage)
         if block.stage:
             chain.feed(block)
@@ -132,6 +134,13 @@ def _solve_as_recorded(
             "or name stages in the column 'stage'"
         )
     _finish(chain, stage, source)
+
+
+def _check_name(stage: str, source: str | Path) -> None:
+    try:
+        method(stage)
+    except ConfigurationError as exc:
+        raise InputError(f"{source}: column 'stage': {str(exc).removeprefix('stages: ')}") from exc
 
 
 def _solve_chosen(
@@ -179,3 +188,8 @@ def _finish(chain: StageChain, stage: str, source: str | Path) -> None:
         chain.finish()
     except InsufficientDataError as exc:
         raise InsufficientDataError(f"{source}: stage '{stage}': {exc}") from exc
+    except np.linalg.LinAlgError as exc:
+        raise InputError(
+            f"{source}: stage '{stage}': the solution diverged ({exc}); check site.azimuth_deg, the axes in"
+            " [table] and the sigmas in [prior]"
+        ) from exc

@@ -19,10 +19,10 @@ CONTRACT = """
     gyro_bias         x y z              rad/s
     gyro_scale        x y z              1
     gyro_misalign     xy xz yx yz zx zy  rad
-    accel_bias        x y z              m/s^2
+    accel_bias        x y z              m/s²
     accel_scale       x y z              1
     accel_misalign    yx zx zy           rad
-    accel_quadratic   x y z              s^2/m
+    accel_quadratic   x y z              s²/m
     inner_lever       x y z              m
     outer_lever       x y z              m
 """

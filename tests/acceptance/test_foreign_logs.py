@@ -1,0 +1,94 @@
+"""Logs as others write them, by the contract's text alone."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.errors import InputError
+from calstation.physics.parameters import PARAMETERS
+from calstation.station.resolve import resolve
+from calstation.station.solve import StageChain
+from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
+
+Run = Callable[..., Done]
+
+
+def told(done: Done) -> str:
+    """The one message of a refusal."""
+    assert done.code == 2, done.err
+    lines = [line for line in done.err.splitlines() if line.strip()]
+    assert len(lines) <= 2
+    return done.err
+
+
+def test_units_are_spelt_as_the_contract_spells_them() -> None:
+    assert {p.unit for p in PARAMETERS} == {"rad/s", "1", "rad", "m/s²", "s²/m", "m"}
+
+
+def test_columns_in_any_order_and_strange_ones_beside_them(tmp_path: Path) -> None:
+    rows = six_position_rows()
+    names = [*HEADER.split(","), "operator"]
+    order = np.random.default_rng(1).permutation(len(names))
+    shuffled = [",".join(np.array([*row.split(","), "Li"])[order]) for row in rows]
+    (tmp_path / "b").mkdir()
+    plain = write_log(tmp_path, rows)
+    other = write_log(tmp_path / "b", shuffled, ",".join(np.array(names)[order]))
+    first, second = resolve(plain).result, resolve(other).result
+    assert first["parameters"] == second["parameters"]
+    assert first["log"]["sha256"] == second["log"]["sha256"]
+
+
+def test_an_unknown_stage_in_the_column_names_file_and_column(calstation: Run, tmp_path: Path) -> None:
+    rows = [row.replace("six_position", "six_pos") for row in six_position_rows()]
+    said = told(calstation("resolve", write_log(tmp_path, rows)))
+    assert all(word in said for word in ("log.csv", "column 'stage'", "six_pos", "choose from"))
+
+
+def test_an_empty_file_is_called_empty(calstation: Run, tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    log.write_text("", encoding="utf-8")
+    assert "log.csv: is empty" in told(calstation("resolve", log))
+
+
+def test_parallel_axes_are_refused(calstation: Run, tmp_path: Path) -> None:
+    meta = META + "\n[table]\nouter_axis = [0, 0, 1]\ninner_axis = [0, 0, -1]\n"
+    said = told(calstation("resolve", write_log(tmp_path, six_position_rows(), meta=meta)))
+    assert "log.toml" in said
+    assert "outer_axis and inner_axis" in said
+
+
+def test_a_range_behind_the_log_reads_as_a_sentence(calstation: Run, tmp_path: Path) -> None:
+    said = told(calstation("resolve", write_log(tmp_path, six_position_rows()), "--from", 99999))
+    assert "no sample from 99999 to the end; the log holds 0 to 2399" in said
+
+
+def test_a_gap_in_a_turn_is_named_as_the_reason(calstation: Run, tmp_path: Path) -> None:
+    rows = [row.replace("six_position", "rate") for row in six_position_rows()]
+    said = told(calstation("resolve", write_log(tmp_path, rows[:500] + rows[520:])))
+    assert "no whole turn about +x" in said
+    assert "1 gaps or spoilt stretches" in said
+
+
+def test_encoder_angles_come_back_as_they_were_written(calstation: Run, tmp_path: Path) -> None:
+    angles = np.random.default_rng(2).uniform(-800.0, 800.0, 2400)
+    rows = six_position_rows()
+    for k, angle in enumerate(angles):
+        cells = rows[k].split(",")
+        cells[8] = f"{angle:.5f}"
+        rows[k] = ",".join(cells)
+    log = write_log(tmp_path, rows)
+    assert calstation("import", log, "-o", tmp_path / "a.h5").code == 0
+    assert calstation("export", tmp_path / "a.h5", "-o", tmp_path / "a.csv").code == 0
+    back = (tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()[1:]
+    assert [float(row.split(",")[8]) for row in back] == [float(row.split(",")[8]) for row in rows]
+
+
+def test_a_diverged_solution_is_told_not_thrown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def diverge(self: StageChain) -> None:
+        raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
+
+    monkeypatch.setattr(StageChain, "finish", diverge)
+    with pytest.raises(InputError, match=r"log.csv: stage 'six_position': the solution diverged"):
+        resolve(write_log(tmp_path, six_position_rows()))
