@@ -16,7 +16,7 @@ from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.least_squares import gauss_newton
 from calstation.estimation.method import Method, Solution
-from calstation.estimation.noise import filter_noise
+from calstation.estimation.noise import WANDER_TIME, filter_noise
 from calstation.estimation.relinearise import nis_consistency, restricted
 from calstation.estimation.samples import SampleBlock
 from calstation.estimation.stage_data import StageData, mean_angles, rests, stage_data
@@ -223,9 +223,8 @@ def _solve(
         return np.concatenate(predicted)
 
     observed = np.concatenate([t.total for t in turns])
-    variance = np.repeat(
-        [noise.rate * t.duration + noise.parameter_walk[0] * t.duration**3 / 3 for t in turns], 3
-    )
+    wander = 2.0 * noise.wander[0] ** 2 / WANDER_TIME
+    variance = np.repeat([noise.rate * t.duration + wander * t.duration**3 / 3.0 for t in turns], 3)
     mask = np.array([name in ESTIMATED for name in NAMES])
     result = gauss_newton(model, observed, variance, prior, np.zeros(len(sigma)), sigma, mask)
     residual = result.residual.reshape(-1, 3)

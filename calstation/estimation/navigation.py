@@ -1,6 +1,7 @@
 """The 39-state filter: one pass over a stage, linear in the parameters, closed loop in attitude and velocity.
 
-States: φ, δv, δp and the errors of the 30 parameters relative to the point the pass is linearised about.
+States: φ, δv, δp and the errors of the 30 parameters relative to the point the pass is linearised about; with a
+profile that states bias instability also the wander of the six biases about their constants.
 Observed: the velocity of the table's centre of rotation, which is zero but for the base's vibration, at rest
 and through rotations: `v − C (ω_nb × outer_lever)`. Kalman algebra is filterpy's.
 
@@ -19,7 +20,7 @@ from filterpy.kalman import KalmanFilter
 
 from calstation.estimation.alignment import Start
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.noise import filter_noise
+from calstation.estimation.noise import WANDER_TIME, filter_noise
 from calstation.estimation.reference import smoothed_reference
 from calstation.estimation.stage_data import StageData
 from calstation.physics.arrays import FloatArray
@@ -39,6 +40,8 @@ from calstation.physics.strapdown import (
 POSITION_SIGMA = 1e-3
 """Start of δp, m: the table holds the unit; no observation depends on it."""
 
+BIAS = [PARAMETER_START + i for i in (*group_indices("gyro_bias"), *group_indices("accel_bias"))]
+"""The biases' places in the state; where they are unstable, as many further states follow how far they wander."""
 START_VELOCITY_SIGMA = 1.0
 """Start of δv before the first observation, m/s."""
 
@@ -84,18 +87,23 @@ class NavigationFilter:
         self.work = interval_work()
         self.history = History()
         self._arm_velocity = np.zeros(3)
-        kf = KalmanFilter(dim_x=STATES, dim_z=3)
-        kf.x = np.zeros(STATES)
-        kf.x[PARAMETER_START:] = prior.mean - point
-        kf.P = np.zeros((STATES, STATES))
-        kf.P[PARAMETER_START:, PARAMETER_START:] = prior.covariance
-        kf.F = self.work.transition
-        kf.H = np.zeros((3, STATES))
+        self._wanders = bool(np.any(self.noise.wander))
+        size = STATES + len(BIAS) if self._wanders else STATES
+        kf = KalmanFilter(dim_x=size, dim_z=3)
+        kf.x = np.zeros(size)
+        kf.x[PARAMETER_START:STATES] = prior.mean - point
+        kf.P = np.zeros((size, size))
+        kf.P[PARAMETER_START:STATES, PARAMETER_START:STATES] = prior.covariance
+        kf.F = np.eye(size)
+        kf.H = np.zeros((3, size))
         kf.inv = _inverse
-        kf.Q = np.zeros((STATES, STATES))
-        interval = self.stride * self.dt
-        parameters = np.arange(PARAMETER_START, STATES)
-        kf.Q[parameters, parameters] = self.noise.parameter_walk * interval
+        kf.Q = np.zeros((size, size))
+        if self._wanders:
+            decay = np.exp(-self.stride * self.dt / WANDER_TIME)
+            wander = np.arange(STATES, size)
+            kf.P[wander, wander] = self.noise.wander**2
+            kf.F[wander, wander] = decay
+            kf.Q[wander, wander] = self.noise.wander**2 * (1.0 - decay**2)
         self.kf = kf
         self._offset = kf.x.copy()
         lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
@@ -156,6 +164,9 @@ class NavigationFilter:
         force_sum = self._arm_velocity - before
         force_sum[2] += self.gravity * T
         write_navigation_block(work.transition, self.earth, force_sum, 0.5 * T * force_sum, T)
+        kf.F[:STATES, :STATES] = work.transition
+        if self._wanders:
+            kf.F[:PARAMETER_START, STATES:] = work.transition[:PARAMETER_START, BIAS]
         kf.predict()
         if shift is not None:
             kf.x[:6] -= shift
@@ -173,6 +184,8 @@ class NavigationFilter:
         """The observation at the reference, its Jacobian into the filter, the arm's velocity kept."""
         z = np.empty(3)
         self._arm_velocity = _observation(self.work, self.earth, self.constants, z, self.kf.H)
+        if self._wanders:
+            self.kf.H[:, STATES:] = self.kf.H[:, BIAS]
         return z
 
     def _go_over(self, attitude: FloatArray, velocity: FloatArray) -> FloatArray:

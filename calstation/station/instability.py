@@ -1,9 +1,10 @@
 """How far bias instability widens an excitation's errors: the filter's gains driven by the bench's own noise.
 
-The filter stands in for flicker by a random walk of the bias. Which error that leaves is linear algebra: with the
-gains K it computed, its error e and the bank of Gauss-Markov processes β behind the true bias obey
+The filter stands in for flicker by one Gauss-Markov process per bias. Which error that leaves is linear algebra: with
+the gains K it computed, the error e of its estimate (true wander counted as 0) and the bank of processes β that really
+moves the biases obey
 
-    e⁺ = (I − KH)(F e + F_b β) + noise,      β⁺ = A β + ν,
+    e⁺ = (I − KH)(F e − [F_b; 0] β) + K H_b β⁺ + noise,      β⁺ = A β + ν,
 
 whose joint covariance is propagated here (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity
 of a suboptimal filter). Nothing is fitted to the study's errors.
@@ -14,15 +15,13 @@ from scipy.linalg import block_diag
 
 from calstation.bench.noise_truth import INSTABILITY_TIMES, instability_variance
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.navigation import NavigationFilter
+from calstation.estimation.navigation import BIAS, NavigationFilter
 from calstation.estimation.relinearise import solve_navigation
 from calstation.estimation.samples import SampleBlock
 from calstation.estimation.stage_data import StageData, stage_data
 from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES, group_indices
+from calstation.physics.parameters import NAMES
 from calstation.physics.strapdown import PARAMETER_START, STATES
-
-BIAS = [PARAMETER_START + i for i in (*group_indices("gyro_bias"), *group_indices("accel_bias"))]
 
 
 class MismatchedCovariance:
@@ -36,22 +35,29 @@ class MismatchedCovariance:
         self._decay = np.exp(-run.stride * run.dt / times)
         self._driven = variance * (1.0 - self._decay**2)
         self._into_bias = np.kron(np.eye(len(levels)), np.ones(len(INSTABILITY_TIMES)))
-        self.P = block_diag(run.kf.P, np.diag(variance))
+        start = run.kf.P.copy()
+        start[STATES:], start[:, STATES:] = 0.0, 0.0
+        self.P = block_diag(start, np.diag(variance))
 
     def advance(self, run: NavigationFilter) -> None:
         """One observation interval, with the transition, gain and observation that `run` has just used."""
         kf = run.kf
-        I_KH = np.eye(STATES) - kf.K @ kf.H
-        moved = kf.F.copy()
-        moved[PARAMETER_START:, PARAMETER_START:] = np.eye(STATES - PARAMETER_START)
-        into = kf.F[:, BIAS] @ self._into_bias
-        into[PARAMETER_START:] = 0.0
+        size = len(kf.x)
+        I_KH = np.eye(size) - kf.K @ kf.H
+        into = np.zeros((size, len(BIAS)))
+        into[:PARAMETER_START] = kf.F[:PARAMETER_START, BIAS]
+        seen = kf.K @ kf.H[:, BIAS] @ self._into_bias
         T = np.block(
-            [[I_KH @ moved, I_KH @ into], [np.zeros((len(self._decay), STATES)), np.diag(self._decay)]]
+            [
+                [I_KH @ kf.F, -I_KH @ into @ self._into_bias + seen * self._decay],
+                [np.zeros((len(self._decay), size)), np.diag(self._decay)],
+            ]
         )
         white = kf.Q.copy()
-        white[PARAMETER_START:, PARAMETER_START:] = 0.0
-        noise = block_diag(I_KH @ white @ I_KH.T + kf.K @ kf.R @ kf.K.T, np.diag(self._driven))
+        white[STATES:, STATES:] = 0.0
+        driven = np.vstack([seen, np.eye(len(self._decay))])
+        noise = driven @ np.diag(self._driven) @ driven.T
+        noise[:size, :size] += I_KH @ white @ I_KH.T + kf.K @ kf.R @ kf.K.T
         self.P = T @ self.P @ T.T + noise
 
 

@@ -120,7 +120,7 @@ def plain_pass(context, prior, data, attitude, sigma, noise, first, last):
         F[3:6, 9:39] = middle @ force_columns * dt
         F[6:9, 3:6] = np.eye(3) * dt
         Q = np.zeros(39)
-        Q[0:3], Q[3:6], Q[9:39] = noise.rate, noise.force, noise.parameter_walk
+        Q[0:3], Q[3:6] = noise.rate, noise.force
         x = F @ x
         P = F @ P @ F.T + np.diag(Q * dt)
         if (k + 1 - first) % every == 0:

@@ -82,14 +82,14 @@ def test_process_noise_is_van_loans_for_a_resting_body(nav_stage, data):
     assert np.diag(run.kf.Q)[:9] == pytest.approx(np.diag(exact), rel=0.02)
 
 
-def test_a_parameter_walk_grows_the_biases_alone(nav_stage, data):
+def test_a_bias_wanders_about_a_constant_that_stays_known(nav_stage, data):
     imu = replace(nav_stage.context.imu, gyro_bias_instability=1e-7, accel_bias_instability=1e-4)
     run = NavigationFilter(replace(nav_stage.context, imu=imu), nav_stage.prior, nav_stage.prior.mean)
-    growth = np.diag(run.kf.Q)[9:]
-    assert [p.group for p, g in zip(PARAMETERS, growth, strict=True) if g] == ["gyro_bias"] * 3 + [
-        "accel_bias"
-    ] * 3
-    assert growth == pytest.approx(run.noise.parameter_walk * run.noise.interval)
+    assert np.diag(run.kf.P)[39:] == pytest.approx(run.noise.wander**2)
+    assert not np.diag(run.kf.Q)[9:39].any()
+    # stationary: decayed and driven variances add to the same again
+    decayed = np.diag(run.kf.F)[39:] ** 2 * run.noise.wander**2
+    assert decayed + np.diag(run.kf.Q)[39:] == pytest.approx(run.noise.wander**2)
 
 
 def test_innovations_at_the_truth_are_as_large_as_said(nav_stage, data):

@@ -13,7 +13,6 @@ from calstation.estimation.context import ImuModel, Site, SolveContext, TableMod
 from calstation.estimation.noise import filter_noise, rest_mean_variance
 from calstation.estimation.stage_data import slope_weights, stage_data
 from calstation.physics.motion import Dwell
-from calstation.physics.parameters import PARAMETERS
 
 IMU = ImuModel("S", 200.0, "increment", 1e-7, 1e-6, 1e-6, 1e-4)
 CONTEXT = SolveContext(Site(0.6, 0.0, 0.0), IMU, TableModel())
@@ -42,13 +41,14 @@ def test_a_count_adds_a_uniform_error_per_sample_or_per_observation():
     assert rate.force == pytest.approx((1e-6 / 200.0) ** 2 / 12.0 * 200.0, rel=1e-3)
 
 
-def test_only_biases_walk():
-    walk = filter_noise(with_imu(gyro_bias_instability=1e-7, accel_bias_instability=1e-5)).parameter_walk
-    walking = [p.group for p, w in zip(PARAMETERS, walk, strict=True) if w > 0.0]
-    assert walking == ["gyro_bias"] * 3 + ["accel_bias"] * 3
-    # K²τ/3 equals (0.664 B)² at 100 s
-    assert walk[0] * 100.0 / 3.0 == pytest.approx((0.664e-7) ** 2)
-    assert not np.any(filter_noise(CONTEXT).parameter_walk)
+def test_biases_wander_as_unstable_as_their_floor_says():
+    wander = filter_noise(with_imu(gyro_bias_instability=1e-7, accel_bias_instability=1e-5)).wander
+    assert wander == pytest.approx([wander[0]] * 3 + [100.0 * wander[0]] * 3)
+    # Allan variance of a Gauss-Markov process (IEEE Std 952, C.1.8) at half its correlation time
+    x = 0.5
+    shape = 2.0 / x * (1.0 - (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)) / (2.0 * x))
+    assert wander[0] ** 2 * shape == pytest.approx((0.664e-7) ** 2, rel=0.01)
+    assert not np.any(filter_noise(CONTEXT).wander)
 
 
 def scatter(accel, count, stride):
