@@ -15,6 +15,7 @@ MESSAGES: dict[str, str] = {
     "finishing": "To the load angle, axes off.",
     "safe_stop_incomplete": "Safe stop: {text}",
     "azimuth_from_data": "{stage}: azimuth found from the data, not from the station file.",
+    "not_settled": "{stage}: {passes} passes did not settle the answer; take its sigmas with care.",
     "turns_assumed_whole": "{stage}: no encoder angles; every turn is taken for whole.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
     "registers_written": "Registers written, read back and equal.",

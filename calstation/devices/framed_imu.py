@@ -239,3 +239,7 @@ class FramedImu:
                 self._bytes += len(data)
         except DeviceFaultError as exc:
             self._failure = exc
+        except Exception as exc:  # noqa: BLE001 - a reader that dies silently would look like a unit without data
+            failure = DeviceFaultError(f"IMU: reading {self._link.port} failed ({type(exc).__name__}: {exc})")
+            failure.__cause__ = exc
+            self._failure = failure

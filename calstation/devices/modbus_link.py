@@ -56,7 +56,7 @@ class ModbusLink:
                 baudrate=serial.baud,
                 bytesize=serial.data_bits,
                 parity=serial.parity,
-                stopbits=int(serial.stop_bits),
+                stopbits=serial.stop_bits,  # type: ignore[arg-type]  # pyserial takes 1.5 too
                 timeout=timeout,
                 retries=0,
             )
@@ -111,9 +111,6 @@ class ModbusLink:
     ) -> T:
         reason = "no answer"
         for attempt in range(attempts):
-            # A late answer to a lost request must not be taken for the next one's: begin on a fresh link.
-            if attempt:
-                self.close()
             if attempt and not self._connect():
                 reason = "the link is gone"
                 continue
@@ -121,6 +118,8 @@ class ModbusLink:
                 answer = request()
             except (ModbusException, *LINK_ERRORS) as exc:
                 reason = "no answer" if "No response" in str(exc) else str(exc).removeprefix("Modbus Error: ")
+                # A late answer must not be taken for the next request's: that begins on a fresh link.
+                self.close()
                 continue
             if answer.isError():
                 code = answer.exception_code
@@ -130,6 +129,7 @@ class ModbusLink:
             if taken is not None:
                 return taken
             reason = "an answer of the wrong length"
+            self.close()
         raise DeviceFaultError(
             f"table: {what} on {self._port} ({reason}); check cable, power and unit number"
         )

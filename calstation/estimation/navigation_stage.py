@@ -1,6 +1,7 @@
 """The solver that excitation and azimuth flips share: collects a stage, shows sigmas live, solves it by MAP."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +78,11 @@ class NavigationStage:
         mask = np.array([name in self.estimated for name in NAMES])
         result = solve_navigation(self.stage, data, self.context, self.prior, mask)
         nis = result.history.nis
-        messages = [("azimuth_from_data", {"stage": self.stage})] if result.azimuth_free else []
+        messages: list[tuple[str, dict[str, Any]]] = []
+        if result.azimuth_free:
+            messages.append(("azimuth_from_data", {"stage": self.stage}))
+        if not result.settled:
+            messages.append(("not_settled", {"stage": self.stage, "passes": result.passes}))
         return Solution(
             stage=self.stage,
             belief=restricted(self.prior, result.belief, mask),

@@ -2,7 +2,8 @@
 
 Every pass has the same prior; only the point it linearises about moves: the parameters to the last pass's
 posterior, each start attitude to the one that, turned by the measured rotation, ends where the pass ended, and the
-trajectory from there to the smoothed one (see `reference`).
+trajectory from there to the smoothed one (see `reference`). An unknown azimuth is linear only near its answer: of
+headings all round the likeliest is settled in its neighbourhood before it is let free.
 """
 
 from dataclasses import dataclass, replace
@@ -11,20 +12,24 @@ import numpy as np
 from scipy.stats import chi2
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.alignment import HOPELESS_AZIMUTH_SIGMA, Start, starts
+from calstation.estimation.alignment import HOPELESS_AZIMUTH_SIGMA, SHORTEST_REST, Start, starts
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.method import Consistency
 from calstation.estimation.navigation import History, NavigationFilter
 from calstation.estimation.stage_data import StageData
 from calstation.physics.arrays import BoolArray, FloatArray
+from calstation.physics.earth import rotation_rate
 from calstation.physics.imu_model import compensation
+from calstation.physics.parameters import group_indices
 from calstation.physics.rotation import axis_rotation, rotation_matrix
 from calstation.physics.strapdown import body_rotation
 
 MOST_PASSES = 20
 SETTLED = 0.01
 """A pass that moves no parameter by more than this many sigmas is the last."""
-AZIMUTHS_TRIED = 8
+AZIMUTHS_TRIED = 12
+NARROW_AZIMUTH_SIGMA = 0.3
+"""An azimuth found from the data is first settled within this of where it seems to be, rad, then let free."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,8 @@ class NavigationResult:
     """Posterior of the parameters after the last pass, with what it saw.
 
     belief, history : of the last pass; starts : the segments solved; attitudes : start attitudes it linearised
-    about; point : parameters likewise; passes : how many; azimuth_free : azimuth found from the data alone
+    about; point : parameters likewise; passes : how many; settled : the last one moved nothing that matters;
+    azimuth_free : azimuth found from the data alone
     """
 
     belief: Belief
@@ -41,6 +47,7 @@ class NavigationResult:
     attitudes: tuple[FloatArray, ...]
     point: FloatArray
     passes: int
+    settled: bool
     azimuth_free: bool
 
 
@@ -74,21 +81,61 @@ def solve_navigation(
             "include the rest before the first turn"
         )
     free = any(s.azimuth_sigma is not None for s in found)
-    if any((s.azimuth_sigma or 0.0) > HOPELESS_AZIMUTH_SIGMA for s in found):
-        found = _best_azimuth(data, context, prior, found)
+    point = _resting_point(data, context, prior, found[0], estimated)
     attitudes = [s.attitude for s in found]
-    point = prior.mean
-    for passes in range(1, MOST_PASSES + 1):
+    passes = 0
+    if free:
+        narrow = [replace(s, prior_sigma=np.append(s.prior_sigma[:2], NARROW_AZIMUTH_SIGMA)) for s in found]
+        if any((s.azimuth_sigma or 0.0) > HOPELESS_AZIMUTH_SIGMA for s in found):
+            narrow = _best_azimuth(data, context, prior, point, narrow)
+        near = _settle(data, context, prior, estimated, narrow, [s.attitude for s in narrow], point, passes)
+        point, attitudes, passes = near.point, list(near.attitudes), near.passes
+        found = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, found, strict=True)]
+    result = _settle(data, context, prior, estimated, found, attitudes, point, passes)
+    return replace(result, azimuth_free=free)
+
+
+def _settle(
+    data: StageData,
+    context: SolveContext,
+    prior: Belief,
+    estimated: BoolArray,
+    found: list[Start],
+    attitudes: list[FloatArray],
+    point: FloatArray,
+    done: int,
+) -> NavigationResult:
+    """Passes until one moves nothing that matters; the very first, with `done` = 0 before it, closes the loop."""
+    for passes in range(done + 1, done + MOST_PASSES + 1):
         run, ends = _pass(data, context, prior, point, found, attitudes, passes > 1)
         belief = run.belief
         settled_at = np.where(estimated, belief.mean, prior.mean)
         sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
-        moved = float(np.max(np.abs(settled_at - point) / sigma))
-        if (moved < SETTLED and passes > 1) or passes == MOST_PASSES:
+        settled = float(np.max(np.abs(settled_at - point) / sigma)) < SETTLED and passes > 1
+        if settled:
             break
         attitudes = _carry_back(run, data, settled_at, found, ends)
         point = settled_at
-    return NavigationResult(belief, run.history, tuple(found), tuple(attitudes), point, passes, free)
+    return NavigationResult(
+        belief, run.history, tuple(found), tuple(attitudes), point, passes, settled, azimuth_free=False
+    )
+
+
+def _resting_point(
+    data: StageData, context: SolveContext, prior: Belief, start: Start, estimated: BoolArray
+) -> FloatArray:
+    """Where to linearise first: the prior's mean, but the gyro bias that the first rest shows where it tells more."""
+    point = prior.mean.copy()
+    bias = group_indices("gyro_bias")
+    earth = rotation_rate(context.site.latitude)
+    expected = np.linalg.solve(compensation(prior.mean).gyro_inverse, start.attitude.T @ earth)
+    stop = start.begin + max(round(SHORTEST_REST / data.dt), 1)
+    shown = data.gyro[start.begin : stop].mean(axis=0) - expected
+    worth = context.imu.gyro_arw / np.sqrt(SHORTEST_REST) + float(np.linalg.norm(earth))
+    for axis, index in enumerate(bias):
+        if estimated[index] and prior.sigma[index] > 10.0 * worth:
+            point[index] = shown[axis]
+    return point
 
 
 def _pass(
@@ -121,12 +168,14 @@ def _carry_back(
     return carried
 
 
-def _best_azimuth(data: StageData, context: SolveContext, prior: Belief, found: list[Start]) -> list[Start]:
+def _best_azimuth(
+    data: StageData, context: SolveContext, prior: Belief, point: FloatArray, found: list[Start]
+) -> list[Start]:
     """Among headings all round, the one whose first pass explains the data best."""
     candidates = []
     for k in range(AZIMUTHS_TRIED):
         turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
         turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
-        run, _ = _pass(data, context, prior, prior.mean, turned, [s.attitude for s in turned], False)
+        run, _ = _pass(data, context, prior, point, turned, [s.attitude for s in turned], False)
         candidates.append((sum(run.history.nis), k, turned))
     return min(candidates, key=lambda c: c[:2])[2]

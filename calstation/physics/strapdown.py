@@ -159,6 +159,7 @@ def propagate(
     psi_phi, psi_v, psi_p = np.zeros((3, 27)), np.zeros((3, 27)), np.zeros((3, 27))
     rotvec, dv, cross, step = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     E, middle, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    demanded = np.empty(3)
     force_sum, force_moment, f_n = np.zeros(3), np.zeros(3), np.empty(3)
 
     before = start - 1 if start > 0 else start
@@ -173,7 +174,13 @@ def propagate(
     for k in range(start, stop):
         _correct(c, gyro[k], accel[k], omega, force)
         _rate_jacobian(c, omega, jw)
-        _force_jacobian(c, omega, force, jw, jf)
+        # parameters act on the force that gravity and the turn demand: the measured one carries its own noise,
+        # which an observation of the same noise would take for a signal
+        _cross(omega, c.outer_lever, step)
+        _cross(omega, step, demanded)
+        for i in range(3):
+            demanded[i] += C[2, i] * gravity
+        _force_jacobian(c, omega, demanded, jw, jf)
         for i in range(3):
             force[i] += c.inner_lever[i] * jf[i, 24 + i]
 

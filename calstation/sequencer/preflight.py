@@ -205,6 +205,8 @@ class Preflight:
                 self._runner.drive(self._turn_to(*target))
             end = self._runner.position()
             counts = _counts(blocks)
+            if len(counts) < 2:
+                raise DeviceFaultError("IMU: no data during a turn; check cable, power and port")
             period = (blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
             turned = (counts[:, :3] * self._scale[:3] - bias).sum(axis=0) * period
             expected = rotation_vector(
@@ -212,6 +214,12 @@ class Preflight:
             )
             size = float(np.linalg.norm(expected))
             along = float(turned @ expected) / size
+            off = float(np.arctan2(np.linalg.norm(np.cross(turned, expected)) / size, abs(along)))
+            if off > self._limits.direction_tolerance:
+                raise DeviceFaultError(
+                    f"IMU: a turn of the {name} axis measures {np.rad2deg(off):.1f}° away from the declared "
+                    "axis; check how the unit is mounted and the table profile's axes"
+                )
             if abs(along / size - 1.0) > self._limits.turn_tolerance + np.deg2rad(0.5) / size:
                 raise DeviceFaultError(
                     f"IMU: a turn of {np.rad2deg(size):.1f}° of the {name} axis measures "
@@ -230,7 +238,7 @@ class Preflight:
 
 
 def _counts(blocks: list[SampleBlock]) -> FloatArray:
-    return np.concatenate([block.counts for block in blocks])
+    return np.concatenate([np.empty((0, 6)), *(block.counts for block in blocks)])
 
 
 def _slope(track: deque[tuple[float, float]]) -> float:

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable
 
 from calstation.devices.interfaces import Table
-from calstation.errors import CalstationError
 from calstation.sequencer.ports import Clock
 
 _REST_WITHIN = 30.0
@@ -36,5 +35,5 @@ def _wait_for_rest(table: Table, clock: Clock) -> None:
 def _attempt(action: Callable[[], None], failures: list[str]) -> None:
     try:
         action()
-    except (CalstationError, OSError) as exc:
-        failures.append(str(exc))
+    except Exception as exc:  # noqa: BLE001 - the next step towards rest must be tried whatever failed
+        failures.append(str(exc) or type(exc).__name__)

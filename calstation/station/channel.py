@@ -16,7 +16,7 @@ _LAST_WORDS_WITHIN = 5.0
 class Channel:
     """Sends events without ever making the engine wait, and hands commands to `on_command`.
 
-    A listener that hangs up or dies is noticed by the end of its pipe: `on_lost` is called once.
+    A listener that hangs up, dies or talks nonsense is lost: `on_lost` is called once.
     """
 
     def __init__(
@@ -63,17 +63,18 @@ class Channel:
                 return
             try:
                 self._connection.send(message)
-            except (OSError, ValueError):
+            except Exception:  # noqa: BLE001 - whatever ends the sending, nobody hears the run any more
                 self._lose()
+                return
 
     def _receive(self) -> None:
         while True:
             try:
-                word = self._connection.recv()
-            except (OSError, EOFError, TypeError):
+                command = Command(self._connection.recv())
+            except Exception:  # noqa: BLE001 - end of the pipe, or words that no listener of ours would send
                 self._lose()
                 return
-            self._on_command(Command(word))
+            self._on_command(command)
 
     def _lose(self) -> None:
         if not self._lost.is_set() and not self._closing:
