@@ -158,7 +158,13 @@ def test_a_true_motion_is_followed_with_the_true_parameters(motion):
 
 
 START_VELOCITY = np.array([0.1, -0.2, 0.05])
-INTERVALS = {"rest": (40, 60), "speeding up": (105, 125), "turning": (600, 620), "slowing down": (1240, 1260)}
+# the force that the parameters act on leaves out what a changing rate demands of the lever arm: a hundredth of g
+INTERVALS = {
+    "rest": ((40, 60), 5e-3),
+    "speeding up": ((105, 125), 0.1),
+    "turning": ((600, 620), 5e-3),
+    "slowing down": ((1240, 1260), 0.1),
+}
 
 
 def difference(one, other):
@@ -166,14 +172,15 @@ def difference(one, other):
     return np.concatenate([rotation_vector(other.attitude @ one.attitude.T), other.velocity - one.velocity])
 
 
-@pytest.mark.parametrize("span", INTERVALS.values(), ids=INTERVALS.keys())
-def test_transition_blocks_are_the_derivatives_of_the_navigation(motion, span):
-    truth, table, gyro, accel, _ = motion
-    point = 0.5 * truth.parameters
-    earth, attitude = rotation_rate(table.latitude), axis_rotation((0.6, 0.0, 0.8), 0.5)
+@pytest.mark.parametrize(("span", "accuracy"), INTERVALS.values(), ids=INTERVALS.keys())
+def test_transition_blocks_are_the_derivatives_of_the_navigation(motion, span, accuracy):
+    truth, table, gyro, accel, states = motion
+    point = truth.parameters
+    earth, gravity = rotation_rate(table.latitude), normal_gravity(table.latitude, table.height)
+    attitude = table.attitude(states[span[0] - 1, :, 0])[0]
 
     def run(parameters, C=attitude, v=START_VELOCITY):
-        return navigate(compensation(parameters), gyro, accel, 0.005, C, v, earth, 9.79, span)
+        return navigate(compensation(parameters), gyro, accel, 0.005, C, v, earth, gravity, span)
 
     F = run(point).transition.copy()
     numeric = np.zeros((6, 39))
@@ -195,7 +202,7 @@ def test_transition_blocks_are_the_derivatives_of_the_navigation(motion, span):
         for rows in (slice(0, 3), slice(3, 6)):
             change = numeric[rows, column] - np.eye(6, 39)[rows, column]
             found = F[rows, column] - np.eye(6, 39)[rows, column]
-            assert np.linalg.norm(found - change) < 2e-3 * np.linalg.norm(change) + 1e-9, name
+            assert np.linalg.norm(found - change) < accuracy * np.linalg.norm(change) + 1e-5, name
 
 
 def test_position_rows_are_the_integral_of_the_velocity_rows(motion):
