@@ -185,6 +185,13 @@ def test_noise_of_a_wrong_baud_is_told() -> None:
             imu.identify()
 
 
+def test_a_reader_that_breaks_is_told() -> None:
+    with driver([]) as (imu, link):
+        link.failure = TypeError("no descriptor")  # type: ignore[assignment]
+        with pytest.raises(DeviceFaultError, match=r"reading SCRIPT failed \(TypeError: no descriptor"):
+            imu.identify()
+
+
 def test_a_lost_link_is_told_after_the_last_samples() -> None:
     with driver([]) as (imu, link):
         link.send(stream_frame(1, [0] * 6))

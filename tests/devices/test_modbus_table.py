@@ -192,6 +192,15 @@ def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
         driver.home()
 
 
+def test_after_a_lost_answer_the_next_request_has_a_link_of_its_own() -> None:
+    stop = write(22, STOP)
+    with table([(write(22, HOME)[0], None), stop]) as (driver, server):
+        with pytest.raises(DeviceFaultError, match="register 22"):
+            driver.home()
+        driver.stop()
+        assert len(server._peers) == 2
+
+
 def test_a_table_that_went_silent_or_away_is_told() -> None:
     request = read(17, image()[17:64])[0]
     with (

@@ -20,7 +20,7 @@ from calstation.estimation.method import Consistency, Solution
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import COUNT
-from calstation.physics.rotation import rotation_vector
+from calstation.physics.rotation import rotation_matrix, rotation_vector
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event
@@ -78,6 +78,7 @@ class FakeTable:
     rate: float = 1.0
     begun: float = 0.0
     beats: int = 0
+    on_move: Any = None
 
     def angles_at(self, time: float) -> tuple[float, float]:
         """Joint angles at a station time, rad."""
@@ -127,6 +128,8 @@ class FakeTable:
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
         self.told.append(f"move {math.degrees(outer):.0f} {math.degrees(inner):.0f}")
+        if self.on_move is not None:
+            self.on_move()
         self.origin, self.begun = self.angles_at(self.clock.time), self.clock.time
         self.target, self.rate = (outer, inner), (1e-6 if self.stuck else rate)
 
@@ -155,6 +158,7 @@ class FakeImu:
     serial: str = "SN-1"
     sign: float = 1.0
     upside_down: bool = False
+    twist: float = 0.0
     ready_at: float = 0.0
     silent: bool = False
     sent: int = 0
@@ -183,7 +187,8 @@ class FakeImu:
         now = GEOMETRY.body_to_home(*self.table.angles_at(time))
         gyro = rotation_vector(before.T @ now) * RATE * self.sign
         force = now.T @ np.array([0.0, 0.0, -GRAVITY if self.upside_down else GRAVITY])
-        return np.concatenate([gyro / MODEL.gyro_lsb, force / MODEL.accel_lsb])
+        mount = rotation_matrix(np.array([0.0, 0.0, self.twist]))
+        return np.concatenate([mount @ gyro / MODEL.gyro_lsb, mount @ force / MODEL.accel_lsb])
 
     def identify(self) -> ImuIdentity:
         return ImuIdentity("fake imu", self.serial, "1")

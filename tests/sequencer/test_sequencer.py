@@ -7,6 +7,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.motion import Move
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Fault, Message, StageEnded, StageProgress, StateChanged, StepStarted
+from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
 from calstation.sequencer.task import StagePlan
@@ -182,6 +183,17 @@ def test_a_table_that_fails_is_a_fault_and_a_safe_stop(attribute: str, value: ob
         assert scene.table.told[-2:] == ["stop", "disable"]
 
 
+def test_a_safe_stop_takes_every_step_whatever_breaks() -> None:
+    scene = Scene()
+
+    def broken() -> None:
+        raise TypeError("no descriptor")
+
+    scene.table.stop = broken  # type: ignore[method-assign]
+    assert safe_stop(scene.table, scene.clock) == ["no descriptor"]
+    assert scene.table.told == ["disable"]
+
+
 def test_a_stalled_move_times_out() -> None:
     scene = Scene()
     scene.table.stuck = True
@@ -198,6 +210,11 @@ def test_a_stalled_move_times_out() -> None:
         (lambda s: setattr(s.table, "interlock", False), "interlock"),
         (lambda s: setattr(s.imu, "sign", -1.0), "axis measures"),
         (lambda s: setattr(s.imu, "upside_down", True), "gravity points"),
+        (lambda s: setattr(s.imu, "twist", 0.3), "away from the declared axis"),
+        (
+            lambda s: setattr(s.table, "on_move", lambda: setattr(s.imu, "silent", True)),
+            "no data during a turn",
+        ),
         (lambda s: setattr(s.imu, "ready_at", 1e6), "not ready"),
     ],
 )

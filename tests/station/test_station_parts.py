@@ -165,3 +165,12 @@ def test_channel_notices_that_nobody_listens(
     theirs.close()  # type: ignore[attr-defined]
     assert lost.wait(5.0)
     ours.emit(Message("homing"))
+
+
+def test_a_listener_that_talks_nonsense_is_lost(
+    channel: tuple[Channel, object, list[Command], threading.Event],
+) -> None:
+    _, theirs, commands, lost = channel
+    theirs.send("stopp")  # type: ignore[attr-defined]
+    assert lost.wait(5.0)
+    assert commands == []
