@@ -4,6 +4,10 @@ Each piece of constant F contributes H, H F T, H (F T)²/2, ... (D. Goshen-Meski
 *Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992). States are scaled by their
 prior sigma and observations by their noise, so a singular value of 1 tells as much as the prior did.
 Rotations are cut into pieces of 5° or less; a rest is one piece.
+
+The stripped matrix takes every piece for itself, which shows what each adds to the rank but not what a turn's length
+tells (a scale factor is seen in the angle between two rests). How strongly a state is seen is therefore taken from the
+total matrix, whose rows are carried back to the stage's start by the transitions between.
 """
 
 from collections.abc import Iterator
@@ -63,9 +67,9 @@ def pwcs(
     Returns
     -------
     ``segments``: per step number, first and last sequence number, pieces, rank (singular values above 1), and the
-    singular values of the matrix so far; ``states``: per state, the step in which it became observable (None if
-    never), ``strength`` = prior sigma over the sigma these pieces would leave, and ``by_step``, that strength after
-    each step.
+    singular values of the stripped matrix so far; ``states``: per state, the step in which it became observable
+    (None if never), ``strength`` = prior sigma over the sigma the total matrix would leave (process noise aside), and
+    ``by_step``, that strength after each step.
     """
     noise = filter_noise(context)
     tilt, azimuth = (
@@ -76,7 +80,7 @@ def pwcs(
     scale = np.array([tilt, tilt, azimuth, *[velocity] * 3, *[POSITION_SIGMA] * 3, *prior.sigma])
     index = np.asarray(history.index)
     steps: IntArray = data.step[index - 1]
-    R = np.zeros((STATES, STATES))
+    R, total, carried = np.zeros((STATES, STATES)), np.zeros((STATES, STATES)), np.eye(STATES)
     segments: list[dict[str, Any]] = []
     by_step: list[FloatArray] = []
     last_step, count, first = None, 0, 0
@@ -93,7 +97,7 @@ def pwcs(
                     "singular_values": [float(f"{s:.4g}") for s in singular],
                 }
             )
-            left = np.linalg.inv(np.eye(STATES) + R.T @ R)
+            left = np.linalg.inv(np.eye(STATES) + total.T @ total)
             by_step.append(1.0 / np.sqrt(np.diag(left)))
             count, first = 0, a
         if a == len(index):
@@ -101,11 +105,13 @@ def pwcs(
         last_step = steps[a]
         middle = (a + b) // 2
         T = float(index[b - 1] - index[a - 1] if a else index[b - 1] - index[0] + 1) * data.dt
-        rows = _piece_rows(
+        rows, transition = _piece(
             context, point, history.attitude[middle], history.rate[middle], max(T, noise.interval)
         )
-        stacked = np.vstack([R, rows * scale * (np.sqrt(b - a) / velocity)])
-        R = np.asarray(np.linalg.qr(stacked, mode="r"))
+        weight = np.sqrt(b - a) / velocity
+        R = _stacked(R, rows * scale * weight)
+        total = _stacked(total, rows @ carried * scale * weight)
+        carried = transition @ carried
         count += 1
     states = {}
     for i, name in enumerate(STATE_NAMES):
@@ -119,10 +125,15 @@ def pwcs(
     return {"segments": segments, "states": states}
 
 
-def _piece_rows(
+def _stacked(R: FloatArray, rows: FloatArray) -> FloatArray:
+    """The triangular factor of all rows so far, shape (39, 39)."""
+    return np.asarray(np.linalg.qr(np.vstack([R, rows]), mode="r"))
+
+
+def _piece(
     context: SolveContext, point: FloatArray, C: FloatArray, omega: FloatArray, T: float
-) -> FloatArray:
-    """Rows H (F T)^k / k! of one piece, shape (3 POWERS, 39)."""
+) -> tuple[FloatArray, FloatArray]:
+    """Rows H (F T)^k / k! of one piece, shape (3 POWERS, 39), and its transition exp(F T), shape (39, 39)."""
     site = context.site
     c = compensation(point)
     earth = rotation_rate(site.latitude)
@@ -142,8 +153,10 @@ def _piece_rows(
     H[:, 3:6] = np.eye(3)
     H[:, 9:36] = C @ skew(c.outer_lever) @ rate_jacobian
     H[:, 36:39] = -C @ skew(w)
-    rows, row = [], H
+    rows, row, term, transition = [], H, np.eye(STATES), np.eye(STATES)
     for k in range(POWERS):
         rows.append(row)
         row = row @ F * (T / (k + 1))
-    return np.vstack(rows)
+        term = term @ F * (T / (k + 1))
+        transition += term
+    return np.vstack(rows), transition
