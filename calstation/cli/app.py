@@ -1,5 +1,6 @@
 """The commands and their options; what they do is imported when called, so that help answers at once."""
 
+import io
 import sys
 import traceback
 from pathlib import Path
@@ -100,6 +101,9 @@ def run_app(arguments: list[str]) -> int:
     """Run a command; returns the contract's exit code, errors told in a line or two on standard error."""
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a redirected Windows console knows neither ≤ nor °
+            stream.reconfigure(errors="replace")
     try:
         code = app(arguments or ["--help"], standalone_mode=False, obj=debug)
     except CalstationError as error:
@@ -115,6 +119,11 @@ def run_app(arguments: list[str]) -> int:
         return 4
     except BrokenPipeError:
         return 2
+    except Exception as error:  # noqa: BLE001 - the last resort: a person reads this, not a traceback
+        if debug:
+            traceback.print_exc()
+        _complain(f"internal error: {type(error).__name__}: {error} (--debug shows where)")
+        return 2 if isinstance(error, OSError) else 3
     return code if isinstance(code, int) else 0
 
 

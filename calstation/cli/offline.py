@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from calstation.cli.show import emit_json, result_table
+from calstation.cli.show import check_json, emit_json, result_table
 from calstation.cli.wording import RESOLVED, word
 from calstation.records.convert import export_csv, import_csv
 from calstation.station.resolve import resolve
@@ -16,6 +16,7 @@ def resolve_command(
     log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
 ) -> int:
     """Solve `log` again and show the answer; 0 within the limits or without any, 1 outside."""
+    check_json(json)
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bar:

@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
-from calstation.cli.show import emit_json, result_table
+from calstation.cli.show import check_json, emit_json, result_table
 from calstation.cli.wording import OUTCOMES, STATES, word, word_step
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.sequencer.control import Command
@@ -40,6 +40,7 @@ _EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration; returns the contract's exit code. Raises ConfigurationError for a wrong request."""
+    check_json(json)
     prepare(request)
     _, station = load_station(request.station)
     if station.bench is None and not yes:

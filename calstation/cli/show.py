@@ -1,6 +1,7 @@
 """Results as people read them: a table in human units, and the JSON where it was asked for."""
 
 import json as json_module
+import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,8 +11,18 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from calstation.errors import ConfigurationError
 from calstation.physics.units import display
 from calstation.station.result import write_json
+
+
+def check_json(target: str | None) -> None:
+    """Refuse a result file that cannot be written, before the work is done. Raises ConfigurationError."""
+    if target is None or target == "-":
+        return
+    path = Path(target)
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise ConfigurationError(f"--json {path}: cannot be written; choose another file or folder")
 
 
 def emit_json(result: Mapping[str, Any], target: str | None) -> None:

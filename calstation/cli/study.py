@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from calstation.cli.show import emit_json
+from calstation.cli.show import check_json, emit_json
 from calstation.errors import ConfigurationError
 from calstation.physics.units import DISPLAY
 from calstation.station.study import SEEDS, run_study
@@ -21,6 +21,7 @@ def study_command(grade: str | None, seeds: int | None, json: str | None) -> int
         raise ConfigurationError(f"--grade '{grade}' is unknown; choose from {', '.join(SEEDS)}")
     if seeds is not None and seeds < 1:
         raise ConfigurationError(f"--seeds {seeds} must be at least 1")
+    check_json(json)
     columns = (TextColumn("units"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("units", total=None)

@@ -3,7 +3,7 @@
 import contextlib
 from pathlib import Path
 
-from calstation.errors import CalstationError, InputError
+from calstation.errors import InputError
 from calstation.records.csv_log import meta_path, open_csv_for_writing, write_csv
 from calstation.records.facts import LogFacts
 from calstation.records.log import open_log
@@ -19,8 +19,9 @@ def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> Log
     try:
         for block in log.blocks():
             writer.append(block)
-    except CalstationError:
-        writer.close("incomplete")
+    except BaseException:
+        with contextlib.suppress(OSError, RuntimeError):  # what failed may be the disk
+            writer.close("incomplete")
         target.unlink()
         raise
     return writer.close("imported")

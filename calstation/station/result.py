@@ -31,7 +31,7 @@ class Judgement:
 
 
 def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
-    """Compare what was solved with the limits in the log's meta; stages that are missing fail the unit."""
+    """Compare what was solved with the limits in the log's meta; a run without a solved stage fails the unit."""
     limits = meta.product.limits if meta.product is not None else {}
     checks = tuple(check_limits(limits, prior, solutions))
     if not limits:

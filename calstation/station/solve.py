@@ -40,6 +40,7 @@ class StageChain:
         self.prior = prior_from_meta(meta)
         self._belief = self.prior
         self._solver: StageSolver | None = None
+        self._stage = ""
         self.solutions: list[Solution] = []
 
     def warm(self) -> None:
@@ -54,6 +55,7 @@ class StageChain:
     def start(self, stage: str) -> None:
         """Begin a stage. Raises ConfigurationError for an unknown one or a wrong schedule."""
         chosen = method(stage)
+        self._stage = stage
         schedule = validate(
             chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError
         )
@@ -69,9 +71,18 @@ class StageChain:
         return self._belief.sigma if self._solver is None else self._solver.sigma()
 
     def finish(self) -> Solution:
-        """Solve the stage begun; its posterior becomes the next stage's prior."""
+        """Solve the stage begun; its posterior becomes the next stage's prior.
+
+        Raises InputError where data and priors contradict each other so far that nothing can be solved.
+        """
         assert self._solver is not None, "start a stage before finishing it"
-        solution = self._solver.finish()
+        try:
+            solution = self._solver.finish()
+        except np.linalg.LinAlgError as exc:
+            raise InputError(
+                f"stage '{self._stage}': the solution diverged ({exc}); check site.azimuth_deg, the axes in"
+                " [table] and the sigmas in [prior]"
+            ) from exc
         self._solver = None
         self._belief = solution.belief
         self.solutions.append(solution)
@@ -188,8 +199,5 @@ def _finish(chain: StageChain, stage: str, source: str | Path) -> None:
         chain.finish()
     except InsufficientDataError as exc:
         raise InsufficientDataError(f"{source}: stage '{stage}': {exc}") from exc
-    except np.linalg.LinAlgError as exc:
-        raise InputError(
-            f"{source}: stage '{stage}': the solution diverged ({exc}); check site.azimuth_deg, the axes in"
-            " [table] and the sigmas in [prior]"
-        ) from exc
+    except InputError as exc:
+        raise InputError(f"{source}: {exc}") from exc

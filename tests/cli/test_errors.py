@@ -1,5 +1,6 @@
 """Every error a user can cause: the contract's exit code and one clear message, never a traceback."""
 
+import io
 import re
 import stat
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from calstation.cli.app import run_app
 from calstation.station.library import shipped_folder
 from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 
@@ -284,3 +286,32 @@ def test_a_wrong_baud_looks_like_noise(calstation: Run, tmp_path: Path, home: Pa
 def test_study_options(calstation: Run) -> None:
     check(calstation("study", "--grade", "toy"), 2, "'toy'", "nav")
     check(calstation("study", "--seeds", 0), 2, "--seeds")
+
+
+def test_a_mistake_of_the_program_is_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object) -> int:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("calstation.cli.offline.resolve_command", broken)
+    assert run_app(["resolve", "x.h5"]) == 3
+    told = capsys.readouterr().err
+    assert told == "calstation: internal error: ZeroDivisionError: division by zero (--debug shows where)\n"
+    assert run_app(["--debug", "resolve", "x.h5"]) == 3
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_narrow_console_gets_question_marks(monkeypatch: pytest.MonkeyPatch) -> None:
+    narrow = io.TextIOWrapper(io.BytesIO(), encoding="cp1252")
+    monkeypatch.setattr(sys, "stdout", narrow)
+    run_app(["--help"])
+    narrow.write("≤ sigma")
+
+
+@pytest.mark.parametrize("command", ["resolve x.h5", "run", "study"])
+def test_a_result_file_that_cannot_be_written_is_told_at_once(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_app([*command.split(), "--json", str(tmp_path / "none" / "a.json")]) == 2
+    assert "a.json: cannot be written" in capsys.readouterr().err
