@@ -11,6 +11,7 @@ import json
 import os
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -154,6 +155,8 @@ class RawLogWriter:
     def _sync(self) -> None:
         self.flush()
         os.fsync(self._sync_handle)
+        with suppress(OSError):
+            os.utime(self.path)  # a run that waits writes nothing, and yet is not dead
         self._synced = time.monotonic()
 
     def _write_line(self, name: str, content: Mapping[str, Any]) -> None:

@@ -16,6 +16,9 @@ from calstation.sequencer.ports import Clock
 CLOCK_WINDOW = 200
 """Ticks over which the least delay between IMU clock and station clock is sought."""
 
+SLOWEST_POLL = 0.3
+"""A poll that took longer, s, was lost and asked again on the way: nobody knows when its angles were true."""
+
 
 @dataclass(frozen=True)
 class StatusMasks:
@@ -97,7 +100,9 @@ class Acquisition:
         self.last_arrival = clock.now()
 
     def poll(self, status: TableStatus, asked: float, answered: float) -> None:
-        """Take a poll of the table, requested and answered at these station times, s."""
+        """Take a poll of the table, requested and answered at these station times, s; leave a slow one out."""
+        if answered - asked > SLOWEST_POLL:
+            return
         middle = 0.5 * (asked + answered) - self._latency
         self._polls.append(
             _Poll(middle, np.asarray(status.angles, np.float64), np.asarray(status.rates, np.float64))

@@ -9,8 +9,8 @@ from calstation.records.raw_log import SUFFIX
 from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.solve import StageChain
 
-_STILL_WRITTEN = 10.0
-"""A log changed within this time, s, may belong to a run that is still going."""
+_STILL_WRITTEN = 3.0
+"""A log changed within this time, s, may belong to a run that is still going: the writer touches it every 0.8 s."""
 
 
 def settle_incomplete(folder: Path) -> list[Path]:

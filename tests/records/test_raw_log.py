@@ -54,6 +54,17 @@ def test_a_running_log_can_be_read_and_is_listed_as_incomplete(tmp_path: Path, m
     assert find_incomplete(tmp_path) == []
 
 
+def test_a_log_of_a_run_that_waits_stays_young(
+    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer = RawLogWriter(tmp_path / "run.h5", meta)
+    os.utime(writer.path, (0.0, 0.0))
+    monkeypatch.setattr(raw_log, "SYNC_INTERVAL", 0.0)
+    writer.service()
+    assert time.time() - writer.path.stat().st_mtime < 60.0
+    writer.close("stopped")
+
+
 def test_the_digest_covers_samples_and_configuration_but_not_results(
     tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]
 ) -> None:

@@ -72,6 +72,17 @@ def test_polled_angles_lie_on_the_sample_of_their_time(latency: float) -> None:
     assert np.abs(angles[polled] - truth[polled])[2:].max() < 1e-6
 
 
+def test_a_poll_that_was_repeated_on_the_way_gives_no_angle() -> None:
+    clock = FakeClock()
+    table = FakeTable(clock)
+    blocks: list[SampleBlock] = []
+    acquisition = Acquisition(FakeImu(clock, table), MODEL, clock, blocks.append)
+    clock.sleep(1.0)
+    acquisition.poll(table.status(), clock.time - 0.5, clock.time)
+    acquisition.drain()
+    assert np.isnan(blocks[0].angles).all()
+
+
 def test_status_bits_and_gaps_are_seen() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock), ready_at=0.2)
