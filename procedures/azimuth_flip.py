@@ -7,11 +7,11 @@ consider states, so a bias that flips determine weakly (the gyro along the verti
 from collections.abc import Iterator
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from calstation.errors import ConfigurationError
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.method import Method
+from calstation.estimation.method import Method, RepeatedSchedule
 from calstation.estimation.navigation_stage import NavigationStage
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.table import TableGeometry
@@ -20,16 +20,13 @@ ESTIMATED = tuple(f"{group}_{axis}" for group in ("gyro_bias", "accel_bias") for
 WAYS = (1.0, -1.0, -1.0, 1.0)
 
 
-class Schedule(BaseModel):
-    """Rests in s, rates in °/s, °/s²; the first of rounds, duration and targets (sigmas, SI) that is met stops."""
+class Schedule(RepeatedSchedule):
+    """Rests in s, rates in °/s, °/s², and when to stop."""
 
-    model_config = ConfigDict(extra="forbid")
     dwell_s: float = Field(60.0, ge=2.0, le=3600.0)
     rate_dps: float = Field(20.0, gt=0.0, le=360.0)
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
     rounds: int | None = Field(2, ge=1)
-    duration_s: float | None = Field(None, gt=0.0)
-    targets: dict[str, float] = Field(default_factory=dict)
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:

@@ -7,10 +7,10 @@ by whole turns only where its travel demands it. The inner axis turns while it l
 from collections.abc import Iterator
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.method import Method
+from calstation.estimation.method import Method, RepeatedSchedule
 from calstation.estimation.navigation_stage import NavigationStage
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import NAMES
@@ -20,21 +20,17 @@ ORDER = "yxzzxy"
 QUARTERS = 4
 
 
-class Schedule(BaseModel):
-    """Rests and rates of the turns, and when to stop: the first of rounds, duration and targets that is met.
+class Schedule(RepeatedSchedule):
+    """Rests and rates of the turns, and when to stop.
 
     dwell_s : rest after a quarter turn and before the first; place_dwell_s : after a turn that only brings an axis
-    into place; rates in °/s, °/s²; targets : largest sigma per parameter or group, SI
+    into place; rates in °/s, °/s²
     """
 
-    model_config = ConfigDict(extra="forbid")
     dwell_s: float = Field(20.0, ge=2.0, le=600.0)
     place_dwell_s: float = Field(5.0, ge=1.0, le=600.0)
     rate_dps: float = Field(20.0, gt=0.0, le=360.0)
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
-    rounds: int | None = Field(1, ge=1)
-    duration_s: float | None = Field(None, gt=0.0)
-    targets: dict[str, float] = Field(default_factory=dict)
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:

@@ -13,13 +13,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InsufficientDataError
+from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.least_squares import gauss_newton
 from calstation.estimation.method import Method, Solution
 from calstation.estimation.noise import WANDER_TIME, filter_noise
 from calstation.estimation.relinearise import nis_consistency, restricted
-from calstation.estimation.samples import SampleBlock
-from calstation.estimation.stage_data import StageData, mean_angles, rests, stage_data
+from calstation.estimation.stage_data import StageData, mean_angles, rests
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import rotation_rate
 from calstation.physics.motion import Dwell, Move, Step
@@ -107,27 +107,16 @@ def estimates(context: SolveContext) -> tuple[str, ...]:
     return ESTIMATED
 
 
-class RateSolver:
-    """Collects the stage; solves it from its whole turns."""
+def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> BatchStage:
+    """Collects the stage and solves it at its end."""
+    return BatchStage(context, prior, solve)
 
-    def __init__(self, context: SolveContext, prior: Belief, schedule: Schedule) -> None:
-        self.context, self.prior = context, prior
-        self._blocks: list[SampleBlock] = []
 
-    def feed(self, block: SampleBlock) -> None:
-        """Take further samples of the stage."""
-        self._blocks.append(block)
-
-    def sigma(self) -> FloatArray:
-        """The prior's sigmas until the stage is solved, SI, shape (30,)."""
-        return self.prior.sigma
-
-    def finish(self) -> Solution:
-        """Solve. Raises InsufficientDataError naming the turns that are missing."""
-        data = stage_data(self._blocks, self.context.imu)
-        turns, assumed = find_turns(data, self.context, self.prior)
-        _require_turns(turns, data.gaps)
-        return _solve(data, turns, self.context, self.prior, assumed)
+def solve(data: StageData, context: SolveContext, prior: Belief) -> Solution:
+    """Solve from the whole turns. Raises InsufficientDataError naming those that are missing."""
+    turns, assumed = find_turns(data, context, prior)
+    _require_turns(turns, data.gaps)
+    return _solve(data, turns, context, prior, assumed)
 
 
 def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[list[Turn], bool]:
@@ -272,4 +261,4 @@ def _earth_integral(
     return vertical * weight, (north * weight, east * weight)
 
 
-METHOD = Method("rate", Schedule, plan, RateSolver, estimates)
+METHOD = Method("rate", Schedule, plan, solver, estimates)

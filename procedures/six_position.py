@@ -12,13 +12,13 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import InsufficientDataError
+from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.least_squares import gauss_newton
 from calstation.estimation.method import Method, Solution
 from calstation.estimation.noise import filter_noise, rest_mean_variance
 from calstation.estimation.relinearise import nis_consistency, restricted
-from calstation.estimation.samples import SampleBlock
-from calstation.estimation.stage_data import StageData, mean_angles, rests, slope_weights, stage_data
+from calstation.estimation.stage_data import StageData, mean_angles, rests, slope_weights
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import normal_gravity
 from calstation.physics.imu_model import compensation
@@ -75,27 +75,16 @@ def estimates(context: SolveContext) -> tuple[str, ...]:
     return ESTIMATED
 
 
-class SixPositionSolver:
-    """Collects the stage; solves it from its rests."""
+def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> BatchStage:
+    """Collects the stage and solves it at its end."""
+    return BatchStage(context, prior, solve)
 
-    def __init__(self, context: SolveContext, prior: Belief, schedule: Schedule) -> None:
-        self.context, self.prior = context, prior
-        self._blocks: list[SampleBlock] = []
 
-    def feed(self, block: SampleBlock) -> None:
-        """Take further samples of the stage."""
-        self._blocks.append(block)
-
-    def sigma(self) -> FloatArray:
-        """The prior's sigmas until the stage is solved, SI, shape (30,)."""
-        return self.prior.sigma
-
-    def finish(self) -> Solution:
-        """Solve. Raises InsufficientDataError naming the faces that are missing."""
-        data = stage_data(self._blocks, self.context.imu)
-        positions = find_positions(data, self.context, self.prior)
-        _require_faces(positions, self.prior)
-        return _solve(data, positions, self.context, self.prior)
+def solve(data: StageData, context: SolveContext, prior: Belief) -> Solution:
+    """Solve from the rests. Raises InsufficientDataError naming the faces that are missing."""
+    positions = find_positions(data, context, prior)
+    _require_faces(positions, prior)
+    return _solve(data, positions, context, prior)
 
 
 def find_positions(data: StageData, context: SolveContext, prior: Belief) -> list[Position]:
@@ -194,4 +183,4 @@ def _tangents(direction: FloatArray) -> FloatArray:
     return np.vstack([first, np.cross(direction, first)])
 
 
-METHOD = Method("six_position", Schedule, plan, SixPositionSolver, estimates)
+METHOD = Method("six_position", Schedule, plan, solver, estimates)

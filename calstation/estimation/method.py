@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.samples import SampleBlock
@@ -71,6 +71,18 @@ class StageSolver(Protocol):
 
     def finish(self) -> Solution:
         """Solve the stored stage. Raises InsufficientDataError saying what is missing."""
+
+
+class RepeatedSchedule(BaseModel):
+    """When a plan that repeats has done enough: the first of these that is met.
+
+    rounds : complete rounds; duration_s : of the stage, s; targets : largest sigma per parameter or group, SI
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    rounds: int | None = Field(1, ge=1)
+    duration_s: float | None = Field(None, gt=0.0)
+    targets: dict[str, Annotated[float, Field(gt=0.0)]] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,27 @@ def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
 
 
 @nb.njit(cache=True)
+def _exponential(rotvec: FloatArray, E: FloatArray) -> None:
+    """Rotation matrix of a rotation vector (rad) into `E`; Rodrigues' formula."""
+    angle2 = rotvec[0] ** 2 + rotvec[1] ** 2 + rotvec[2] ** 2
+    if angle2 < 1e-8:
+        a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+    else:
+        angle = np.sqrt(angle2)
+        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
+    for i in range(3):
+        for j in range(3):
+            E[i, j] = b * rotvec[i] * rotvec[j]
+        E[i, i] += 1.0 - b * angle2
+    E[0, 1] -= a * rotvec[2]
+    E[0, 2] += a * rotvec[1]
+    E[1, 0] += a * rotvec[2]
+    E[1, 2] -= a * rotvec[0]
+    E[2, 0] -= a * rotvec[1]
+    E[2, 1] += a * rotvec[0]
+
+
+@nb.njit(cache=True)
 def _correct(
     c: Compensation, gyro: FloatArray, accel: FloatArray, omega: FloatArray, force: FloatArray
 ) -> None:
@@ -198,22 +219,7 @@ def propagate(
             dv[i] = force[i] * dt + second * dt * dt + turned[0, i] * dt**3 / 6.0
 
         # C_new = (I − [Ω dt×] + ½[Ω dt×]²) C Exp(rotvec)
-        angle2 = rotvec[0] ** 2 + rotvec[1] ** 2 + rotvec[2] ** 2
-        if angle2 < 1e-8:
-            a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
-        else:
-            angle = np.sqrt(angle2)
-            a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
-        for i in range(3):
-            for j in range(3):
-                E[i, j] = b * rotvec[i] * rotvec[j]
-            E[i, i] += 1.0 - b * angle2
-        E[0, 1] -= a * rotvec[2]
-        E[0, 2] += a * rotvec[1]
-        E[1, 0] += a * rotvec[2]
-        E[1, 2] -= a * rotvec[0]
-        E[2, 0] -= a * rotvec[1]
-        E[2, 1] += a * rotvec[0]
+        _exponential(rotvec, E)
         for i in range(3):
             for j in range(3):
                 s = 0.0
@@ -331,19 +337,7 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
         for i in range(3):
             rotvec[i] = omega[i] * dt + cross[i] * dt * dt / 12.0
             last[i] = omega[i]
-        angle = np.sqrt(rotvec[0] ** 2 + rotvec[1] ** 2 + rotvec[2] ** 2)
-        a = np.sin(angle) / angle if angle > 1e-8 else 1.0
-        b = (1.0 - np.cos(angle)) / angle**2 if angle > 1e-4 else 0.5
-        for i in range(3):
-            for j in range(3):
-                K[i, j] = b * rotvec[i] * rotvec[j]
-            K[i, i] += 1.0 - b * angle**2
-        K[0, 1] -= a * rotvec[2]
-        K[0, 2] += a * rotvec[1]
-        K[1, 0] += a * rotvec[2]
-        K[1, 2] -= a * rotvec[0]
-        K[2, 0] -= a * rotvec[1]
-        K[2, 1] += a * rotvec[0]
+        _exponential(rotvec, K)
         for i in range(3):
             for j in range(3):
                 turned[i, j] = B[i, 0] * K[0, j] + B[i, 1] * K[1, j] + B[i, 2] * K[2, j]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from calstation.errors import InputError
+from calstation.estimation.batch_stage import BatchStage
 from calstation.physics.parameters import PARAMETERS
 from calstation.station.resolve import resolve
-from procedures.six_position import SixPositionSolver
 from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]
@@ -86,9 +86,9 @@ def test_encoder_angles_come_back_as_they_were_written(calstation: Run, tmp_path
 
 
 def test_a_diverged_solution_is_told_not_thrown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def diverge(self: SixPositionSolver) -> None:
+    def diverge(self: BatchStage) -> None:
         raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
 
-    monkeypatch.setattr(SixPositionSolver, "finish", diverge)
+    monkeypatch.setattr(BatchStage, "finish", diverge)
     with pytest.raises(InputError, match=r"log.csv: stage 'six_position': the solution diverged"):
         resolve(write_log(tmp_path, six_position_rows()))
