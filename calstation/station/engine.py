@@ -2,6 +2,7 @@
 
 import multiprocessing
 import signal
+import sys
 import threading
 import time
 import traceback
@@ -104,12 +105,17 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 def _engine(connection: "Connection[Any, Any]", request: RunRequest) -> None:
-    """Entry of the engine's process."""
+    """Entry of the engine's process: no signal that it can hear ends it without a safe stop."""
+    control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda number, frame: control.send(Command.STOP))
+    if sys.platform != "win32":
+        signal.signal(
+            signal.SIGHUP, signal.SIG_IGN
+        )  # a closed terminal ends the listener, and that is a stop
     from calstation.station.channel import Channel
     from calstation.station.run import execute
 
-    control = Control()
     channel = Channel(connection, control.send, lambda: control.send(Command.STOP))
     try:
         execute(request, channel.emit, control)

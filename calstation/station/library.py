@@ -6,8 +6,6 @@ from pathlib import Path
 
 from calstation.errors import ConfigurationError
 
-KINDS = ("stations", "tables", "imus", "products")
-
 
 def site_folder() -> Path:
     """The site's own folder: $CALSTATION_HOME, else the platform's place for configuration."""

@@ -56,6 +56,22 @@ def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(place: Place) -> 
     assert settle_incomplete(path.parent) == []
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("sent", ["SIGTERM", "SIGHUP"])
+def test_signals_do_not_end_the_engine_without_a_safe_stop(place: Place, sent: str) -> None:
+    events = []
+    with Engine.start(place.request("rate")) as engine:
+        for event in engine.events():
+            events.append(event)
+            if isinstance(event, StepStarted) and event.step == 7:
+                assert engine.process.pid is not None
+                os.kill(engine.process.pid, getattr(signal, sent))
+                if sent == "SIGHUP":
+                    engine.send(Command.STOP)
+    assert [event.outcome for event in events if isinstance(event, Verdict)] == ["stopped"]
+    assert engine.process.exitcode == 0
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 def test_the_listeners_death_is_a_safe_stop(place: Place) -> None:
     script = (
