@@ -5,7 +5,7 @@ unit is mounted 0.1-0.3° askew on a table with 60″ of non-orthogonality, enco
 0.1°. What is tested, and where the bands come from, stands in `docs/study.md`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
@@ -114,11 +114,13 @@ def run_study(
     return {"schema": "calstation.study/1", "rows": rows, "passed": all(r["passed"] for r in rows)}
 
 
-def _map(jobs: list[Any], workers: int) -> Any:
+def _map(jobs: list[Any], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
+    """Results as they come; the workers end with the last of them, or with whatever ends the study."""
     if workers == 1:
-        return map(_unit, jobs)
-    pool = get_context("spawn").Pool(workers)
-    return pool.imap_unordered(_unit, jobs)
+        yield from map(_unit, jobs)
+        return
+    with get_context("spawn").Pool(workers) as pool:
+        yield from pool.imap_unordered(_unit, jobs)
 
 
 def _unit(
