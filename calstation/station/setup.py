@@ -1,6 +1,7 @@
 """All of a run's configuration, read and checked before anything is opened or moves."""
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -215,15 +216,20 @@ def prepare(request: RunRequest) -> Setup:
     )
     _check_serial(setup, product_path)
     _check_bench(setup, station_path)
-    for name in product.targets:
-        if not named(name):
-            raise ConfigurationError(f"{product_path}: targets.{name} is no parameter or group; remove it")
+    _check_targets("targets", product.targets, product_path)
+    for stage, schedule in setup.schedules.items():
+        _check_targets(f"schedule.{stage}.targets", getattr(schedule, "targets", {}), product_path)
     return setup
 
 
-def _check_serial(setup: Setup, product_path: Path) -> None:
-    import re
+def _check_targets(field: str, targets: Iterable[str], product_path: Path) -> None:
+    """A target of no parameter would count as reached at once."""
+    for name in targets:
+        if not named(name):
+            raise ConfigurationError(f"{product_path}: {field}.{name} is no parameter or group; remove it")
 
+
+def _check_serial(setup: Setup, product_path: Path) -> None:
     pattern = setup.product.serial_pattern
     if not re.fullmatch(pattern, setup.request.serial):
         raise ConfigurationError(

@@ -212,6 +212,13 @@ def test_a_wrong_product_file(
     check(calstation("run", "--product", product), 2, *words)
 
 
+def test_a_target_of_no_parameter_would_end_a_stage_at_once(calstation: Run, tmp_path: Path) -> None:
+    change = ("[schedule.excitation]\n", "[schedule.excitation]\ntargets = { gyro_bais = 1e-8 }\n")
+    product = edited(tmp_path, "products", "nav_a", change)
+    words = ("schedule.excitation.targets.gyro_bais", "no parameter")
+    check(calstation("run", "--product", product), 2, *words)
+
+
 def test_a_profile_with_an_overlapping_register(calstation: Run, tmp_path: Path, home: Path) -> None:
     edited(tmp_path, "imus", "bench_nav", ("address = 3\n", "address = 2\n"))
     check(calstation("run"), 2, "bench_nav.toml", "overlap", "register 2")
