@@ -10,7 +10,7 @@ State order of the errors: φ (0:3), δv (3:6), δp (6:9), the 30 parameters (9:
 References
 ----------
 P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, J. Guidance Control Dynamics
-21(1-2), 1998: coning and sculling from the last and the present increment (part 1 eq. 42, part 2 eq. 57);
+21(1-2), 1998: coning and sculling from the last and the present increment;
 the third-order term is that of ω constant and f quadratic over the sample.
 P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.
 """
@@ -24,9 +24,6 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import Compensation
 
 STATES = 39
-PHI = slice(0, 3)
-VELOCITY = slice(3, 6)
-POSITION = slice(6, 9)
 PARAMETER_START = 9
 
 
@@ -125,7 +122,7 @@ def _force_jacobian(
 ) -> None:
     """∂f/∂parameters at the reference point: gyro terms (0:12), accelerometer (12:24), inner lever (24:27)."""
     inverse = np.empty((3, 3))
-    for i in range(3):  # first-order inverse of I + M_a + 2 diag(K2 f): K2 f is 1e-4 at most
+    for i in range(3):  # first-order inverse of I + M_a + 2 diag(K2 f): K2 f is a few 1e-4 at most
         for j in range(3):
             inverse[i, j] = c.accel_inverse[i, j] * (1.0 - 2.0 * c.quadratic[j] * force[j])
     for i in range(3):

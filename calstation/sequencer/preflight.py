@@ -84,6 +84,7 @@ class Preflight:
         """Make sure of everything. Raises DeviceFaultError or ConfigurationError with what is wrong."""
         self.identify()
         self._wait_until_ready()
+        self._check_flow()
         guard.check_power(self._pulse.status)
         self._table.enable()
         self._pulse.wait(lambda: self._pulse.status.enabled, 5.0, "table: the drive does not enable its axes")
@@ -168,16 +169,20 @@ class Preflight:
                     f"{limits.warm_up_timeout:g} s; wait, or allow more in the product's warm_up"
                 )
 
+    def _check_flow(self) -> list[SampleBlock]:
+        """Some seconds of samples at rest, without a gap."""
+        gaps = self._acquisition.gaps
+        with self._acquisition.tap() as blocks:
+            self._pulse.rest(self._limits.flow)
+        if self._acquisition.gaps != gaps:
+            raise DeviceFaultError("IMU: data have gaps already at rest; check cable, baud and sample rate")
+        return blocks
+
     def _check_gravity(self) -> FloatArray:
         """Gravity as declared, data without a gap; returns the gyro's mean at rest, rad/s, shape (3,)."""
         self._emit(Message("checking_mounting"))
         limits = self._limits
-        gaps = self._acquisition.gaps
-        with self._acquisition.tap() as blocks:
-            self._pulse.rest(limits.flow)
-        if self._acquisition.gaps != gaps:
-            raise DeviceFaultError("IMU: data have gaps already at rest; check cable, baud and sample rate")
-        mean = _counts(blocks).mean(axis=0) * self._scale
+        mean = _counts(self._check_flow()).mean(axis=0) * self._scale
         force = mean[3:]
         size = float(np.linalg.norm(force))
         if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
