@@ -104,7 +104,8 @@ def plain_pass(context, prior, data, attitude, sigma, noise, first, last):
     arm_velocity = observe(omega)
     for k in range(first, last):
         omega, force = compensated(k)
-        rate_columns, force_columns = parameter_columns(gyro_inverse, accel_inverse, omega, force)
+        acted_on = C.T @ up + np.cross(omega, np.cross(omega, lever_arm))
+        rate_columns, force_columns = parameter_columns(gyro_inverse, accel_inverse, omega, acted_on)
         force = force + inner_lever * (omega @ omega - omega**2)
         middle = C @ turn(0.5 * dt * omega)
         v = v + (middle @ force - up - 2.0 * np.cross(earth, v)) * dt

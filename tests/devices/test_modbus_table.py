@@ -4,7 +4,7 @@ import socket
 import struct
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +47,7 @@ class ScriptedServer:
             threading.Thread(target=self._serve, args=(peer,), daemon=True).start()
 
     def _serve(self, peer: socket.socket) -> None:
-        with peer, peer.makefile("rb") as stream:
+        with suppress(OSError), peer, peer.makefile("rb") as stream:  # the driver may hang up at any time
             while len(head := stream.read(7)) == 7:
                 transaction, _, length, unit = struct.unpack(">HHHB", head)
                 request = stream.read(length - 1)
