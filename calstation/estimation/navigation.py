@@ -94,7 +94,7 @@ class NavigationFilter:
         kf.x[PARAMETER_START:STATES] = prior.mean - point
         kf.P = np.zeros((size, size))
         kf.P[PARAMETER_START:STATES, PARAMETER_START:STATES] = prior.covariance
-        kf.F = np.eye(size)
+        kf.F = np.eye(size) if self._wanders else self.work.transition
         kf.H = np.zeros((3, size))
         kf.inv = _inverse
         kf.Q = np.zeros((size, size))
@@ -164,8 +164,8 @@ class NavigationFilter:
         force_sum = self._arm_velocity - before
         force_sum[2] += self.gravity * T
         write_navigation_block(work.transition, self.earth, force_sum, 0.5 * T * force_sum, T)
-        kf.F[:STATES, :STATES] = work.transition
         if self._wanders:
+            kf.F[:STATES, :STATES] = work.transition
             kf.F[:PARAMETER_START, STATES:] = work.transition[:PARAMETER_START, BIAS]
         kf.predict()
         if shift is not None:
