@@ -26,7 +26,7 @@ from calstation.physics.strapdown import body_rotation
 
 MOST_PASSES = 20
 SETTLED = 0.01
-"""A pass that moves no parameter by more than this many sigmas is the last."""
+"""A pass is the last when it, or the next by the rate at which steps shrink, moves nothing by this many sigmas."""
 AZIMUTHS_TRIED = 12
 NARROW_AZIMUTH_SIGMA = 0.3
 """An azimuth found from the data is first settled within this of where it seems to be, rad, then let free."""
@@ -106,12 +106,15 @@ def _settle(
     done: int,
 ) -> NavigationResult:
     """Passes until one moves nothing that matters; the very first, with `done` = 0 before it, closes the loop."""
+    moved = 1.0  # before the first pass nothing is known of how fast steps shrink
     for passes in range(done + 1, done + MOST_PASSES + 1):
         run, ends = _pass(data, context, prior, point, found, attitudes, passes > 1)
         belief = run.belief
         settled_at = np.where(estimated, belief.mean, prior.mean)
         sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
-        settled = float(np.max(np.abs(settled_at - point) / sigma)) < SETTLED and passes > 1
+        before, moved = moved, float(np.max(np.abs(settled_at - point) / sigma))
+        # steps shrink at least as the last two did, so the next one's size is known without taking it
+        settled = passes > 1 and min(moved, moved * moved / before) < SETTLED
         if settled:
             break
         attitudes = _carry_back(run, data, settled_at, found, ends)
