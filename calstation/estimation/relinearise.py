@@ -114,7 +114,7 @@ def _settle(
         sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
         before, moved = moved, float(np.max(np.abs(settled_at - point) / sigma))
         # steps shrink at least as the last two did, so the next one's size is known without taking it
-        settled = passes > 1 and min(moved, moved * moved / before) < SETTLED
+        settled = passes > 1 and (moved < SETTLED or moved * moved < SETTLED * before)
         if settled:
             break
         attitudes = _carry_back(run, data, settled_at, found, ends)
