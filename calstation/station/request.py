@@ -1,7 +1,9 @@
 """`RunRequest`: what a listener asks the engine to run, as plain values that travel between processes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -16,6 +18,7 @@ class RunRequest:
     out : folder for log and result
     operator : who asked, None where not said
     speed, seed : of the virtual bench; None for the station file's
+    schedule : parameters of stages' methods in place of the product's, by stage; None for the product's
     """
 
     serial: str
@@ -26,3 +29,4 @@ class RunRequest:
     operator: str | None = None
     speed: float | None = None
     seed: int | None = None
+    schedule: Mapping[str, Mapping[str, Any]] | None = None

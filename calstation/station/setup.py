@@ -1,7 +1,7 @@
 """All of a run's configuration, read and checked before anything is opened or moves."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -187,6 +187,16 @@ class _Steps:
 
 def prepare(request: RunRequest) -> Setup:
     """Read and check everything that a run needs. Raises ConfigurationError with file, field and mend."""
+    setup, product_path = configured(request)
+    _check_serial(setup, product_path)
+    return setup
+
+
+def configured(request: RunRequest) -> tuple[Setup, Path]:
+    """A run's configuration, checked, and the product's file; no unit needs to be named yet.
+
+    Raises ConfigurationError with file, field and mend.
+    """
     station_path, station = load_station(request.station)
     product_path, product = load_product(request.product)
     if not product.limits:
@@ -196,6 +206,7 @@ def prepare(request: RunRequest) -> Setup:
     table_path = library.find("tables", station.table.profile)
     imu_path = library.find("imus", product.imu)
     stages = request.stages or tuple(product.stages)
+    chosen = request.schedule or {}
     setup = Setup(
         request=request,
         station=station,
@@ -203,7 +214,7 @@ def prepare(request: RunRequest) -> Setup:
         table=load_table_profile(table_path),
         imu=load_imu_profile(imu_path),
         stages=stages,
-        schedules={stage: _schedule(product, stage, product_path) for stage in stages},
+        schedules={stage: _schedule(product, stage, chosen.get(stage, {}), product_path) for stage in stages},
         texts={
             kind: path.read_text(encoding="utf-8")
             for kind, path in (
@@ -214,12 +225,11 @@ def prepare(request: RunRequest) -> Setup:
             )
         },
     )
-    _check_serial(setup, product_path)
     _check_bench(setup, station_path)
     _check_targets("targets", product.targets, product_path)
     for stage, schedule in setup.schedules.items():
         _check_targets(f"schedule.{stage}.targets", getattr(schedule, "targets", {}), product_path)
-    return setup
+    return setup, product_path
 
 
 def _check_targets(field: str, targets: Iterable[str], product_path: Path) -> None:
@@ -252,9 +262,10 @@ def _check_bench(setup: Setup, station_path: Path) -> None:
     validate(BenchConfig, config, f"{station_path} [bench]")
 
 
-def _schedule(product: ProductConfig, stage: str, path: Path) -> BaseModel:
+def _schedule(product: ProductConfig, stage: str, instead: Mapping[str, Any], path: Path) -> BaseModel:
+    """A stage's schedule: the method's own values, the product's before them, the request's before those."""
     chosen = method(stage)
-    given: dict[str, JsonValue] = dict(product.schedule.get(stage, {}))
+    given: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
     if "targets" in chosen.schedule.model_fields and product.targets and "targets" not in given:
         given["targets"] = dict(product.targets)
     return validate(chosen.schedule, given, f"{path}: schedule.{stage}")
