@@ -3,11 +3,9 @@
 import multiprocessing
 import signal
 import sys
-import threading
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from types import TracebackType
@@ -16,6 +14,7 @@ from typing import Any
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, from_json
+from calstation.station.interrupts import deaf_to_interrupts
 from calstation.station.request import RunRequest
 
 _SLICE = 0.2
@@ -38,7 +37,7 @@ class Engine:
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_engine, args=(there, request), name="calstation engine")
-        with _deaf_to_interrupts():
+        with deaf_to_interrupts():
             process.start()
         there.close()
         return cls(process, here)
@@ -89,19 +88,6 @@ class Engine:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """A child started inside inherits that Ctrl-C is not for it: its listener sends a stop instead."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _engine(connection: "Connection[Any, Any]", request: RunRequest) -> None:
