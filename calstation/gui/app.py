@@ -1,0 +1,33 @@
+"""Starts the window: application, style, language, theme."""
+
+import sys
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QApplication, QMainWindow
+
+from calstation.gui import language, theme
+from calstation.gui.context import AppContext
+from calstation.gui.main_window import MainWindow
+
+
+def create_window(station: Path | None = None) -> QMainWindow:
+    """The main window for a station file, the virtual bench by default; makes the QApplication where there is none."""
+    app = QApplication.instance() or QApplication(sys.argv[:1])
+    assert isinstance(app, QApplication)
+    app.setApplicationName("calstation")
+    app.setStyle("Fusion")
+    app.setFont(theme.font())
+    context = AppContext(station)
+    dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark
+    theme.apply(str(context.settings.value("theme", "dark" if dark else "light")))
+    language.use(str(context.settings.value("language", language.system_language())))
+    return MainWindow(context)
+
+
+def main(station: Path | None = None) -> int:
+    """Open the window and return when it is closed."""
+    window = create_window(station)
+    window.show()
+    return QApplication.exec()

@@ -1,0 +1,64 @@
+"""What every page is given: the workshop, the engine, the role, the settings and where things lie."""
+
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QSettings, Signal
+
+from calstation.gui import theme
+from calstation.gui.engine_link import EngineLink
+from calstation.gui.role import RoleLock
+from calstation.station import library
+from calstation.station.workshop import Workshop
+
+
+class AppContext(QObject):
+    """Shared by all pages of a window.
+
+    Attributes
+    ----------
+    workshop : where slow work is done, in a process of its own
+    engine_link : starts runs and tells their events
+    role : operator or engineer
+    settings : language, theme, recent files; nothing that changes a result
+    station_path : the station file, None for the default, the virtual bench
+    product_path : the product file chosen on the operator page
+    runs_folder : where logs and results go and history looks
+    """
+
+    station_changed = Signal()
+    product_changed = Signal()
+    open_log = Signal(object)
+    open_run = Signal(object)
+    theme_changed = Signal()
+
+    def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
+        super().__init__()
+        self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
+        self.workshop = Workshop()
+        self.engine_link = EngineLink(self)
+        self.role = RoleLock(self)
+        self.station_path = station
+        self.product_path: Path | None = None
+        self.runs_folder = runs_folder or Path("runs")
+
+    def set_station(self, path: Path | None) -> None:
+        """Use another station file."""
+        self.station_path = path
+        self.station_changed.emit()
+
+    def set_product(self, path: Path) -> None:
+        """Use another product file."""
+        if path != self.product_path:
+            self.product_path = path
+            self.product_changed.emit()
+
+    def set_theme(self, name: str) -> None:
+        """Change between light and dark."""
+        theme.apply(name)
+        self.settings.setValue("theme", theme.current())
+        self.theme_changed.emit()
+
+    def close(self) -> None:
+        """End what runs beside the window; a run that is still going stops safely."""
+        self.engine_link.close()
+        self.workshop.close()

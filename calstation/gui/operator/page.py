@@ -1,0 +1,16 @@
+"""The operator page."""
+
+from calstation.gui.context import AppContext
+from calstation.gui.page import Page
+
+
+class OperatorPage(Page):
+    """The operator page."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__(app)
+        self.setObjectName("operator_page")
+
+    def title(self) -> str:
+        """The page's name on its tab."""
+        return self.tr("Operator")

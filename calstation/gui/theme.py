@@ -1,0 +1,191 @@
+"""How the window looks: palettes light and dark, sizes on one 8 px grid, the axes' colours, a small style sheet."""
+
+from dataclasses import dataclass
+
+from PySide6.QtGui import QColor, QFont, QPalette
+from PySide6.QtWidgets import QApplication, QWidget
+
+GRID = 8
+"""Every margin and distance is a multiple of this, px."""
+
+BODY, SECTION, VERDICT = 14, 18, 72
+"""The three text sizes, px."""
+
+BUTTON, BIG_BUTTON = 44, 64
+"""Least height of a button, and of START and STOP, px."""
+
+AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
+"""x, y and z wherever they are drawn, safe for colour-blind eyes, in both themes."""
+
+FAMILIES = [
+    "Segoe UI",
+    "Noto Sans",
+    "DejaVu Sans",
+    "Microsoft YaHei",
+    "Noto Sans CJK SC",
+    "WenQuanYi Micro Hei",
+    "sans-serif",
+]
+
+
+@dataclass(frozen=True)
+class Colours:
+    """One theme's colours as ``#rrggbb``; a state's colour always stands beside a word and a shape."""
+
+    window: str
+    panel: str
+    field: str
+    text: str
+    muted: str
+    line: str
+    accent: str
+    on_accent: str
+    good: str
+    bad: str
+    caution: str
+    on_state: str
+
+
+COLOURS = {
+    "light": Colours(
+        window="#eceff1",
+        panel="#ffffff",
+        field="#ffffff",
+        text="#14191d",
+        muted="#55616a",
+        line="#c3ccd2",
+        accent="#1f5f8b",
+        on_accent="#ffffff",
+        good="#1b7a43",
+        bad="#b3261e",
+        caution="#8a5a00",
+        on_state="#ffffff",
+    ),
+    "dark": Colours(
+        window="#12171b",
+        panel="#1b2228",
+        field="#232c33",
+        text="#e7ecef",
+        muted="#9caab4",
+        line="#3a4750",
+        accent="#6cb2e2",
+        on_accent="#0d1317",
+        good="#4cc38a",
+        bad="#ff7a6e",
+        caution="#f0b940",
+        on_state="#0d1317",
+    ),
+}
+"""Colours by theme name."""
+
+_current = "light"
+
+
+def colours() -> Colours:
+    """The colours in force."""
+    return COLOURS[_current]
+
+
+def current() -> str:
+    """Name of the theme in force."""
+    return _current
+
+
+def apply(name: str) -> None:
+    """Put a theme in force for the whole application."""
+    global _current
+    _current = name if name in COLOURS else "light"
+    app = QApplication.instance()
+    assert isinstance(app, QApplication)
+    app.setPalette(palette(colours()))
+    app.setStyleSheet(style_sheet(colours()))
+
+
+def palette(c: Colours) -> QPalette:
+    """The Qt palette of a theme."""
+    made = QPalette()
+    role = QPalette.ColorRole
+    for each, colour in (
+        (role.Window, c.window),
+        (role.WindowText, c.text),
+        (role.Base, c.field),
+        (role.AlternateBase, c.panel),
+        (role.Text, c.text),
+        (role.PlaceholderText, c.muted),
+        (role.Button, c.panel),
+        (role.ButtonText, c.text),
+        (role.BrightText, c.bad),
+        (role.Highlight, c.accent),
+        (role.HighlightedText, c.on_accent),
+        (role.Accent, c.accent),
+        (role.Link, c.accent),
+        (role.LinkVisited, c.accent),
+        (role.ToolTipBase, c.panel),
+        (role.ToolTipText, c.text),
+        (role.Light, c.panel),
+        (role.Midlight, c.line),
+        (role.Mid, c.line),
+        (role.Dark, c.muted),
+        (role.Shadow, c.line),
+    ):
+        made.setColor(each, QColor(colour))
+    for each in (role.WindowText, role.Text, role.ButtonText):
+        made.setColor(QPalette.ColorGroup.Disabled, each, QColor(c.muted))
+    made.setColor(QPalette.ColorGroup.Disabled, role.Base, QColor(c.window))
+    made.setColor(QPalette.ColorGroup.Disabled, role.Button, QColor(c.window))
+    made.setColor(QPalette.ColorGroup.Disabled, role.Highlight, QColor(c.line))
+    return made
+
+
+def style_sheet(c: Colours) -> str:
+    """What a palette cannot say: heights, and the fills of START and STOP."""
+    return f"""
+    QPushButton, QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox {{ min-height: {BUTTON - 2 * GRID}px; }}
+    QPushButton {{
+        min-height: {BUTTON - 2}px; padding: 0 {2 * GRID}px; border: 1px solid {c.line}; border-radius: 4px;
+        background: {c.panel};
+    }}
+    QPushButton:hover {{ border-color: {c.accent}; }}
+    QPushButton:pressed {{ background: {c.line}; }}
+    QPushButton:focus {{ border: 2px solid {c.accent}; }}
+    QPushButton:disabled {{ background: {c.window}; color: {c.muted}; }}
+    QPushButton:checked {{ background: {c.accent}; color: {c.on_accent}; }}
+    QPushButton[kind="primary"] {{ background: {c.accent}; color: {c.on_accent}; border-color: {c.accent}; }}
+    QPushButton[kind="primary"]:focus {{ border: 3px solid {c.text}; }}
+    QPushButton[kind="primary"]:disabled {{ background: {c.window}; color: {c.muted}; border-color: {c.line}; }}
+    QPushButton#stop_button {{ background: {c.bad}; color: {c.on_state}; border-color: {c.bad}; }}
+    QPushButton#stop_button:focus {{ border: 3px solid {c.text}; }}
+    QPushButton#start_button, QPushButton#stop_button, QPushButton#pause_button {{
+        min-height: {BIG_BUTTON - 2}px; font-size: {SECTION}px; font-weight: 600;
+    }}
+    QFrame[kind="panel"] {{ background: {c.panel}; border: 1px solid {c.line}; border-radius: 4px; }}
+    QLabel[kind="section"] {{ font-size: {SECTION}px; font-weight: 600; }}
+    QLabel[kind="muted"] {{ color: {c.muted}; }}
+    QLabel[kind="error"] {{ color: {c.bad}; }}
+    QTabBar#page_bar::tab, QTabWidget#page_tabs > QTabBar::tab {{
+        min-height: {BUTTON}px; padding: 0 {2 * GRID}px; border: none; border-bottom: 3px solid transparent;
+        color: {c.muted}; font-size: {BODY}px;
+    }}
+    QTabWidget#page_tabs > QTabBar::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
+    QTabWidget#page_tabs > QTabBar::tab:focus {{ color: {c.accent}; }}
+    QTabWidget#page_tabs::pane {{ border: none; border-top: 1px solid {c.line}; }}
+    QToolTip {{ color: {c.text}; background: {c.panel}; border: 1px solid {c.line}; padding: {GRID // 2}px; }}
+    """
+
+
+def font(size: int = BODY, *, bold: bool = False) -> QFont:
+    """The window's font at one of its sizes, px; figures are tabular, so that numbers stand still."""
+    made = QFont()
+    made.setFamilies(FAMILIES)
+    made.setPixelSize(size)
+    made.setFeature(QFont.Tag("tnum"), 1)
+    if bold:
+        made.setWeight(QFont.Weight.DemiBold)
+    return made
+
+
+def set_kind(widget: QWidget, kind: str) -> None:
+    """Give a widget one of the style sheet's kinds: primary, panel, section, muted, error."""
+    widget.setProperty("kind", kind)
+    widget.style().unpolish(widget)
+    widget.style().polish(widget)
