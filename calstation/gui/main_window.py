@@ -1,5 +1,7 @@
 """The main window: top bar, pages, and STOP in one place on all of them."""
 
+import traceback
+
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QCloseEvent, QKeySequence, QResizeEvent, QShortcut
 from PySide6.QtWidgets import (
@@ -26,6 +28,11 @@ from calstation.station.config import load_station
 _PAGES: tuple[type[Page], ...] = (OperatorPage, EngineerPage, OfflinePage, HistoryPage, StationPage)
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
 """Height of the strip with STOP above every page, px."""
+
+
+class _Broken(Page):
+    def title(self) -> str:
+        return "?"
 
 
 class MainWindow(QMainWindow):
@@ -56,7 +63,11 @@ class MainWindow(QMainWindow):
         row.addWidget(self.stop_button)
         self.pages: list[Page] = []
         for kind in _PAGES:
-            self._add(kind(app))
+            try:
+                self._add(kind(app))
+            except Exception:  # noqa: BLE001
+                traceback.print_exc()
+                self._add(_Broken(app))
         self.page_tabs.currentChanged.connect(self._turn)
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self, self.stop)
         self.app.station_changed.connect(self._show_station)
