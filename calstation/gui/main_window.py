@@ -1,5 +1,6 @@
 """The main window: top bar, pages, and STOP in one place on all of them."""
 
+import importlib
 import traceback
 
 from PySide6.QtCore import QEvent, Qt
@@ -16,16 +17,17 @@ from PySide6.QtWidgets import (
 
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
-from calstation.gui.engineer.page import EngineerPage
-from calstation.gui.history.page import HistoryPage
-from calstation.gui.offline.page import OfflinePage
-from calstation.gui.operator.page import OperatorPage
 from calstation.gui.page import Page
-from calstation.gui.station_page.page import StationPage
 from calstation.sequencer.control import Command
 from calstation.station.config import load_station
 
-_PAGES: tuple[type[Page], ...] = (OperatorPage, EngineerPage, OfflinePage, HistoryPage, StationPage)
+_PAGES = (
+    ("operator", "OperatorPage"),
+    ("engineer", "EngineerPage"),
+    ("offline", "OfflinePage"),
+    ("history", "HistoryPage"),
+    ("station_page", "StationPage"),
+)
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
 """Height of the strip with STOP above every page, px."""
 
@@ -62,9 +64,9 @@ class MainWindow(QMainWindow):
         row.addWidget(self._headers, 1)
         row.addWidget(self.stop_button)
         self.pages: list[Page] = []
-        for kind in _PAGES:
+        for folder, name in _PAGES:
             try:
-                self._add(kind(app))
+                self._add(getattr(importlib.import_module(f"calstation.gui.{folder}.page"), name)(app))
             except Exception:  # noqa: BLE001
                 traceback.print_exc()
                 self._add(_Broken(app))
