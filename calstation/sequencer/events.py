@@ -79,6 +79,14 @@ class SampleStats:
 
 
 @dataclass(frozen=True)
+class Trace:
+    """Live output since the last trace, a mean per tick: IMU `time`, s, and gyro x y z, accel x y z, SI, for each."""
+
+    time: tuple[float, ...]
+    output: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Message:
     """Something a person should read, by its `id` and `values`."""
 
@@ -122,6 +130,7 @@ Event: TypeAlias = (
     | StageEnded
     | TableMoved
     | SampleStats
+    | Trace
     | Message
     | StageSolved
     | Verdict
@@ -138,6 +147,7 @@ _KINDS: dict[str, type[Event]] = {
         StageEnded,
         TableMoved,
         SampleStats,
+        Trace,
         Message,
         StageSolved,
         Verdict,
@@ -145,7 +155,7 @@ _KINDS: dict[str, type[Event]] = {
     )
 }
 
-LOSSY = (StageProgress, TableMoved, SampleStats)
+LOSSY = (StageProgress, TableMoved, SampleStats, Trace)
 """Events that only refresh a display: a slow listener may miss some, and the raw log keeps none."""
 
 
@@ -158,7 +168,7 @@ def from_json(data: Mapping[str, Any]) -> Event:
     """The event that `to_json` wrote. Raises KeyError for an unknown kind."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
-    for name in ("label", "mean"):
+    for name in ("label", "mean", "time", "output"):
         if name in values:
             values[name] = tuple(values[name])
     return kind(**values)

@@ -1,13 +1,15 @@
 """The engine's tick: poll the table, drain samples, feed the watchdog, hear commands."""
 
 import time
+from collections import deque
 from collections.abc import Callable
+from itertools import chain
 
 from calstation.devices.interfaces import Imu, Table, TableStatus
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition, Flow
 from calstation.sequencer.control import Control, PauseRequested, SpoiltStep, StopRequested
-from calstation.sequencer.events import SampleStats, TableMoved
+from calstation.sequencer.events import SampleStats, TableMoved, Trace
 from calstation.sequencer.ports import Clock, Emit
 
 TICK = 0.05
@@ -18,6 +20,9 @@ _NO_DATA = 1.0
 
 _SHOW_TABLE, _SHOW_SAMPLES = 0.1, 0.5
 """Host time between two events that only refresh a display, s."""
+
+_TRACED_AT_MOST = 400
+"""Ticks kept for a trace: a bench faster than its listener shows the latest."""
 
 
 class Pulse:
@@ -50,6 +55,7 @@ class Pulse:
         self._emit = emit
         self._service = service
         self._on_show = on_show
+        self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_TRACED_AT_MOST)
         self._fed = self._shown_table = self._shown_samples = -1e9
         self.status: TableStatus = table.status()
         self.flow = Flow(0, 0, False, False, False)
@@ -71,6 +77,7 @@ class Pulse:
         self.status = self._table.status()
         self._acquisition.poll(self.status, asked, self._clock.now())
         self.flow = self._acquisition.drain()
+        self._trace()
         self.keep_alive()
         self._show()
         self._check_table()
@@ -131,6 +138,11 @@ class Pulse:
         if self.flow.saturated:
             raise SpoiltStep("saturated")
 
+    def _trace(self) -> None:
+        newest, recent = self._acquisition.newest, self._acquisition.recent
+        if self.flow.count and newest is not None and recent is not None:
+            self._traced.append((newest, recent[0]))
+
     def _show(self) -> None:
         now = time.monotonic()
         if now - self._shown_table >= _SHOW_TABLE:
@@ -141,6 +153,10 @@ class Pulse:
                     float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving
                 )
             )
+            if self._traced:
+                times, outputs = zip(*self._traced, strict=True)
+                self._emit(Trace(times, tuple(chain.from_iterable(outputs))))
+                self._traced.clear()
         if now - self._shown_samples >= _SHOW_SAMPLES and self._acquisition.recent is not None:
             self._shown_samples = now
             self._on_show()
