@@ -11,7 +11,7 @@ import numpy as np
 
 from calstation.devices.frames import FrameDecoder, Frames, Reply, command_frame
 from calstation.devices.imu_profile import ImuProfile
-from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
+from calstation.devices.interfaces import ImuIdentity, LinkStats, OtherModelError, SampleBatch
 from calstation.devices.link import SerialLink
 from calstation.devices.registers import RegisterMap
 from calstation.errors import DeviceFaultError
@@ -25,6 +25,10 @@ _ATTEMPTS = 3
 _VALUES_PER_TRANSFER = 32
 _NOISE_FRAMES = 40
 """Frames' worth of bytes without one sound frame that counts as a wrong setting of the link."""
+
+
+class ImuRefusalError(DeviceFaultError):
+    """The unit understands and refuses a command."""
 
 
 @dataclass(frozen=True)
@@ -102,18 +106,22 @@ class FramedImu:
         return SampleBatch(seq, moment, counts, temperature, status, arrival)
 
     def identify(self) -> ImuIdentity:
-        """Ask for model, serial number and firmware; raises DeviceFaultError where another model answers."""
+        """Ask for model, serial number and firmware; raises OtherModelError where another model answers."""
         text = self._ask(OP_IDENTIFY, b"").decode("ascii", errors="replace")
         parts = [part.strip() for part in text.split(";")]
         if len(parts) != 3:
-            raise DeviceFaultError(
-                f"IMU: identity '{text}' is not 'model;serial;firmware'; choose another profile"
+            raise OtherModelError(
+                f"IMU: identity '{text}' is not 'model;serial;firmware'; choose another profile",
+                text,
+                "model;serial;firmware",
             )
         identity = ImuIdentity(*parts)
         if self._profile.model not in identity.model:
-            raise DeviceFaultError(
+            raise OtherModelError(
                 f"IMU: model '{identity.model}' answers, the profile is for '{self._profile.model}';"
-                " choose the right IMU profile in the product file"
+                " choose the right IMU profile in the product file",
+                identity.model,
+                self._profile.model,
             )
         return identity
 
@@ -195,7 +203,7 @@ class FramedImu:
                     continue
                 if reply.op == OP_ERROR:
                     code = reply.payload[0] if reply.payload else 0
-                    raise DeviceFaultError(
+                    raise ImuRefusalError(
                         f"IMU: command {op} was refused: {_ERRORS.get(code, f'code {code}')}"
                     )
                 if reply.op == op and reply.payload.startswith(begins):

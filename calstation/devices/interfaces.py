@@ -4,8 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.table import JointLimits
+
+
+class OtherModelError(DeviceFaultError):
+    """Not the device that the profile is for answers: `found` instead of `expected`."""
+
+    def __init__(self, text: str, found: str, expected: str) -> None:
+        super().__init__(text)
+        self.found = found
+        self.expected = expected
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from typing import Literal
 
 import serial
 from pydantic import Field, field_validator
-from serial.tools import list_ports
 
 from calstation.configuration import StrictModel
+from calstation.devices.ports import found_ports, resolve
 from calstation.errors import ConfigurationError, DeviceFaultError
 
 try:
@@ -19,6 +19,10 @@ LINK_ERRORS = (serial.SerialException, OSError, termios_error)
 """What pyserial raises: a closed pty gives plain OSError, a refused parity termios.error."""
 
 _READ_SIZE = 65536
+
+
+class PortLostError(DeviceFaultError):
+    """An open port has gone: a pulled plug, a device that hung up."""
 
 
 class SerialSettings(StrictModel):
@@ -46,7 +50,7 @@ class SerialLink:
 
     Parameters
     ----------
-    port : `/dev/...`, `COM3`, `socket://host:port` or `rfc2217://host:port`
+    port : `/dev/...`, `COM3`, `usb:SERIALNUMBER`, `socket://host:port` or `rfc2217://host:port`
     settings : baud and so on; meaningless for sockets
     name : what messages call the device, e.g. "IMU"
 
@@ -61,15 +65,17 @@ class SerialLink:
     def __init__(self, port: str, settings: SerialSettings, name: str) -> None:
         self.port = port
         self.name = name
+        device = resolve(port, name)
         try:
             self._serial = serial.serial_for_url(
-                port,
+                device,
                 baudrate=settings.baud,
                 bytesize=settings.data_bits,
                 parity=settings.parity,
                 stopbits=settings.stop_bits,
                 timeout=0,
                 write_timeout=settings.write_timeout_s,
+                exclusive=True,  # two readers of one port would each get half of the bytes
             )
         except ValueError as exc:
             raise ConfigurationError(f"{name}: port {port}: {exc}; correct the port's settings") from exc
@@ -83,7 +89,7 @@ class SerialLink:
             self._fileno = None
 
     def read(self, wait: float) -> bytes:
-        """Bytes that have come, waiting at most `wait` s for the first. Raises DeviceFaultError."""
+        """Bytes that have come, waiting at most `wait` s for the first. Raises PortLostError."""
         try:
             if self._fileno is not None:
                 ready, _, _ = select.select([self._fileno], [], [], wait)
@@ -96,7 +102,7 @@ class SerialLink:
             raise self._lost(exc) from exc
 
     def write(self, data: bytes) -> None:
-        """Send bytes. Raises DeviceFaultError."""
+        """Send bytes. Raises PortLostError."""
         try:
             self._serial.write(data)
         except LINK_ERRORS as exc:
@@ -109,8 +115,8 @@ class SerialLink:
         except LINK_ERRORS:
             return
 
-    def _lost(self, exc: BaseException) -> DeviceFaultError:
-        return DeviceFaultError(
+    def _lost(self, exc: BaseException) -> PortLostError:
+        return PortLostError(
             f"{self.name}: port {self.port} was lost ({_reason(exc)}); check cable and power"
         )
 
@@ -123,7 +129,9 @@ def _reason(exc: BaseException) -> str:
 def _mend(port: str, exc: BaseException) -> str:
     if "://" in port:
         return "check that the device serves there and that the port in the station file is right"
+    if "exclusively lock" in str(exc):
+        return "another program uses it; close that program"
     if isinstance(exc, PermissionError) or "Permission" in str(exc):
         return "close other programs that use it and allow this user to use serial ports (group dialout)"
-    found = ", ".join(sorted(p.device for p in list_ports.comports())) or "none"
+    found = ", ".join(p.device for p in found_ports()) or "none"
     return f"ports found: {found}; correct the port in the station file"

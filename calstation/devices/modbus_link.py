@@ -9,6 +9,7 @@ from pymodbus.exceptions import ModbusException
 from pymodbus.pdu import ModbusPDU
 
 from calstation.devices.link import LINK_ERRORS, SerialSettings
+from calstation.devices.ports import resolve
 from calstation.errors import ConfigurationError, DeviceFaultError
 
 _CODES = {
@@ -28,20 +29,34 @@ T = TypeVar("T")
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors reach the user as DeviceFaultError
 
 
+class ModbusRefusalError(DeviceFaultError):
+    """The device answers with a Modbus exception; `code` is its number."""
+
+    def __init__(self, what: str, code: int) -> None:
+        meaning = _CODES.get(code, f"exception {code}")
+        super().__init__(f"table: {what}: {meaning} (Modbus exception {code})")
+        self.code = code
+
+
 class ModbusLink:
     """Holding registers of one Modbus unit over TCP or RTU; not for use by two threads at once.
 
     Parameters
     ----------
-    port : `tcp://host:port`, or a serial port for RTU
+    port : `tcp://host:port`, or for RTU a serial port, also as `usb:SERIALNUMBER`
     unit : Modbus unit number
     timeout : host time for an answer, s
     serial : settings of a serial port
+
+    Attributes
+    ----------
+    heard : the bytes that came last, whether they make sense or not
     """
 
     def __init__(self, port: str, unit: int, timeout: float, serial: SerialSettings) -> None:
         self._port = port
         self._unit = unit
+        self.heard = b""
         self._client: ModbusTcpClient | ModbusSerialClient
         if port.startswith("tcp://"):
             host, _, number = port.removeprefix("tcp://").rpartition(":")
@@ -49,16 +64,19 @@ class ModbusLink:
                 raise ConfigurationError(
                     f"table: port {port} is not tcp://host:port; correct it in the station file"
                 )
-            self._client = ModbusTcpClient(host, port=int(number), timeout=timeout, retries=0)
+            self._client = ModbusTcpClient(
+                host, port=int(number), timeout=timeout, retries=0, trace_packet=self._hear
+            )
         else:
             self._client = ModbusSerialClient(
-                port,
+                resolve(port, "table"),
                 baudrate=serial.baud,
                 bytesize=serial.data_bits,
                 parity=serial.parity,
                 stopbits=serial.stop_bits,  # type: ignore[arg-type]  # pyserial takes 1.5 too
                 timeout=timeout,
                 retries=0,
+                trace_packet=self._hear,
             )
         if not self._connect():
             raise DeviceFaultError(
@@ -96,6 +114,11 @@ class ModbusLink:
         except LINK_ERRORS:
             return
 
+    def _hear(self, sending: bool, data: bytes) -> bytes:
+        if not sending and data:
+            self.heard = data
+        return data
+
     def _connect(self) -> bool:
         try:
             return bool(self._client.connect())
@@ -122,9 +145,7 @@ class ModbusLink:
                 self.close()
                 continue
             if answer.isError():
-                code = answer.exception_code
-                meaning = _CODES.get(code, f"exception {code}")
-                raise DeviceFaultError(f"table: {what}: {meaning} (Modbus exception {code})")
+                raise ModbusRefusalError(what, answer.exception_code)
             taken = take(answer)
             if taken is not None:
                 return taken

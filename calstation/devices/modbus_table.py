@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from calstation.devices.interfaces import TableIdentity, TableStatus
+from calstation.devices.interfaces import OtherModelError, TableIdentity, TableStatus
 from calstation.devices.link import SerialSettings
 from calstation.devices.modbus_link import ModbusLink
 from calstation.devices.table_profile import JOINTS, ModbusRegister, TableProfile
-from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.errors import ConfigurationError
 from calstation.estimation.samples import snap_angles
 from calstation.physics.table import JointLimits
 
@@ -67,12 +67,14 @@ class ModbusTable:
         self._rate, self._acceleration = geometry.rate, geometry.acceleration
 
     def identify(self) -> TableIdentity:
-        """Model and serial number; raises DeviceFaultError where another model answers."""
+        """Model and serial number; raises OtherModelError where another model answers."""
         identity = TableIdentity(self._text("model"), self._text("serial"))
         if self._profile.model not in identity.model:
-            raise DeviceFaultError(
+            raise OtherModelError(
                 f"table: model '{identity.model}' answers, the profile is for '{self._profile.model}';"
-                " choose the right table profile in the station file"
+                " choose the right table profile in the station file",
+                identity.model,
+                self._profile.model,
             )
         return identity
 
@@ -147,6 +149,11 @@ class ModbusTable:
     def close(self) -> None:
         """Hang up."""
         self._link.close()
+
+    @property
+    def heard(self) -> bytes:
+        """The bytes that came last, whether they make sense or not."""
+        return self._link.heard
 
     def _write(self, name: str, value: float, repeat: bool = True) -> None:
         register = self._profile.registers[name]

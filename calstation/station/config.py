@@ -20,7 +20,8 @@ DEFAULT_PRODUCT = "nav_a"
 class DeviceSection(StrictModel):
     """A device's link at this place: port, and the serial settings where they differ from the profile's.
 
-    port : for a table ``tcp://host:port`` or a serial port, for an IMU a serial port or ``socket://host:port``
+    port : for a table ``tcp://host:port`` or a serial port, for an IMU a serial port or ``socket://host:port``;
+        a serial port by its name or as ``usb:SERIALNUMBER`` of its adapter
     timeout_s : host time for an answer, the profile's where absent
     """
 
@@ -30,9 +31,13 @@ class DeviceSection(StrictModel):
 
 
 class TableLinkSection(DeviceSection):
-    """`[table]` of a station: which table stands here."""
+    """`[table]` of a station: which table stands here.
+
+    unit : its Modbus unit number, the profile's where absent
+    """
 
     profile: str
+    unit: int | None = Field(default=None, ge=0, le=255)
 
 
 class StationConfig(StrictModel):

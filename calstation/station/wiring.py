@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from calstation.devices.framed_imu import FramedImu
 from calstation.devices.imu_profile import ImuProfile
-from calstation.devices.link import SerialLink
+from calstation.devices.link import SerialLink, SerialSettings
 from calstation.devices.modbus_table import ModbusTable
 from calstation.devices.table_profile import TableProfile
 from calstation.sequencer.ports import Clock
@@ -24,44 +24,76 @@ class Devices:
     clock: Clock
 
 
+@dataclass(frozen=True)
+class Endpoints:
+    """Where table and IMU are to be found, and the clock that they live by."""
+
+    table: str
+    imu: str
+    clock: RealClock | BenchClock
+
+
 @contextmanager
 def connected(setup: Setup) -> Iterator[Devices]:
     """Open clock, table and IMU; close them on the way out. Raises DeviceFaultError or ConfigurationError."""
     with ExitStack() as stack:
-        table_port, imu_port = setup.station.table.port, setup.station.imu.port
-        clock: RealClock | BenchClock = RealClock()
-        config = setup.bench_config()
-        if config is not None:
-            endpoints = stack.enter_context(BenchHost.start(config)).endpoints
-            host, _, port = endpoints["clock"].rpartition(":")
-            clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))
-            stack.callback(clock.close)
-            over_tcp = endpoints["table_transport"] == "tcp"
-            table_port = f"tcp://{endpoints['table']}" if over_tcp else endpoints["table"]
-            imu_port = endpoints["imu"]
-        assert table_port is not None
-        assert imu_port is not None
-        table = ModbusTable(table_port, _table_profile(setup), setup.station.table.serial)
+        at = stack.enter_context(endpoints(setup))
+        table = open_table(setup, at.table)
         stack.callback(table.close)
-        profile = _imu_profile(setup)
-        imu = FramedImu(SerialLink(imu_port, setup.station.imu.serial or profile.link, "IMU"), profile)
+        imu = open_imu(setup, at.imu)
         stack.callback(imu.close)
         imu.start()
-        if isinstance(clock, BenchClock):
-            clock.attach(lambda: imu.received)
-        yield Devices(table, imu, clock)
+        if isinstance(at.clock, BenchClock):
+            at.clock.attach(lambda: imu.received)
+        yield Devices(table, imu, at.clock)
 
 
-def _table_profile(setup: Setup) -> TableProfile:
-    """The table's profile with this place's timeout."""
-    timeout = setup.station.table.timeout_s
-    if timeout is None:
-        return setup.table
-    modbus = setup.table.modbus.model_copy(update={"timeout_s": timeout})
+@contextmanager
+def endpoints(setup: Setup) -> Iterator[Endpoints]:
+    """The ports of a station, or those of its virtual bench, which lives as long as the context."""
+    config = setup.bench_config()
+    if config is None:
+        table, imu = setup.station.table.port, setup.station.imu.port
+        assert table is not None
+        assert imu is not None
+        yield Endpoints(table, imu, RealClock())
+        return
+    with BenchHost.start(config) as bench:
+        told = bench.endpoints
+        host, _, port = told["clock"].rpartition(":")
+        clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))
+        over_tcp = told["table_transport"] == "tcp"
+        try:
+            yield Endpoints(f"tcp://{told['table']}" if over_tcp else told["table"], told["imu"], clock)
+        finally:
+            clock.close()
+
+
+def open_table(setup: Setup, port: str) -> ModbusTable:
+    """The table on its port. Raises DeviceFaultError or ConfigurationError."""
+    return ModbusTable(port, table_profile(setup), setup.station.table.serial)
+
+
+def open_imu(setup: Setup, port: str) -> FramedImu:
+    """The IMU on its port, not streaming yet. Raises DeviceFaultError or ConfigurationError."""
+    profile = imu_profile(setup)
+    return FramedImu(SerialLink(port, imu_settings(setup), "IMU"), profile)
+
+
+def imu_settings(setup: Setup) -> SerialSettings:
+    """This place's serial settings, the profile's where it has none."""
+    return setup.station.imu.serial or setup.imu.link
+
+
+def table_profile(setup: Setup) -> TableProfile:
+    """The table's profile with this place's timeout and unit number."""
+    table = setup.station.table
+    changed = {"timeout_s": table.timeout_s, "unit": table.unit}
+    modbus = setup.table.modbus.model_copy(update={k: v for k, v in changed.items() if v is not None})
     return setup.table.model_copy(update={"modbus": modbus})
 
 
-def _imu_profile(setup: Setup) -> ImuProfile:
+def imu_profile(setup: Setup) -> ImuProfile:
     """The IMU's profile with this place's timeout."""
     timeout = setup.station.imu.timeout_s
     if timeout is None:

@@ -1,0 +1,113 @@
+"""What a table answers on its open link: who it is, how it stands, what it says of limits and watchdog."""
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from calstation.devices.checks import check_bytes
+from calstation.devices.interfaces import OtherModelError, TableStatus
+from calstation.devices.link import SerialSettings
+from calstation.devices.modbus_link import ModbusRefusalError
+from calstation.devices.modbus_table import ModbusTable
+from calstation.devices.table_profile import JOINTS, TableProfile
+from calstation.errors import DeviceFaultError
+from calstation.sequencer.acquisition import SLOWEST_POLL
+from calstation.station.finding import Finding, State, Value
+from calstation.station.worker import Tell
+
+_POLLS = 20
+_READ_HOLDING = 3
+_REQUEST = 8
+"""Bytes of a request to read over RTU."""
+_ALIKE = 0.01
+"""Travel of table and profile that differs by less, degrees, is the same."""
+
+
+def ask(
+    table: ModbusTable, profile: TableProfile, settings: SerialSettings, port: str, tell: Tell
+) -> Iterator[Finding]:
+    """Findings of an open table, up to the first that makes the rest meaningless."""
+    tell(0.5, note="asking")
+    try:
+        identity = table.identify()
+        times: list[float] = []
+        for i in range(_POLLS):
+            begin = time.perf_counter()
+            status = table.status()
+            times.append(time.perf_counter() - begin)
+            tell(0.5 + 0.5 * (i + 1) / _POLLS, note="asking")
+    except OtherModelError as exc:
+        yield Finding("wrong_model", "wrong", {"found": exc.found, "expected": exc.expected})
+    except ModbusRefusalError as exc:
+        yield Finding("exception", "wrong", {"code": exc.code, "unit": profile.modbus.unit})
+    except DeviceFaultError as exc:
+        yield _unanswered(table.heard, profile, settings, port, str(exc))
+    else:
+        yield Finding("identified", "ok", {"model": identity.model, "serial": identity.serial})
+        worst = max(times)
+        state: State = "ok" if worst <= SLOWEST_POLL else "look"
+        typical = float(np.median(times))
+        yield Finding(
+            "round_trip", state, {"typical": typical, "worst": worst, "count": _POLLS, "limit": SLOWEST_POLL}
+        )
+        yield from _standing(status, profile)
+
+
+def _standing(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
+    if status.watchdog > 0.0:
+        yield Finding("watchdog", "ok", {"seconds": status.watchdog})
+    else:
+        yield Finding("watchdog_off", "wrong")
+    if status.fault is not None:
+        yield Finding("fault", "look", {"fault": status.fault})
+    yield Finding("interlock", "ok") if status.interlock_closed else Finding("interlock_open", "look")
+    outer, inner = np.rad2deg(status.angles)
+    yield Finding("angles", "told", {"outer": float(outer), "inner": float(inner)})
+    if status.moving:
+        yield Finding("moving", "look")
+    if not status.homed:
+        yield Finding("not_homed", "told")
+    for joint, name in enumerate(JOINTS):
+        section = (profile.outer, profile.inner)[joint]
+        low, high = np.rad2deg(status.limits.low[joint]), np.rad2deg(status.limits.high[joint])
+        values: dict[str, Value] = {
+            "joint": name,
+            "low": float(low),
+            "high": float(high),
+            "profile_low": section.low_deg,
+            "profile_high": section.high_deg,
+        }
+        angle = float(np.rad2deg(status.angles[joint]))
+        if not section.low_deg - _ALIKE <= angle <= section.high_deg + _ALIKE:
+            yield Finding("outside_travel", "wrong", {**values, "angle": angle})
+        elif low > section.low_deg + _ALIKE or high < section.high_deg - _ALIKE:
+            yield Finding("travel_narrower", "look", values)
+        else:
+            yield Finding("travel", "ok", values)
+
+
+def _unanswered(
+    heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, words: str
+) -> Finding:
+    """Why nothing that makes sense came, by the bytes that did."""
+    unit = profile.modbus.unit
+    values: dict[str, Value] = {"unit": unit, "seconds": profile.modbus.timeout_s, "words": words}
+    if port.startswith("tcp://"):
+        return Finding("not_modbus" if heard else "silent_tcp", "wrong", {**values, "count": len(heard)})
+    values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
+    if not heard:
+        return Finding("silent_rtu", "wrong", values)
+    values["count"] = len(heard)
+    if len(heard) >= _REQUEST and _sound(heard[:_REQUEST]) and heard[2] != _REQUEST - 5:
+        return Finding("echo", "wrong", values)
+    if _sound(heard) and heard[0] != unit:
+        return Finding("other_unit", "wrong", {**values, "found": heard[0]})
+    if heard[0] == unit and len(heard) > 1 and heard[1] & 0x7F == _READ_HOLDING:
+        return Finding("crc", "wrong", values)
+    return Finding("garbled", "wrong", values)
+
+
+def _sound(frame: bytes) -> bool:
+    """Whether an RTU frame's check is right."""
+    return len(frame) > 3 and check_bytes("crc16_modbus", frame[:-2], "little") == frame[-2:]

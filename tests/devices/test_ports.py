@@ -1,0 +1,88 @@
+"""Ports are listed with their adapters, and a re-plugged adapter is found under its new name."""
+
+import os
+import sys
+from types import SimpleNamespace
+
+import pytest
+from serial.tools import list_ports
+
+from calstation.devices.link import SerialLink, SerialSettings
+from calstation.devices.modbus_link import ModbusLink
+from calstation.devices.opening import why_not
+from calstation.devices.ports import found_ports, resolve
+from calstation.errors import DeviceFaultError
+
+
+def listed(device: str, number: str | None = None, location: str | None = None, about: str = "n/a") -> object:
+    """A port as pyserial lists it."""
+    return SimpleNamespace(
+        device=device,
+        name=device.rsplit("/", 1)[-1],
+        description=about,
+        manufacturer="FTDI" if number else None,
+        serial_number=number,
+        location=location,
+    )
+
+
+@pytest.fixture
+def plugged(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """The ports of this computer, as the test plugs them."""
+    ports: list[object] = []
+    monkeypatch.setattr(list_ports, "comports", lambda: list(ports))
+    return ports
+
+
+def test_ports_are_listed_adapters_first(plugged: list[object]) -> None:
+    plugged += [
+        listed("/dev/ttyS0", about="ttyS0"),
+        listed("/dev/ttyUSB10", "A10", "1-3", "FT232R USB UART"),
+        listed("/dev/ttyUSB9", "A9", "1-2", "FT232R USB UART"),
+    ]
+    ports = found_ports()
+    assert [p.device for p in ports] == ["/dev/ttyUSB9", "/dev/ttyUSB10", "/dev/ttyS0"]
+    assert [p.usb for p in ports] == ["usb:A9", "usb:A10", None]
+    assert (ports[0].description, ports[0].maker, ports[2].description) == ("FT232R USB UART", "FTDI", "")
+
+
+def test_an_adapter_is_found_under_whatever_name_it_has_now(plugged: list[object]) -> None:
+    plugged.append(listed("/dev/ttyUSB0", "A9", "1-2"))
+    assert resolve("usb:A9", "IMU") == "/dev/ttyUSB0"
+    plugged[:] = [listed("/dev/ttyUSB0", "B1", "1-1"), listed("/dev/ttyUSB3", "A9", "1-4")]
+    assert resolve("usb:A9", "IMU") == "/dev/ttyUSB3"
+    assert resolve("/dev/ttyUSB0", "IMU") == "/dev/ttyUSB0"
+    assert resolve("socket://host:1", "IMU") == "socket://host:1"
+
+
+def test_an_adapter_with_several_ports_is_named_port_by_port(plugged: list[object]) -> None:
+    plugged += [listed("/dev/ttyUSB1", "Q4", "1-2:1.1"), listed("/dev/ttyUSB0", "Q4", "1-2:1.0")]
+    assert [p.usb for p in found_ports()] == ["usb:Q4/1", "usb:Q4/2"]
+    assert resolve("usb:Q4/2", "table") == "/dev/ttyUSB1"
+    with pytest.raises(DeviceFaultError, match=r"means 2 ports.*usb:Q4/1 \(/dev/ttyUSB0\) or usb:Q4/2"):
+        resolve("usb:Q4", "table")
+
+
+def test_an_adapter_that_is_not_there_is_told_with_those_that_are(plugged: list[object]) -> None:
+    plugged.append(listed("/dev/ttyUSB0", "B1", "1-1"))
+    message = r"^{}: port usb:A9: no USB adapter .* plug it in, .* found: usb:B1 \(/dev/ttyUSB0\)$"
+    with pytest.raises(DeviceFaultError, match=message.format("IMU")):
+        SerialLink("usb:A9", SerialSettings(), "IMU")
+    with pytest.raises(DeviceFaultError, match=message.format("table")):
+        ModbusLink("usb:A9", 1, 0.1, SerialSettings())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+def test_both_links_open_the_adapters_port_and_keep_it_to_themselves(plugged: list[object]) -> None:
+    master, slave = os.openpty()
+    plugged.append(listed(os.ttyname(slave), "A9", "1-2"))
+    link = SerialLink("usb:A9", SerialSettings(), "IMU")
+    os.write(master, b"abc")
+    assert link.read(1.0) == b"abc"
+    assert why_not("usb:A9", SerialSettings(), 1.0)[0] == "busy"
+    with pytest.raises(DeviceFaultError, match="another program uses it; close that program"):
+        SerialLink("usb:A9", SerialSettings(), "IMU")
+    link.close()
+    ModbusLink("usb:A9", 1, 0.1, SerialSettings()).close()
+    os.close(slave)
+    os.close(master)
