@@ -3,8 +3,9 @@
 from collections.abc import Callable
 
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.method import Solution
+from calstation.estimation.method import Progress, Solution
 from calstation.estimation.samples import SampleBlock
+from calstation.estimation.spool import Spool
 from calstation.estimation.stage_data import StageData, stage_data
 from calstation.physics.arrays import FloatArray
 
@@ -25,16 +26,16 @@ class BatchStage:
     ) -> None:
         self.context, self.prior = context, prior
         self._solve = solve
-        self._blocks: list[SampleBlock] = []
+        self._spool = Spool()
 
     def feed(self, block: SampleBlock) -> None:
         """Take further samples of the stage."""
-        self._blocks.append(block)
+        self._spool.append(block)
 
     def sigma(self) -> FloatArray:
         """The prior's sigmas until the stage is solved, SI, shape (30,)."""
         return self.prior.sigma
 
-    def finish(self) -> Solution:
-        """Solve the stored stage."""
-        return self._solve(stage_data(self._blocks, self.context.imu), self.context, self.prior)
+    def finish(self, progress: Progress | None = None) -> Solution:
+        """Solve the stored stage, which takes no time worth telling."""
+        return self._solve(stage_data(list(self._spool.blocks()), self.context.imu), self.context, self.prior)

@@ -12,6 +12,9 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Step
 from calstation.physics.table import TableGeometry
 
+Progress = Callable[[float], None]
+"""Is told how far something is, 0 to 1, never falling."""
+
 
 @dataclass(frozen=True)
 class Consistency:
@@ -69,8 +72,11 @@ class StageSolver(Protocol):
     def sigma(self) -> FloatArray:
         """Standard deviations of the 30 parameters so far, shape (30,), SI."""
 
-    def finish(self) -> Solution:
-        """Solve the stored stage. Raises InsufficientDataError saying what is missing."""
+    def finish(self, progress: Progress | None = None) -> Solution:
+        """Solve the stored stage. Raises InsufficientDataError saying what is missing.
+
+        progress : told from time to time how far it is; may be left unused by a solver that is done at once
+        """
 
 
 class RepeatedSchedule(BaseModel):

@@ -14,7 +14,6 @@ P. G. Savage, *Strapdown Analytics*, 2nd ed., ch. 15 (closed-loop error resets).
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numba as nb
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
@@ -23,42 +22,82 @@ from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.noise import WANDER_TIME, filter_noise
 from calstation.estimation.reference import smoothed_reference
 from calstation.estimation.stage_data import StageData
-from calstation.physics.arrays import FloatArray
+from calstation.estimation.velocity_group import (
+    BIAS,
+    Setting,
+    VelocityGroup,
+    inverse_of_positive,
+    make_symmetric,
+    observation,
+    observe,
+    velocity_group,
+    whitened,
+)
+from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.earth import normal_gravity, rotation_rate
-from calstation.physics.imu_model import Compensation, compensation
+from calstation.physics.imu_model import compensation
 from calstation.physics.parameters import group_indices
 from calstation.physics.rotation import rotation_matrix, rotation_vector
 from calstation.physics.strapdown import (
     PARAMETER_START,
     STATES,
-    IntervalWork,
     interval_work,
     propagate,
-    write_navigation_block,
 )
 
 POSITION_SIGMA = 1e-3
 """Start of δp, m: the table holds the unit; no observation depends on it."""
 
-BIAS = [PARAMETER_START + i for i in (*group_indices("gyro_bias"), *group_indices("accel_bias"))]
-"""The biases' places in the state; where they are unstable, as many further states follow how far they wander."""
 START_VELOCITY_SIGMA = 1.0
 """Start of δv before the first observation, m/s."""
 
 
+GROUP_TIME = 0.5
+"""Observations within this time, s, are handed to the filter together."""
+
+
 @dataclass
 class History:
-    """What a pass saw, one entry per observation: for observability, residuals and plots."""
+    """What a pass saw at every observation, in groups: for consistency, observability, residuals and plots."""
 
-    index: list[int] = field(default_factory=list)
-    attitude: list[FloatArray] = field(default_factory=list)
-    rate: list[FloatArray] = field(default_factory=list)
-    innovation: list[FloatArray] = field(default_factory=list)
-    nis: list[float] = field(default_factory=list)
+    indices: list[IntArray] = field(default_factory=list)
+    attitudes: list[FloatArray] = field(default_factory=list)
+    rates: list[FloatArray] = field(default_factory=list)
+    innovations: list[FloatArray] = field(default_factory=list)
+
+    @property
+    def index(self) -> IntArray:
+        """Samples before each observation, shape (m,)."""
+        index: IntArray = np.concatenate([np.empty(0, np.int64), *self.indices])
+        return index
+
+    @property
+    def attitude(self) -> FloatArray:
+        """C_bn the pass was linearised about, shape (m, 3, 3)."""
+        return np.concatenate([np.empty((0, 3, 3)), *self.attitudes])
+
+    @property
+    def rate(self) -> FloatArray:
+        """Angular rate, rad/s, shape (m, 3)."""
+        return np.concatenate([np.empty((0, 3)), *self.rates])
+
+    @property
+    def innovation(self) -> FloatArray:
+        """Innovations in units of their sigmas, each freed of what the ones before it told, shape (m, 3)."""
+        return np.concatenate([np.empty((0, 3)), *self.innovations])
+
+    @property
+    def nis(self) -> FloatArray:
+        """Normalised innovation squared, shape (m,)."""
+        return np.asarray(np.sum(self.innovation**2, axis=1))
+
+
+_FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
+"""No reference to follow."""
 
 
 class NavigationFilter:
-    """One pass. Feed it intervals in order; read `belief`, `history` and `attitude`.
+    """One pass. Feed it groups of observations in order; read `belief`, `history` and `attitude`.
 
     Parameters
     ----------
@@ -86,6 +125,9 @@ class NavigationFilter:
         self.constants = compensation(point)
         self.work = interval_work()
         self.history = History()
+        self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
+        """Observations in a group."""
+        self._groups: dict[int, VelocityGroup] = {}
         self._arm_velocity = np.zeros(3)
         self._wanders = bool(np.any(self.noise.wander))
         size = STATES + len(BIAS) if self._wanders else STATES
@@ -94,20 +136,17 @@ class NavigationFilter:
         kf.x[PARAMETER_START:STATES] = prior.mean - point
         kf.P = np.zeros((size, size))
         kf.P[PARAMETER_START:STATES, PARAMETER_START:STATES] = prior.covariance
-        kf.F = np.eye(size) if self._wanders else self.work.transition
-        kf.H = np.zeros((3, size))
-        kf.inv = _inverse
-        kf.Q = np.zeros((size, size))
+        kf.inv = inverse_of_positive
         if self._wanders:
-            decay = np.exp(-self.stride * self.dt / WANDER_TIME)
             wander = np.arange(STATES, size)
             kf.P[wander, wander] = self.noise.wander**2
-            kf.F[wander, wander] = decay
-            kf.Q[wander, wander] = self.noise.wander**2 * (1.0 - decay**2)
         self.kf = kf
         self._offset = kf.x.copy()
         lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
-        kf.R = np.eye(3) * (self.noise.velocity + lever * self.noise.end_rate)
+        variance = self.noise.velocity + lever * self.noise.end_rate
+        self.setting = Setting(
+            self.earth, self.gravity, self.dt, self.stride, self.noise.rate, self.noise.force, variance
+        )
 
     @property
     def belief(self) -> Belief:
@@ -142,59 +181,52 @@ class NavigationFilter:
             start.begin,
             self.work,
         )
-        self.kf.update(self._measure(), self.kf.R, self.kf.H)
+        z, H = np.zeros(3), np.zeros((3, len(kf.x)))
+        self._arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
+        if self._wanders:
+            H[:, STATES:] = H[:, BIAS]
+        kf.update(z, np.eye(3) * self.setting.variance, H)
 
-    def interval(
-        self, data: StageData, start: int, stop: int, follow: tuple[FloatArray, FloatArray] | None = None
+    def observe(
+        self, data: StageData, start: int, count: int, follow: tuple[FloatArray, FloatArray] | None = None
     ) -> None:
-        """One observation interval: strapdown over samples start to stop, predict, observe, feed back.
+        """A group of `count` observations from sample `start` on: strapdown, predict, observe, feed back.
 
-        follow : attitude and velocity of the reference at `stop`, None to close the loop instead
-
-        What φ does to velocity is written with the force that reference and lever arm demand, gravity and the
-        change of the arm's velocity, not with the one measured: the measured one shakes with the base, and a
-        regressor that shakes as much as the observation would seem to tell the azimuth to 1/√(2N) rad.
+        follow : attitudes and velocities of the reference at the observations, shapes (count, 3, 3), (count, 3);
+            None to close the loop instead
         """
         kf, work = self.kf, self.work
-        propagate(self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start, stop, work)
-        _process_noise(work.force, self.noise.rate, self.noise.force, (stop - start) * self.dt, kf.Q)
-        shift = self._go_over(*follow) if follow is not None else None
-        before, z = self._arm_velocity, self._measure()
-        T = (stop - start) * self.dt
-        force_sum = self._arm_velocity - before
-        force_sum[2] += self.gravity * T
-        write_navigation_block(work.transition, self.earth, force_sum, 0.5 * T * force_sum, T)
-        if self._wanders:
-            kf.F[:STATES, :STATES] = work.transition
-            kf.F[:PARAMETER_START, STATES:] = work.transition[:PARAMETER_START, BIAS]
+        group = self._group(count)
+        attitudes, velocities = follow or _FREE
+        observe(
+            self.constants, self.setting, data.gyro, data.accel, start, attitudes, velocities,
+            self._arm_velocity, work, group,
+        )  # fmt: skip
+        kf.F, kf.Q, kf.H, kf.R, kf.M = group.transition, group.noise, group.H, group.R, group.M
         kf.predict()
-        if shift is not None:
-            kf.x[:6] -= shift
-        kf.update(z, kf.R, kf.H)
+        if follow is not None:
+            kf.x[:PARAMETER_START] += group.shift
+        kf.update_correlated(group.z, kf.R, kf.H)
+        make_symmetric(kf.P)
         history = self.history
-        history.index.append(stop)
-        history.attitude.append(work.attitude.copy())
-        history.rate.append(work.rate.copy())
-        history.innovation.append(kf.y.copy())
-        history.nis.append(float(kf.y @ kf.SI @ kf.y))
+        history.indices.append(start + self.stride * np.arange(1, count + 1))
+        history.attitudes.append(group.attitude.copy())
+        history.rates.append(group.rate.copy())
+        history.innovations.append(whitened(kf.S, kf.y).reshape(count, 3))
         if follow is None:
             self._feed_back()
 
-    def _measure(self) -> FloatArray:
-        """The observation at the reference, its Jacobian into the filter, the arm's velocity kept."""
-        z = np.empty(3)
-        self._arm_velocity = _observation(self.work, self.earth, self.constants, z, self.kf.H)
-        if self._wanders:
-            self.kf.H[:, STATES:] = self.kf.H[:, BIAS]
-        return z
-
-    def _go_over(self, attitude: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Go over to another reference; how much less the errors φ, δv become, shape (6,)."""
-        work = self.work
-        shift = np.concatenate([rotation_vector(attitude @ work.attitude.T), velocity - work.velocity])
-        work.attitude[:] = attitude
-        work.velocity[:] = velocity
-        return shift
+    def _group(self, count: int) -> VelocityGroup:
+        """Arrays for a group of `count` observations, with how a wander decays over it."""
+        if count not in self._groups:
+            group = velocity_group(count, len(self.kf.x))
+            if self._wanders:
+                wander = np.arange(STATES, len(self.kf.x))
+                decay = np.exp(-count * self.stride * self.dt / WANDER_TIME)
+                group.transition[wander, wander] = decay
+                group.noise[wander, wander] = self.noise.wander**2 * (1.0 - decay**2)
+            self._groups[count] = group
+        return self._groups[count]
 
     def _feed_back(self) -> None:
         """Close the loop on what the observations said, not on where the prior's mean lies.
@@ -227,7 +259,7 @@ class NavigationFilter:
         """The whole of a segment, in intervals of the stride; the rest shorter than one is left.
 
         smooth : follow a smoothed reference from `attitude`, rather than close the loop
-        watch : called after the start and after every observation
+        watch : called after the start and after every group of observations
         """
         span = (start.begin, start.end, self.stride)
         reference = None
@@ -238,83 +270,13 @@ class NavigationFilter:
             )  # fmt: skip
             attitude = reference.attitude[0]
         self.begin(data, start, attitude)
-        for number, k in enumerate(range(start.begin, start.end - self.stride + 1, self.stride), 1):
-            follow = reference and (reference.attitude[number], reference.velocity[number])
-            if watch is not None:
-                watch(self)
-            self.interval(data, k, k + self.stride, follow)
         if watch is not None:
             watch(self)
-
-
-@nb.njit(cache=True)
-def _inverse(S: FloatArray) -> FloatArray:
-    """Inverse of a 3×3 matrix by its adjugate."""
-    A = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            a, b, c, d = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
-            A[i, j] = S[a, c] * S[b, d] - S[a, d] * S[b, c]
-    A /= S[0, 0] * A[0, 0] + S[0, 1] * A[1, 0] + S[0, 2] * A[2, 0]
-    return A
-
-
-@nb.njit(cache=True)
-def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
-    """Covariance of white rate and force noise over an interval of constant specific force (Groves 14.80)."""
-    fx, fy, fz = force[0], force[1], force[2]
-    A = np.zeros((3, 3))
-    A[0, 1], A[0, 2], A[1, 2] = fz, -fy, fx
-    A[1, 0], A[2, 0], A[2, 1] = -fz, fy, -fx
-    for i in range(3):
-        Q[i, i] = rate_q * T
-        Q[6 + i, 6 + i] = force_q * T**3 / 3.0
-        Q[3 + i, 6 + i] = force_q * T**2 / 2.0
-        Q[6 + i, 3 + i] = Q[3 + i, 6 + i]
-        for j in range(3):
-            Q[3 + i, j] = A[i, j] * rate_q * T**2 / 2.0
-            Q[j, 3 + i] = Q[3 + i, j]
-            s = 0.0
-            for k in range(3):
-                s += A[i, k] * A[j, k]
-            Q[3 + i, 3 + j] = s * rate_q * T**3 / 3.0
-        Q[3 + i, 3 + i] += force_q * T
-
-
-@nb.njit(cache=True)
-def _observation(
-    work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray
-) -> FloatArray:
-    """Arm velocity u = C(ω_nb × r), returned; z = u − v, and its Jacobian H.
-
-    H of φ: [u×], δv: I, gyro parameters: C [r×] ∂ω, outer lever: −C [ω_nb×].
-    """
-    C, r = work.attitude, c.outer_lever
-    w = np.empty(3)
-    for i in range(3):
-        w[i] = work.rate[i]
-        for j in range(3):
-            w[i] -= C[j, i] * earth[j]
-    arm = np.array([w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]])
-    u = C @ arm
-    for i in range(3):
-        z[i] = u[i] - work.velocity[i]
-        H[i, 3 + i] = 1.0
-        H[i, 36] = -(C[i, 1] * w[2] - C[i, 2] * w[1])
-        H[i, 37] = -(C[i, 2] * w[0] - C[i, 0] * w[2])
-        H[i, 38] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
-        lever = np.array(
-            [
-                C[i, 1] * r[2] - C[i, 2] * r[1],
-                C[i, 2] * r[0] - C[i, 0] * r[2],
-                C[i, 0] * r[1] - C[i, 1] * r[0],
-            ]
-        )
-        for p in range(12):
-            s = 0.0
-            for j in range(3):
-                s += lever[j] * work.rate_jacobian[j, p]
-            H[i, 9 + p] = s
-    H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
-    H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
-    return np.asarray(u)
+        observations = (start.end - start.begin) // self.stride
+        for done in range(0, observations, self.group_size):
+            count = min(self.group_size, observations - done)
+            ends = slice(done + 1, done + count + 1)
+            follow = reference and (reference.attitude[ends], reference.velocity[ends])
+            self.observe(data, start.begin + done * self.stride, count, follow)
+            if watch is not None:
+                watch(self)

@@ -7,11 +7,12 @@ import numpy as np
 
 from calstation.estimation.alignment import starts
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.method import Solution
+from calstation.estimation.method import Progress, Solution
 from calstation.estimation.navigation import NavigationFilter
 from calstation.estimation.observability import pwcs
 from calstation.estimation.relinearise import nis_consistency, restricted, solve_navigation
 from calstation.estimation.samples import SampleBlock, since
+from calstation.estimation.spool import Spool
 from calstation.estimation.stage_data import stage_data
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
@@ -47,9 +48,9 @@ class LiveFilter:
                     continue
                 run.begin(data, found[0], found[0].attitude)
                 consumed = found[0].begin
-            while consumed + run.stride < last:
-                run.interval(data, consumed, consumed + run.stride)
-                consumed += run.stride
+            while consumed + run.group_size * run.stride < last:
+                run.observe(data, consumed, run.group_size)
+                consumed += run.group_size * run.stride
         if len(data):
             self._pending = since(self._pending, int(data.seq[consumed]))
         return run.belief.sigma
@@ -60,23 +61,23 @@ class NavigationStage:
 
     def __init__(self, stage: str, context: SolveContext, prior: Belief, estimated: tuple[str, ...]) -> None:
         self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
-        self._blocks: list[SampleBlock] = []
+        self._spool = Spool()
         self._live = LiveFilter(context, prior)
 
     def feed(self, block: SampleBlock) -> None:
         """Take further samples of the stage."""
-        self._blocks.append(block)
+        self._spool.append(block)
         self._live.feed(block)
 
     def sigma(self) -> FloatArray:
         """Sigmas of the 30 parameters so far, SI, shape (30,)."""
         return self._live.sigma()
 
-    def finish(self) -> Solution:
+    def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage. Raises InsufficientDataError where nothing can be aligned on."""
-        data = stage_data(self._blocks, self.context.imu)
+        data = stage_data(list(self._spool.blocks()), self.context.imu)
         mask = np.array([name in self.estimated for name in NAMES])
-        result = solve_navigation(self.stage, data, self.context, self.prior, mask)
+        result = solve_navigation(self.stage, data, self.context, self.prior, mask, progress)
         nis = result.history.nis
         messages: list[tuple[str, dict[str, Any]]] = []
         if result.azimuth_free:
@@ -87,7 +88,7 @@ class NavigationStage:
             stage=self.stage,
             belief=restricted(self.prior, result.belief, mask),
             estimated=self.estimated,
-            consistency=nis_consistency(sum(nis), len(nis), 3),
+            consistency=nis_consistency(float(np.sum(nis)), len(nis), 3),
             gaps=data.gaps,
             observability=pwcs(data, result.history, self.context, self.prior, result.point),
             details={"passes": result.passes, "segments": len(result.starts)},

@@ -43,9 +43,9 @@ OBSERVABLE = 0.9
 
 def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
     """Observations (first, last + 1) of each piece: cut at steps, at 5° of turn, between motion and rest."""
-    index = np.asarray(history.index)
+    index = history.index
     step = data.step[index - 1]
-    rate = np.linalg.norm(np.asarray(history.rate), axis=1)
+    rate = np.linalg.norm(history.rate, axis=1)
     moving = rate > np.deg2rad(0.5)
     elapsed = np.diff(index, prepend=index[0]) * data.dt
     first, turned = 0, 0.0
@@ -78,7 +78,7 @@ def pwcs(
     )
     velocity = np.sqrt(noise.velocity)
     scale = np.array([tilt, tilt, azimuth, *[velocity] * 3, *[POSITION_SIGMA] * 3, *prior.sigma])
-    index = np.asarray(history.index)
+    index, attitude, rate = history.index, history.attitude, history.rate
     steps: IntArray = data.step[index - 1]
     R, total, carried = np.zeros((STATES, STATES)), np.zeros((STATES, STATES)), np.eye(STATES)
     segments: list[dict[str, Any]] = []
@@ -105,9 +105,7 @@ def pwcs(
         last_step = steps[a]
         middle = (a + b) // 2
         T = float(index[b - 1] - index[a - 1] if a else index[b - 1] - index[0] + 1) * data.dt
-        rows, transition = _piece(
-            context, point, history.attitude[middle], history.rate[middle], max(T, noise.interval)
-        )
+        rows, transition = _piece(context, point, attitude[middle], rate[middle], max(T, noise.interval))
         weight = np.sqrt(b - a) / velocity
         R = _stacked(R, rows * scale * weight)
         total = _stacked(total, rows @ carried * scale * weight)

@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from calstation.errors import InsufficientDataError
 from calstation.estimation.alignment import HOPELESS_AZIMUTH_SIGMA, SHORTEST_REST, Start, starts
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.method import Consistency
+from calstation.estimation.method import Consistency, Progress
 from calstation.estimation.navigation import History, NavigationFilter
 from calstation.estimation.stage_data import StageData
 from calstation.physics.arrays import BoolArray, FloatArray
@@ -25,6 +25,7 @@ from calstation.physics.rotation import axis_rotation, rotation_matrix
 from calstation.physics.strapdown import body_rotation
 
 MOST_PASSES = 20
+USUAL_PASSES = 2
 SETTLED = 0.01
 """A pass is the last when it, or the next by the rate at which steps shrink, moves nothing by this many sigmas."""
 AZIMUTHS_TRIED = 12
@@ -70,8 +71,38 @@ def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
     return Consistency(total / max(count, 1), float(low), float(high), count)
 
 
+class _Meter:
+    """Tells how far the passes are: `expected` of them make up 0.9, each further one half of what is left."""
+
+    def __init__(self, tell: Progress | None, expected: int) -> None:
+        self._tell = tell
+        self._expected = expected
+        self._passes = self._groups = self._seen = 0
+
+    def begin(self, groups: int) -> None:
+        """A pass of so many groups of observations."""
+        self._groups, self._seen = groups, 0
+
+    def watch(self, _: NavigationFilter) -> None:
+        """After a start and after every group."""
+        if self._tell is not None:
+            self._seen += 1
+            done = self._passes + min(1.0, self._seen / max(self._groups, 1))
+            beyond = max(0.0, done - self._expected)
+            self._tell(0.9 * (done - beyond) / self._expected + 0.1 * (1.0 - 0.5**beyond))
+
+    def end(self) -> None:
+        """The pass is done."""
+        self._passes += 1
+
+
 def solve_navigation(
-    stage: str, data: StageData, context: SolveContext, prior: Belief, estimated: BoolArray
+    stage: str,
+    data: StageData,
+    context: SolveContext,
+    prior: Belief,
+    estimated: BoolArray,
+    progress: Progress | None = None,
 ) -> NavigationResult:
     """Iterate passes until settled. Raises InsufficientDataError where there is nothing to start from."""
     found = starts(data, context, prior)
@@ -81,17 +112,21 @@ def solve_navigation(
             "include the rest before the first turn"
         )
     free = any(s.azimuth_sigma is not None for s in found)
+    hopeless = any((s.azimuth_sigma or 0.0) > HOPELESS_AZIMUTH_SIGMA for s in found)
+    meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * hopeless)
     point = _resting_point(data, context, prior, found[0], estimated)
     attitudes = [s.attitude for s in found]
     passes = 0
     if free:
         narrow = [replace(s, prior_sigma=np.append(s.prior_sigma[:2], NARROW_AZIMUTH_SIGMA)) for s in found]
-        if any((s.azimuth_sigma or 0.0) > HOPELESS_AZIMUTH_SIGMA for s in found):
-            narrow = _best_azimuth(data, context, prior, point, narrow)
-        near = _settle(data, context, prior, estimated, narrow, [s.attitude for s in narrow], point, passes)
+        if hopeless:
+            narrow = _best_azimuth(data, context, prior, point, narrow, meter)
+        near = _settle(
+            data, context, prior, estimated, narrow, [s.attitude for s in narrow], point, passes, meter
+        )
         point, attitudes, passes = near.point, list(near.attitudes), near.passes
         found = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, found, strict=True)]
-    result = _settle(data, context, prior, estimated, found, attitudes, point, passes)
+    result = _settle(data, context, prior, estimated, found, attitudes, point, passes, meter)
     return replace(result, azimuth_free=free)
 
 
@@ -104,11 +139,12 @@ def _settle(
     attitudes: list[FloatArray],
     point: FloatArray,
     done: int,
+    meter: _Meter,
 ) -> NavigationResult:
     """Passes until one moves nothing that matters; the very first, with `done` = 0 before it, closes the loop."""
     moved = 1.0  # before the first pass nothing is known of how fast steps shrink
     for passes in range(done + 1, done + MOST_PASSES + 1):
-        run, ends = _pass(data, context, prior, point, found, attitudes, passes > 1)
+        run, ends = _pass(data, context, prior, point, found, attitudes, passes > 1, meter)
         belief = run.belief
         settled_at = np.where(estimated, belief.mean, prior.mean)
         sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
@@ -149,12 +185,15 @@ def _pass(
     found: list[Start],
     attitudes: list[FloatArray],
     smooth: bool,
+    meter: _Meter,
 ) -> tuple[NavigationFilter, list[FloatArray]]:
     run = NavigationFilter(context, prior, point)
     ends = []
+    meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) + 1 for s in found))
     for start, attitude in zip(found, attitudes, strict=True):
-        run.run(data, start, attitude, smooth)
+        run.run(data, start, attitude, smooth, meter.watch)
         ends.append(run.attitude)
+    meter.end()
     return run, ends
 
 
@@ -172,13 +211,18 @@ def _carry_back(
 
 
 def _best_azimuth(
-    data: StageData, context: SolveContext, prior: Belief, point: FloatArray, found: list[Start]
+    data: StageData,
+    context: SolveContext,
+    prior: Belief,
+    point: FloatArray,
+    found: list[Start],
+    meter: _Meter,
 ) -> list[Start]:
     """Among headings all round, the one whose first pass explains the data best."""
     candidates = []
     for k in range(AZIMUTHS_TRIED):
         turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
         turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
-        run, _ = _pass(data, context, prior, point, turned, [s.attitude for s in turned], False)
+        run, _ = _pass(data, context, prior, point, turned, [s.attitude for s in turned], False, meter)
         candidates.append((sum(run.history.nis), k, turned))
     return min(candidates, key=lambda c: c[:2])[2]

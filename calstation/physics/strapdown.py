@@ -91,14 +91,12 @@ def _correct(
         force[i] = 0.0
         for j in range(3):
             force[i] += c.accel_inverse[i, j] * (accel[j] - c.accel_bias[j])
-    linear = np.empty(3)
     for _ in range(3):
-        for j in range(3):
-            linear[j] = accel[j] - c.accel_bias[j] - c.quadratic[j] * force[j] * force[j]
+        x = accel[0] - c.accel_bias[0] - c.quadratic[0] * force[0] * force[0]
+        y = accel[1] - c.accel_bias[1] - c.quadratic[1] * force[1] * force[1]
+        z = accel[2] - c.accel_bias[2] - c.quadratic[2] * force[2] * force[2]
         for i in range(3):
-            force[i] = 0.0
-            for j in range(3):
-                force[i] += c.accel_inverse[i, j] * linear[j]
+            force[i] = c.accel_inverse[i, 0] * x + c.accel_inverse[i, 1] * y + c.accel_inverse[i, 2] * z
 
 
 @nb.njit(cache=True)
@@ -121,19 +119,16 @@ def _force_jacobian(
     c: Compensation, omega: FloatArray, force: FloatArray, rate_jacobian: FloatArray, out: FloatArray
 ) -> None:
     """∂f/∂parameters at the reference point: gyro terms (0:12), accelerometer (12:24), inner lever (24:27)."""
-    inverse = np.empty((3, 3))
-    for i in range(3):  # first-order inverse of I + M_a + 2 diag(K2 f): K2 f is a few 1e-4 at most
-        for j in range(3):
-            inverse[i, j] = c.accel_inverse[i, j] * (1.0 - 2.0 * c.quadratic[j] * force[j])
     for i in range(3):
-        for j in range(3):
-            out[i, 12 + j] = -inverse[i, j]
-            out[i, 15 + j] = -inverse[i, j] * force[j]
-            out[i, 21 + j] = -inverse[i, j] * force[j] * force[j]
+        for j in range(3):  # first-order inverse of I + M_a + 2 diag(K2 f): K2 f is a few 1e-4 at most
+            inverse = c.accel_inverse[i, j] * (1.0 - 2.0 * c.quadratic[j] * force[j])
+            out[i, 12 + j] = -inverse
+            out[i, 15 + j] = -inverse * force[j]
+            out[i, 21 + j] = -inverse * force[j] * force[j]
             out[i, 24 + j] = 0.0
-        out[i, 18] = -inverse[i, 1] * force[0]
-        out[i, 19] = -inverse[i, 2] * force[0]
-        out[i, 20] = -inverse[i, 2] * force[1]
+        out[i, 18] = out[i, 13] * force[0]
+        out[i, 19] = out[i, 14] * force[0]
+        out[i, 20] = out[i, 14] * force[1]
         square = 0.0
         for j in range(3):
             if j != i:
@@ -175,6 +170,7 @@ def propagate(
     omega, force, last_omega, last_force = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     jw, jf = np.zeros((3, 27)), np.zeros((3, 27))
     psi_phi, psi_v, psi_p = np.zeros((3, 27)), np.zeros((3, 27)), np.zeros((3, 27))
+    tilt, push = np.empty((3, 12)), np.empty((3, 27))
     rotvec, dv, cross, step = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     E, middle, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     demanded = np.empty(3)
@@ -251,25 +247,21 @@ def propagate(
         for i in range(3):
             force_moment[i] += (force_sum[i] + 0.5 * f_n[i] * dt) * dt
             force_sum[i] += f_n[i] * dt
-        for p in range(27):
-            for i in range(3):
-                s = 0.0
-                for j in range(3):
-                    s += middle[i, j] * jf[j, p]
-                step[i] = s
-            if p < 12:
-                for i in range(3):
-                    s = 0.0
-                    for j in range(3):
-                        s += middle[i, j] * jw[j, p]
-                    cross[i] = psi_phi[i, p] + 0.5 * s * dt
-                    psi_phi[i, p] += s * dt
-                step[0] -= f_n[1] * cross[2] - f_n[2] * cross[1]
-                step[1] -= f_n[2] * cross[0] - f_n[0] * cross[2]
-                step[2] -= f_n[0] * cross[1] - f_n[1] * cross[0]
-            for i in range(3):
-                psi_p[i, p] += (psi_v[i, p] + 0.5 * step[i] * dt) * dt
-                psi_v[i, p] += step[i] * dt
+        for i in range(3):
+            for p in range(12):
+                turn = middle[i, 0] * jw[0, p] + middle[i, 1] * jw[1, p] + middle[i, 2] * jw[2, p]
+                tilt[i, p] = psi_phi[i, p] + 0.5 * turn * dt
+                psi_phi[i, p] += turn * dt
+            for p in range(27):
+                push[i, p] = middle[i, 0] * jf[0, p] + middle[i, 1] * jf[1, p] + middle[i, 2] * jf[2, p]
+        for p in range(12):
+            push[0, p] -= f_n[1] * tilt[2, p] - f_n[2] * tilt[1, p]
+            push[1, p] -= f_n[2] * tilt[0, p] - f_n[0] * tilt[2, p]
+            push[2, p] -= f_n[0] * tilt[1, p] - f_n[1] * tilt[0, p]
+        for i in range(3):
+            for p in range(27):
+                psi_p[i, p] += (psi_v[i, p] + 0.5 * push[i, p] * dt) * dt
+                psi_v[i, p] += push[i, p] * dt
         for i in range(3):
             last_omega[i] = omega[i]
             last_force[i] = force[i]

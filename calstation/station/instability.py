@@ -15,10 +15,11 @@ from scipy.linalg import block_diag
 
 from calstation.bench.noise_truth import INSTABILITY_TIMES, instability_variance
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.navigation import BIAS, NavigationFilter
+from calstation.estimation.navigation import NavigationFilter
 from calstation.estimation.relinearise import solve_navigation
 from calstation.estimation.samples import SampleBlock
 from calstation.estimation.stage_data import StageData, stage_data
+from calstation.estimation.velocity_group import BIAS
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 from calstation.physics.strapdown import PARAMETER_START, STATES
@@ -32,16 +33,16 @@ class MismatchedCovariance:
         levels = [imu.gyro_bias_instability] * 3 + [imu.accel_bias_instability] * 3
         variance = np.repeat([float(instability_variance(b)) for b in levels], len(INSTABILITY_TIMES))
         times = np.tile(INSTABILITY_TIMES, len(levels))
-        self._decay = np.exp(-run.stride * run.dt / times)
-        self._driven = variance * (1.0 - self._decay**2)
+        self._times, self._variance = times, variance
         self._into_bias = np.kron(np.eye(len(levels)), np.ones(len(INSTABILITY_TIMES)))
         start = run.kf.P.copy()
         start[STATES:], start[:, STATES:] = 0.0, 0.0
         self.P = block_diag(start, np.diag(variance))
 
     def advance(self, run: NavigationFilter) -> None:
-        """One observation interval, with the transition, gain and observation that `run` has just used."""
+        """One group of observations, with the transition, gain and Jacobian that `run` has just used."""
         kf = run.kf
+        decay = np.exp(-len(kf.y) // 3 * run.stride * run.dt / self._times)
         size = len(kf.x)
         I_KH = np.eye(size) - kf.K @ kf.H
         into = np.zeros((size, len(BIAS)))
@@ -49,15 +50,16 @@ class MismatchedCovariance:
         seen = kf.K @ kf.H[:, BIAS] @ self._into_bias
         T = np.block(
             [
-                [I_KH @ kf.F, -I_KH @ into @ self._into_bias + seen * self._decay],
-                [np.zeros((len(self._decay), size)), np.diag(self._decay)],
+                [I_KH @ kf.F, -I_KH @ into @ self._into_bias + seen * decay],
+                [np.zeros((len(decay), size)), np.diag(decay)],
             ]
         )
         white = kf.Q.copy()
         white[STATES:, STATES:] = 0.0
-        driven = np.vstack([seen, np.eye(len(self._decay))])
-        noise = driven @ np.diag(self._driven) @ driven.T
-        noise[:size, :size] += I_KH @ white @ I_KH.T + kf.K @ kf.R @ kf.K.T
+        driven = np.vstack([seen, np.eye(len(decay))])
+        noise = driven @ np.diag(self._variance * (1.0 - decay**2)) @ driven.T
+        shared = I_KH @ kf.M @ kf.K.T
+        noise[:size, :size] += I_KH @ white @ I_KH.T + kf.K @ kf.R @ kf.K.T - shared - shared.T
         self.P = T @ self.P @ T.T + noise
 
 

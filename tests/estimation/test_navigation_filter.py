@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 from simulated_stages import block_of, errors_in_sigma, solved
 
+from calstation.estimation import navigation
 from calstation.estimation.alignment import starts
 from calstation.estimation.context import Belief
 from calstation.estimation.navigation import NavigationFilter
@@ -31,15 +32,15 @@ def begun(stage, data, prior=None):
     return run, start
 
 
-def test_an_interval_is_the_textbook_predict_and_update(nav_stage, data):
+def test_a_group_of_one_is_the_textbook_predict_and_update(nav_stage, data):
     run, start = begun(nav_stage, data)
     stride = run.stride
     for k in range(start.begin, start.begin + 60 * stride, stride):
-        run.interval(data, k, k + stride)
+        run.observe(data, k, 1)
     before = run.kf.P.copy()
-    k = start.begin + 60 * stride
-    run.interval(data, k, k + stride)
+    run.observe(data, start.begin + 60 * stride, 1)
     F, Q, H, R = run.kf.F, run.kf.Q, run.kf.H, run.kf.R
+    assert not run.kf.M.any()
     predicted = F @ before @ F.T + Q
     S = H @ predicted @ H.T + R
     K = predicted @ H.T @ np.linalg.inv(S)
@@ -47,17 +48,35 @@ def test_an_interval_is_the_textbook_predict_and_update(nav_stage, data):
     expected = left @ predicted @ left.T + K @ R @ K.T
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((run.kf.P - expected) / scale).max() < 1e-6
-    assert run.history.nis[-1] == pytest.approx(
-        run.history.innovation[-1] @ np.linalg.solve(S, run.history.innovation[-1])
-    )
+    assert run.history.nis[-1] == pytest.approx(run.kf.y @ np.linalg.solve(S, run.kf.y))
+
+
+@pytest.mark.parametrize("together", [0.4, 1.1])
+def test_observations_in_groups_tell_what_they_tell_one_by_one(nav_stage, data, monkeypatch, together):
+    (start,) = starts(data, nav_stage.context, nav_stage.prior)
+    noisy = replace(nav_stage.context.imu, gyro_arw=1e-4, accel_vrw=1e-3)
+    runs = []
+    for seconds in (0.1, together):
+        monkeypatch.setattr(navigation, "GROUP_TIME", seconds)
+        run = NavigationFilter(
+            replace(nav_stage.context, imu=noisy), nav_stage.prior, nav_stage.truth.parameters
+        )
+        run.run(data, start, start.attitude, smooth=True)
+        runs.append(run)
+    single, group = runs
+    assert (single.group_size, group.group_size) == (1, round(together / 0.1))
+    sigma = single.belief.sigma
+    assert np.abs((single.belief.mean - group.belief.mean) / sigma).max() < 1e-5
+    assert group.belief.sigma == pytest.approx(sigma, rel=1e-6)
+    assert group.history.innovation == pytest.approx(single.history.innovation, abs=1e-5)
+    assert np.array_equal(group.history.index, single.history.index)
 
 
 def test_the_covariance_stays_symmetric_and_positive(nav_stage, data):
     run, start = begun(nav_stage, data)
-    for k in range(start.begin, start.begin + 4000 * run.stride, run.stride):
-        if k + run.stride > len(data):
-            break
-        run.interval(data, k, k + run.stride)
+    samples = run.group_size * run.stride
+    for k in range(start.begin, len(data) - samples, samples):
+        run.observe(data, k, run.group_size)
     P = run.kf.P
     scale = np.sqrt(np.diag(P))
     correlation = P / np.outer(scale, scale)
@@ -67,7 +86,7 @@ def test_the_covariance_stays_symmetric_and_positive(nav_stage, data):
 
 def test_process_noise_is_van_loans_for_a_resting_body(nav_stage, data):
     run, start = begun(nav_stage, data)
-    run.interval(data, start.begin, start.begin + run.stride)
+    run.observe(data, start.begin, 1)
     T, noise = run.stride * run.dt, run.noise
     F = np.zeros((9, 9))
     F[3:6, 0:3] = -skew(run.work.force)
@@ -86,6 +105,9 @@ def test_a_bias_wanders_about_a_constant_that_stays_known(nav_stage, data):
     imu = replace(nav_stage.context.imu, gyro_bias_instability=1e-7, accel_bias_instability=1e-4)
     run = NavigationFilter(replace(nav_stage.context, imu=imu), nav_stage.prior, nav_stage.prior.mean)
     assert np.diag(run.kf.P)[39:] == pytest.approx(run.noise.wander**2)
+    (start,) = starts(data, nav_stage.context, nav_stage.prior)
+    run.begin(data, start, start.attitude)
+    run.observe(data, start.begin, run.group_size)
     assert not np.diag(run.kf.Q)[9:39].any()
     # stationary: decayed and driven variances add to the same again
     decayed = np.diag(run.kf.F)[39:] ** 2 * run.noise.wander**2

@@ -1,0 +1,380 @@
+"""A few velocity observations in a row as one: transition, noise and Jacobian of the whole group, compiled.
+
+The algebra of 39 states costs the same for three rows as for fifteen, so observations are handed to the filter in
+groups. With x_k = Φ_k x_(k−1) + w_k inside the group, every observation z_k = H_k x_k + v_k is written in terms of the
+state at the group's end:
+
+    z_k = G_k x_n + v_k − G_k w_(k→n),      G_k = H_k Φ(n←k)⁻¹,
+
+exactly what the filter would have learnt one by one: the noise is then correlated from row to row (R) and with the
+process noise of the group (M), and the filter is told both (Y. Bar-Shalom, X. R. Li, T. Kirubarajan,
+*Estimation with Applications to Tracking and Navigation*, 2001, section 8.3).
+"""
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from calstation.physics.arrays import FloatArray
+from calstation.physics.imu_model import Compensation
+from calstation.physics.parameters import COUNT, group_indices
+from calstation.physics.rotation import rotation_vector
+from calstation.physics.strapdown import (
+    PARAMETER_START,
+    STATES,
+    IntervalWork,
+    propagate,
+    write_navigation_block,
+)
+
+NAVIGATION = PARAMETER_START
+BIAS = np.array([NAVIGATION + i for i in (*group_indices("gyro_bias"), *group_indices("accel_bias"))])
+"""The biases' places in the state; where they are unstable, as many further states follow how far they wander."""
+OBSERVED = 6
+"""Navigation states an observation depends on: φ and δv, which δp never reaches."""
+
+
+class Setting(NamedTuple):
+    """What a pass holds fixed: earth rate in n, rad/s, shape (3,); gravity, m/s²; sample period, s;
+    samples an observation; spectral densities of rate, rad²/s, and force, (m/s)²/s; variance of an observation, (m/s)²
+    """
+
+    earth: FloatArray
+    gravity: float
+    dt: float
+    stride: int
+    rate_noise: float
+    force_noise: float
+    variance: float
+
+
+class VelocityGroup(NamedTuple):
+    """What `observe` writes for n observations of a filter of m states: the 39 and, where biases wander, six more.
+
+    transition, noise : of the whole group, shape (m, m); what a wander becomes is for the owner to fill in
+    shift : what the errors φ, δv, δp become less or more by going over to a reference, shape (9,)
+    z, H, R : observations of the state at the group's end, shapes (3 n,), (3 n, m), (3 n, 3 n)
+    M : covariance of process and observation noise, shape (m, 3 n)
+    attitude, rate : C_bn and ω_ib (rad/s) at each observation, shapes (n, 3, 3), (n, 3)
+    """
+
+    transition: FloatArray
+    noise: FloatArray
+    shift: FloatArray
+    z: FloatArray
+    H: FloatArray
+    R: FloatArray
+    M: FloatArray
+    attitude: FloatArray
+    rate: FloatArray
+
+
+def velocity_group(count: int, size: int) -> VelocityGroup:
+    """Fresh arrays for `count` observations of `size` states."""
+    rows = 3 * count
+    return VelocityGroup(
+        np.eye(size),
+        np.zeros((size, size)),
+        np.zeros(NAVIGATION),
+        np.zeros(rows),
+        np.zeros((rows, size)),
+        np.zeros((rows, rows)),
+        np.zeros((size, rows)),
+        np.zeros((count, 3, 3)),
+        np.zeros((count, 3)),
+    )
+
+
+@nb.njit(cache=True)
+def inverse(S: FloatArray) -> FloatArray:
+    """Inverse of a 3×3 matrix by its adjugate."""
+    A = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            A[i, j] = S[a, c] * S[b, d] - S[a, d] * S[b, c]
+    A /= S[0, 0] * A[0, 0] + S[0, 1] * A[1, 0] + S[0, 2] * A[2, 0]
+    return A
+
+
+@nb.njit(cache=True)
+def cholesky(S: FloatArray) -> FloatArray:
+    """Lower factor of a positive definite matrix, shape (n, n)."""
+    n = S.shape[0]
+    L = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            s = S[i, j]
+            for k in range(j):
+                s -= L[i, k] * L[j, k]
+            L[i, j] = np.sqrt(s) if i == j else s / L[j, j]
+    return L
+
+
+@nb.njit(cache=True)
+def inverse_of_positive(S: FloatArray) -> FloatArray:
+    """Inverse of a positive definite matrix by its Cholesky factor, shape (n, n)."""
+    n = S.shape[0]
+    L = cholesky(S)
+    U = np.zeros((n, n))  # L⁻¹
+    for j in range(n):
+        U[j, j] = 1.0 / L[j, j]
+        for i in range(j + 1, n):
+            s = 0.0
+            for k in range(j, i):
+                s -= L[i, k] * U[k, j]
+            U[i, j] = s / L[i, i]
+    A = np.empty((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            s = 0.0
+            for k in range(i, n):
+                s += U[k, i] * U[k, j]
+            A[i, j] = s
+            A[j, i] = s
+    return A
+
+
+@nb.njit(cache=True)
+def whitened(S: FloatArray, y: FloatArray) -> FloatArray:
+    """L⁻¹ y with S = L Lᵀ: innovations as one filtered one by one would see them, each of variance 1, shape (n,)."""
+    L = cholesky(S)
+    n = len(y)
+    white = np.empty(n)
+    for i in range(n):
+        s = y[i]
+        for k in range(i):
+            s -= L[i, k] * white[k]
+        white[i] = s / L[i, i]
+    return white
+
+
+@nb.njit(cache=True)
+def make_symmetric(P: FloatArray) -> None:
+    """The mean of `P` and its transpose, in place."""
+    for i in range(P.shape[0]):
+        for j in range(i):
+            P[i, j] = 0.5 * (P[i, j] + P[j, i])
+            P[j, i] = P[i, j]
+
+
+@nb.njit(cache=True)
+def process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
+    """Covariance of white rate and force noise over an interval of constant specific force (Groves 14.80)."""
+    fx, fy, fz = force[0], force[1], force[2]
+    A = np.zeros((3, 3))
+    A[0, 1], A[0, 2], A[1, 2] = fz, -fy, fx
+    A[1, 0], A[2, 0], A[2, 1] = -fz, fy, -fx
+    for i in range(3):
+        Q[i, i] = rate_q * T
+        Q[6 + i, 6 + i] = force_q * T**3 / 3.0
+        Q[3 + i, 6 + i] = force_q * T**2 / 2.0
+        Q[6 + i, 3 + i] = Q[3 + i, 6 + i]
+        for j in range(3):
+            Q[3 + i, j] = A[i, j] * rate_q * T**2 / 2.0
+            Q[j, 3 + i] = Q[3 + i, j]
+            s = 0.0
+            for k in range(3):
+                s += A[i, k] * A[j, k]
+            Q[3 + i, 3 + j] = s * rate_q * T**3 / 3.0
+        Q[3 + i, 3 + i] += force_q * T
+
+
+@nb.njit(cache=True)
+def observation(
+    work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray
+) -> FloatArray:
+    """Arm velocity u = C(ω_nb × r), returned; z = u − v, shape (3,), and its Jacobian H, shape (3, ≥39).
+
+    H of φ: [u×], δv: I, gyro parameters: C [r×] ∂ω, outer lever: −C [ω_nb×].
+    """
+    C, r = work.attitude, c.outer_lever
+    w = np.empty(3)
+    for i in range(3):
+        w[i] = work.rate[i]
+        for j in range(3):
+            w[i] -= C[j, i] * earth[j]
+    arm = np.array([w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]])
+    u = C @ arm
+    for i in range(3):
+        z[i] = u[i] - work.velocity[i]
+        H[i, 3 + i] = 1.0
+        H[i, 36] = -(C[i, 1] * w[2] - C[i, 2] * w[1])
+        H[i, 37] = -(C[i, 2] * w[0] - C[i, 0] * w[2])
+        H[i, 38] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
+        lever = np.array(
+            [
+                C[i, 1] * r[2] - C[i, 2] * r[1],
+                C[i, 2] * r[0] - C[i, 0] * r[2],
+                C[i, 0] * r[1] - C[i, 1] * r[0],
+            ]
+        )
+        for p in range(12):
+            s = 0.0
+            for j in range(3):
+                s += lever[j] * work.rate_jacobian[j, p]
+            H[i, 9 + p] = s
+    H[0, 1], H[0, 2], H[1, 2] = -u[2], u[1], -u[0]
+    H[1, 0], H[2, 0], H[2, 1] = u[2], -u[1], u[0]
+    return np.asarray(u)
+
+
+@nb.njit(cache=True)
+def _carried_noise(
+    N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray
+) -> None:
+    """W += N Q Nᵀ: the noise of one interval, carried to the group's end."""
+    process_noise(force, s.rate_noise, s.force_noise, T, Q)
+    row = np.empty(NAVIGATION)
+    for i in range(NAVIGATION):
+        row[:] = 0.0
+        for k in range(NAVIGATION):
+            for j in range(NAVIGATION):
+                row[j] += N[i, k] * Q[k, j]
+        for j in range(NAVIGATION):
+            t = 0.0
+            for k in range(NAVIGATION):
+                t += row[k] * N[j, k]
+            W[i, j] += t
+
+
+@nb.njit(cache=True)
+def _back_from_end(N: FloatArray) -> FloatArray:
+    """Inverse of the φ, δv block of a transition, shape (6, 6): [[a, 0], [s, e]]."""
+    a, e = inverse(N[:3, :3]), inverse(N[3:6, 3:6])
+    back = np.zeros((OBSERVED, OBSERVED))
+    for i in range(3):
+        for j in range(3):
+            back[i, j] = a[i, j]
+            back[3 + i, 3 + j] = e[i, j]
+            t = 0.0
+            for k in range(3):
+                for m in range(3):
+                    t -= e[i, k] * N[3 + k, m] * a[m, j]
+            back[3 + i, j] = t
+    return back
+
+
+@nb.njit(cache=True)
+def observe(
+    c: Compensation,
+    s: Setting,
+    gyro: FloatArray,
+    accel: FloatArray,
+    start: int,
+    follow_attitude: FloatArray,
+    follow_velocity: FloatArray,
+    arm_velocity: FloatArray,
+    work: IntervalWork,
+    group: VelocityGroup,
+) -> None:
+    """Strapdown over as many observation intervals as `group` holds, from sample `start`; the group is written.
+
+    Parameters
+    ----------
+    gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
+    follow_attitude, follow_velocity : the reference at the interval's ends; of length 0 to run free
+    arm_velocity : C(ω_nb × r) at the last observation, m/s, shape (3,), read and advanced
+
+    What φ does to velocity is written with the force that reference and lever arm demand, gravity and the
+    change of the arm's velocity, not with the one measured: the measured one shakes with the base, and a
+    regressor that shakes as much as the observation would seem to tell the azimuth to 1/√(2N) rad.
+    """
+    count = group.attitude.shape[0]
+    T = s.stride * s.dt
+    steps = np.empty((count, NAVIGATION, STATES))
+    forces, shifts = np.empty((count, 3)), np.zeros((count + 1, NAVIGATION))
+    group.H[:] = 0.0
+    for k in range(count):
+        first = start + k * s.stride
+        propagate(c, s.earth, s.gravity, s.dt, gyro, accel, first, first + s.stride, work)
+        forces[k] = work.force
+        step = np.zeros(NAVIGATION)
+        if len(follow_attitude):
+            step[:3] = rotation_vector(follow_attitude[k] @ work.attitude.T)
+            step[3:6] = follow_velocity[k] - work.velocity
+            work.attitude[:] = follow_attitude[k]
+            work.velocity[:] = follow_velocity[k]
+        rows = slice(3 * k, 3 * k + 3)
+        u = observation(work, s.earth, c, group.z[rows], group.H[rows])
+        force_sum = u - arm_velocity
+        force_sum[2] += s.gravity * T
+        arm_velocity[:] = u
+        write_navigation_block(work.transition, s.earth, force_sum, 0.5 * T * force_sum, T)
+        steps[k] = work.transition[:NAVIGATION]
+        for i in range(NAVIGATION):
+            t = -step[i]
+            for j in range(NAVIGATION):
+                t += steps[k, i, j] * shifts[k, j]
+            shifts[k + 1, i] = t
+        group.attitude[k] = work.attitude
+        group.rate[k] = work.rate
+    _at_the_end(s, T, steps, forces, shifts, group)
+
+
+@nb.njit(cache=True)
+def _at_the_end(
+    s: Setting, T: float, steps: FloatArray, forces: FloatArray, shifts: FloatArray, group: VelocityGroup
+) -> None:
+    """Turn what `observe` gathered forwards into terms of the state at the group's end, backwards."""
+    count = len(steps)
+    N, B = np.eye(NAVIGATION), np.zeros((NAVIGATION, COUNT))
+    W, Q = np.zeros((NAVIGATION, NAVIGATION)), np.zeros((NAVIGATION, NAVIGATION))
+    end = shifts[count]
+    for k in range(count - 1, -1, -1):
+        back = _back_from_end(N)
+        G = group.H[3 * k : 3 * k + 3]
+        for i in range(3):
+            row = np.zeros(OBSERVED)
+            for j in range(OBSERVED):
+                for m in range(OBSERVED):
+                    row[j] += G[i, m] * back[m, j]
+            t = group.z[3 * k + i]
+            for j in range(OBSERVED):
+                t += row[j] * end[j] - G[i, j] * shifts[k + 1, j]
+            group.z[3 * k + i] = t
+            for j in range(OBSERVED):
+                G[i, j] = row[j]
+                for p in range(COUNT):
+                    G[i, NAVIGATION + p] -= row[j] * B[j, p]
+        # of the noise from here on to the end, W, this row holds −G W; a later row l shares with it what came after l
+        for i in range(3):
+            this = 3 * k + i
+            for m in range(NAVIGATION):
+                t = 0.0
+                for j in range(OBSERVED):
+                    t -= W[m, j] * G[i, j]
+                group.M[m, this] = t
+        for i in range(3):
+            this = 3 * k + i
+            for r in range(3 * k, 3 * count):
+                t = s.variance if r == this else 0.0
+                for j in range(OBSERVED):
+                    t -= G[i, j] * group.M[j, r]
+                group.R[this, r] = t
+                group.R[r, this] = t
+        _carried_noise(N, forces[k], s, T, Q, W)
+        B_new, N_new = np.zeros((NAVIGATION, COUNT)), np.zeros((NAVIGATION, NAVIGATION))
+        for i in range(NAVIGATION):
+            for m in range(NAVIGATION):
+                x = N[i, m]
+                if x != 0.0:
+                    for j in range(NAVIGATION):
+                        N_new[i, j] += x * steps[k, m, j]
+                    for p in range(COUNT):
+                        B_new[i, p] += x * steps[k, m, NAVIGATION + p]
+        N[:] = N_new
+        B += B_new
+    group.shift[:] = end
+    for i in range(NAVIGATION):
+        for j in range(NAVIGATION):
+            group.noise[i, j] = W[i, j]
+            group.transition[i, j] = N[i, j]
+        for p in range(COUNT):
+            group.transition[i, NAVIGATION + p] = B[i, p]
+    for w in range(group.H.shape[1] - STATES):  # a wander acts on everything as its bias does
+        for i in range(NAVIGATION):
+            group.transition[i, STATES + w] = group.transition[i, BIAS[w]]
+        for r in range(3 * count):
+            group.H[r, STATES + w] = group.H[r, BIAS[w]]

@@ -1,0 +1,62 @@
+"""Samples put aside come back as they were, and memory does not grow with them."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from calstation.estimation.samples import SampleBlock
+from calstation.estimation.spool import Spool
+
+COLUMNS = ("seq", "time", "counts", "angles", "step", "valid", "temperature")
+
+
+def block(count, first=0):
+    rng = np.random.default_rng(first)
+    return SampleBlock(
+        "rate",
+        np.arange(first, first + count),
+        rng.normal(size=count),
+        rng.normal(size=(count, 6)),
+        np.where(rng.random((count, 2)) < 0.5, np.nan, rng.normal(size=(count, 2))),
+        np.full(count, 3),
+        rng.random(count) < 0.9,
+        np.full(count, np.nan),
+    )
+
+
+@pytest.mark.parametrize("sizes", [[], [1], [10, 0, 3], [70_000, 1, 70_000]])
+def test_what_was_put_aside_comes_back(sizes):
+    spool = Spool()
+    parts = []
+    for size in sizes:
+        parts.append(block(size, sum(len(p) for p in parts)))
+        spool.append(parts[-1])
+    back = list(spool.blocks())
+    assert sum(len(b) for b in back) == sum(sizes)
+    for name in COLUMNS:
+        if parts:
+            expected = np.concatenate([getattr(p, name) for p in parts])
+            assert np.array_equal(
+                np.concatenate([getattr(b, name) for b in back]), expected, equal_nan=name != "valid"
+            )
+
+
+def test_samples_may_follow_after_a_look():
+    spool = Spool()
+    spool.append(block(5))
+    assert sum(len(b) for b in spool.blocks()) == 5
+    spool.append(block(5, 5))
+    assert [s for b in spool.blocks() for s in b.seq] == list(range(10))
+
+
+def test_memory_does_not_grow_with_what_is_put_aside():
+    spool, part = Spool(), block(2000)
+    spool.append(part)
+    tracemalloc.start()
+    for _ in range(500):
+        spool.append(part)
+    held, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert held < 100_000
+    assert peak < 2_000_000
