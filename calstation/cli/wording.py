@@ -19,6 +19,7 @@ MESSAGES: dict[str, str] = {
     "turns_assumed_whole": "{stage}: no encoder angles; every turn is taken for whole.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
     "registers_written": "Registers written, read back and equal.",
+    "stopped_because": "Stopped safely: {reason}.",
     "stopped_early": "{stage} is outside the limits: the remaining stages are left out.",
 }
 """Sentence by message id, with the values' names in braces."""
@@ -40,6 +41,9 @@ REASONS: dict[str, str] = {
     "gap": "samples lost",
     "no_data": "no data",
     "saturated": "output saturated",
+    "signal": "the system ended the program",
+    "listener_lost": "the window or terminal that watched the run is gone",
+    "listener_silent": "the window or terminal that watched the run does not answer",
 }
 
 OUTCOMES: dict[str, str] = {

@@ -1,5 +1,8 @@
 """The operator's words on their way to the running step: commands, and how they interrupt it."""
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from queue import Empty, SimpleQueue
@@ -35,27 +38,38 @@ class SpoiltStep(Interruption):
 
 
 class Control:
-    """Commands from any thread, taken up by the engine's thread once per tick."""
+    """Commands from any thread, taken up by the engine's thread once per tick.
+
+    Attributes
+    ----------
+    stopping, pausing, enough, answered : what was asked for
+    stop_reason : who or what wanted the stop: operator, signal, listener_lost, listener_silent
+    """
 
     def __init__(self) -> None:
-        self._queue: SimpleQueue[Command] = SimpleQueue()
+        self._queue: SimpleQueue[tuple[Command, str]] = SimpleQueue()
+        self._taken: float | None = None
         self.stopping = False
+        self.stop_reason = ""
         self.pausing = False
         self.enough = False
         self.answered = False
 
-    def send(self, command: Command) -> None:
+    def send(self, command: Command, reason: str = "operator") -> None:
         """Ask for something; callable from any thread."""
-        self._queue.put(command)
+        self._queue.put((command, reason))
 
     def take(self) -> None:
         """Note all commands that came since the last call."""
+        if self._taken is not None:
+            self._taken = time.monotonic()
         while True:
             try:
-                command = self._queue.get_nowait()
+                command, reason = self._queue.get_nowait()
             except Empty:
                 return
             if command is Command.STOP:
+                self.stop_reason = self.stop_reason or reason
                 self.stopping = True
             elif command is Command.PAUSE:
                 self.pausing = True
@@ -65,3 +79,17 @@ class Control:
                 self.enough = True
             else:
                 self.answered = True
+
+    @contextmanager
+    def ticking(self) -> Iterator[None]:
+        """While this is open the engine's thread promises to take commands at every tick."""
+        self._taken = time.monotonic()
+        try:
+            yield
+        finally:
+            self._taken = None
+
+    def stuck(self, limit: float) -> bool:
+        """Whether that promise has been broken for more than `limit` s of host time; callable from any thread."""
+        taken = self._taken
+        return taken is not None and time.monotonic() - taken > limit

@@ -43,7 +43,8 @@ class Sequencer:
     """One run. `run` returns when it is over; `control` takes the operator's commands from any thread.
 
     `verify(solution)` says after each stage whether to go on; `conclude(solutions)`, called with the axes
-    off, checks the limits, writes the registers and says whether the unit passed.
+    off, checks the limits, writes the registers and says whether the unit passed. It hears `control` itself and
+    raises StopRequested where a stop came before the first register was written.
     """
 
     def __init__(
@@ -89,20 +90,14 @@ class Sequencer:
         the program stops the table as well and is raised.
         """
         try:
-            self._go(State.PREPARING)
-            with _worker("warm-up") as worker:
-                warm = worker.submit(self._solving.warm)
-                self._prepare()
-                self._wait_for(warm)
-            self._go(State.RUNNING)
-            for index, stage in enumerate(self._task.stages):
-                if not self._run_stage(stage, index):
-                    break
-            self._finish()
+            with self.control.ticking():
+                self._calibrate()
             passed = self._conclude(tuple(self._solutions))
         except StopRequested:
             try:
                 self._go(State.STOPPING)
+                if self.control.stop_reason != "operator":
+                    self.emit(Message("stopped_because", {"reason": self.control.stop_reason}))
             finally:
                 self._stop_safely()
             self._go(State.STOPPED)
@@ -117,6 +112,19 @@ class Sequencer:
             raise
         self._go(State.PASSED if passed else State.FAILED)
         return Ended(self.state, tuple(self._solutions))
+
+    def _calibrate(self) -> None:
+        """Everything from preparation to the load angle, axes off."""
+        self._go(State.PREPARING)
+        with _worker("warm-up") as worker:
+            warm = worker.submit(self._solving.warm)
+            self._prepare()
+            self._wait_for(warm)
+        self._go(State.RUNNING)
+        for index, stage in enumerate(self._task.stages):
+            if not self._run_stage(stage, index):
+                break
+        self._finish()
 
     def emit(self, event: Event) -> None:
         """Tell the listener, and the journal unless the event only refreshes a display."""
@@ -180,7 +188,7 @@ class Sequencer:
     def _run_stage(self, stage: StagePlan, index: int) -> bool:
         """Drive and solve a stage; False where the run should not go on."""
         position = self._runner.position()
-        duration = plan_time(stage.steps(), stage.rule, position)
+        duration = plan_time(stage.steps(), stage.rule, position, self._task.settle)
         self.emit(StageStarted(stage.name, index, len(self._task.stages), duration))
         self._solving.start(stage.name)
         self.control.enough = False
@@ -213,7 +221,8 @@ class Sequencer:
                 break
             elif not isinstance(step, Prepare):
                 track = self._track
-                track.begin(self._clock.now(), step_time(step, self._runner.position()))
+                seconds = step_time(step, self._runner.position(), self._task.settle)
+                track.begin(self._clock.now(), seconds)
                 self._runner.run(step)
                 track.end(self._solving.sigma())
                 self._show_progress()

@@ -1,6 +1,7 @@
-"""The engine's end of the pipe to its listener: events out, commands in, a word when nobody listens."""
+"""The engine's end of the pipe to its listener: events and heartbeats out, commands in, a word when nobody listens."""
 
 import threading
+import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from queue import Empty, Full, Queue
@@ -9,6 +10,15 @@ from typing import Any
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import LOSSY, Event, to_json
 
+BEAT = "beat"
+"""What goes over the pipe to say that an end is alive; the listener answers each with the same word."""
+
+BEAT_EVERY = 0.25
+"""Host time between two heartbeats, s."""
+
+LISTENER_SILENT_AFTER = 10.0
+"""Host time without an answer to a heartbeat after which the listener counts as frozen, s."""
+
 _WAITING_AT_MOST = 10_000
 _LAST_WORDS_WITHIN = 5.0
 
@@ -16,7 +26,9 @@ _LAST_WORDS_WITHIN = 5.0
 class Channel:
     """Sends events without ever making the engine wait, and hands commands to `on_command`.
 
-    A listener that hangs up, dies or talks nonsense is lost: `on_lost` is called once.
+    Heartbeats go out while `alive()` says that the engine's thread is not stuck. A listener that hangs up, dies
+    or talks nonsense is lost: `on_lost` is called once. One that leaves heartbeats unanswered is frozen:
+    `on_silent` is called each time, and the channel stays open should it come back.
     """
 
     def __init__(
@@ -24,11 +36,18 @@ class Channel:
         connection: "Connection[Any, Any]",
         on_command: Callable[[Command], None],
         on_lost: Callable[[], None],
+        on_silent: Callable[[], None],
+        alive: Callable[[], bool],
+        silent_after: float = LISTENER_SILENT_AFTER,
     ) -> None:
         self._connection = connection
         self._on_command = on_command
         self._on_lost = on_lost
+        self._on_silent = on_silent
+        self._alive = alive
+        self._silent_after = silent_after
         self._queue: Queue[dict[str, Any] | None] = Queue(_WAITING_AT_MOST)
+        self._unanswered: float | None = None
         self._lost = threading.Event()
         self._closing = False
         self._sender = threading.Thread(target=self._send, name="events", daemon=True)
@@ -54,27 +73,49 @@ class Channel:
         self._connection.close()
 
     def _send(self) -> None:
-        while not self._lost.is_set():
-            try:
-                message = self._queue.get(timeout=0.5)
-            except Empty:
-                continue
-            if message is None:
-                return
-            try:
+        try:
+            due = time.monotonic()
+            while not self._lost.is_set():
+                now = time.monotonic()
+                if now >= due:
+                    due = now + BEAT_EVERY
+                    self._beat(now)
+                try:
+                    message = self._queue.get(timeout=due - now)
+                except Empty:
+                    continue
+                if message is None:
+                    return
                 self._connection.send(message)
-            except Exception:  # noqa: BLE001 - whatever ends the sending, nobody hears the run any more
-                self._lose()
-                return
+        except Exception:  # noqa: BLE001 - whatever ends the sending, nobody hears the run any more
+            self._lose()
+
+    def _beat(self, now: float) -> None:
+        if self._alive():
+            self._connection.send(BEAT)
+            if self._unanswered is None:
+                self._unanswered = now
 
     def _receive(self) -> None:
         while True:
             try:
-                command = Command(self._connection.recv())
+                if not self._connection.poll(BEAT_EVERY):
+                    self._look_for_silence()
+                    continue
+                word = self._connection.recv()
+                if word != BEAT:
+                    self._on_command(Command(word))
             except Exception:  # noqa: BLE001 - end of the pipe, or words that no listener of ours would send
                 self._lose()
                 return
-            self._on_command(command)
+            self._unanswered = None
+
+    def _look_for_silence(self) -> None:
+        """Called only when nothing waits to be read, so that an engine that was late itself accuses nobody."""
+        since = self._unanswered
+        if since is not None and time.monotonic() - since > self._silent_after:
+            self._unanswered = None
+            self._on_silent()
 
     def _lose(self) -> None:
         if not self._lost.is_set() and not self._closing:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from calstation.errors import DeviceFaultError
 from calstation.records.log import open_log
 from calstation.records.raw_read import find_incomplete
 from calstation.sequencer.control import Command
-from calstation.sequencer.events import StageStarted, StateChanged, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, StageStarted, StateChanged, StepStarted, Verdict
 from calstation.station.engine import Engine
 from calstation.station.incomplete import settle_incomplete
 from tests.station.conftest import Place
@@ -56,6 +57,72 @@ def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(place: Place) -> 
     assert settle_incomplete(path.parent) == []
 
 
+def polled(engine: Engine, until: Callable[[list[Event]], bool]) -> list[Event]:
+    """What a window's timer hears until enough was heard."""
+    events: list[Event] = []
+    deadline = time.monotonic() + 200.0
+    while not until(events):
+        assert time.monotonic() < deadline, events[-3:]
+        events += engine.poll()
+        time.sleep(0.02)
+    return events
+
+
+def moving(events: list[Event]) -> bool:
+    """Whether the stage has begun."""
+    return any(isinstance(event, StepStarted) and event.step == 7 for event in events)
+
+
+def test_a_window_polls_a_run_to_its_end(place: Place) -> None:
+    with Engine.start(place.request("rate")) as engine:
+        assert engine.alive
+        events = polled(engine, lambda events: engine.ended)
+        assert [event.outcome for event in events if isinstance(event, Verdict)] == ["passed"]
+        assert not [event for event in events if isinstance(event, Fault)]
+        assert engine.poll() == []
+    assert not engine.alive
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_a_dead_engine_is_told_to_a_polling_window_as_one_fault(place: Place) -> None:
+    with Engine.start(place.request("rate")) as engine:
+        polled(engine, moving)
+        assert engine.process.pid is not None
+        os.kill(engine.process.pid, signal.SIGKILL)
+        (fault,) = [e for e in polled(engine, lambda events: engine.ended) if isinstance(e, Fault)]
+        assert (fault.kind, fault.exit_code) == ("DeviceFaultError", 3)
+        assert "ended unexpectedly" in fault.text
+        assert "watchdog" in fault.text
+        assert engine.poll() == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
+def test_a_frozen_engine_is_a_fault_and_says_more_when_it_comes_back(place: Place) -> None:
+    """Its table's watchdog has stopped the table meanwhile, which is what it then tells."""
+    with Engine.start(place.request("rate")) as engine:
+        polled(engine, moving)
+        assert engine.process.pid is not None
+        os.kill(engine.process.pid, signal.SIGSTOP)
+        told = polled(engine, lambda events: any(isinstance(e, Fault) for e in events))
+        assert "no sign of life" in told[-1].text  # type: ignore[union-attr]
+        os.kill(engine.process.pid, signal.SIGCONT)
+        rest = polled(engine, lambda events: engine.ended)
+        assert [event.text for event in rest if isinstance(event, Fault) and "watchdog" in event.text]
+        assert isinstance(rest[-1], Verdict)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
+def test_a_frozen_engine_is_ended_when_its_window_closes(place: Place) -> None:
+    engine = Engine.start(place.request("rate"))
+    polled(engine, moving)
+    assert engine.process.pid is not None
+    os.kill(engine.process.pid, signal.SIGSTOP)
+    polled(engine, lambda events: any(isinstance(e, Fault) for e in events))
+    engine.hang_up()
+    engine.process.join(30.0)
+    assert not engine.alive
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 @pytest.mark.parametrize("sent", ["SIGTERM", "SIGHUP"])
 def test_signals_do_not_end_the_engine_without_a_safe_stop(place: Place, sent: str) -> None:
@@ -73,14 +140,15 @@ def test_signals_do_not_end_the_engine_without_a_safe_stop(place: Place, sent: s
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
-def test_the_listeners_death_is_a_safe_stop(place: Place) -> None:
+@pytest.mark.parametrize(("fate", "reason"), [("SIGKILL", "listener_lost"), ("SIGSTOP", "listener_silent")])
+def test_a_dead_or_frozen_listener_is_a_safe_stop(place: Place, fate: str, reason: str) -> None:
     script = (
         "from pathlib import Path\n"
         "from calstation.station.engine import Engine\n"
         "from calstation.station.request import RunRequest\n"
         "if __name__ == '__main__':\n"
         f"    request = RunRequest('SN-000042', Path({str(place.station)!r}), Path({str(place.product)!r}),\n"
-        f"        ('rate',), Path({str(place.folder / 'runs')!r}), speed=20.0)\n"
+        f"        ('rate',), Path({str(place.folder / 'runs')!r}), speed=4.0)\n"
         "    for event in Engine.start(request).events():\n"
         "        print(type(event).__name__, flush=True)\n"
     )
@@ -91,17 +159,19 @@ def test_the_listeners_death_is_a_safe_stop(place: Place) -> None:
     for line in listener.stdout:
         if line.strip() == StageStarted.__name__:
             break
-    listener.kill()
-    listener.wait()
-    listener.stdout.close()
-    deadline = time.monotonic() + 20.0
+    os.kill(listener.pid, getattr(signal, fate))
+    deadline = time.monotonic() + 120.0
     results: list[Path] = []
     while not results and time.monotonic() < deadline:
         time.sleep(0.1)
         results = [p for p in (place.folder / "runs").glob("*.json") if p.stat().st_size]
+    listener.kill()
+    listener.wait()
+    listener.stdout.close()
     (result,) = results
-    time.sleep(0.2)
     assert json.loads(result.read_text(encoding="utf-8"))["outcome"] == "stopped"
     log = open_log(result.with_suffix(".h5"))
     states = [event["state"] for event in log.events if event["event"] == StateChanged.__name__]
     assert states[-2:] == ["stopping", "stopped"]
+    told = [event["values"] for event in log.events if event.get("id") == "stopped_because"]
+    assert told == [{"reason": reason}]

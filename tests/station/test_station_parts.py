@@ -1,8 +1,5 @@
 """The parts of the station by themselves: profiles found, registers composed, stages chained, the channel."""
 
-import threading
-from collections.abc import Iterator
-from multiprocessing import Pipe
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +7,8 @@ import pytest
 
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
 from calstation.physics.parameters import NAMES, group_matrix, group_vector
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Message, StageProgress, from_json
 from calstation.station import library
 from calstation.station.bench_host import BenchHost
-from calstation.station.channel import Channel
 from calstation.station.clock import BenchClock, RealClock
 from calstation.station.compose import compose
 from calstation.station.setup import prepare
@@ -130,47 +124,3 @@ def test_real_time_passes() -> None:
     clock.sleep(0.01)
     clock.idle(0.01)
     assert clock.now() - begin >= 0.02
-
-
-@pytest.fixture
-def channel() -> Iterator[tuple[Channel, object, list[Command], threading.Event]]:
-    """A channel, its listener's end, the commands that came, and whether the listener was lost."""
-    here, there = Pipe()
-    commands: list[Command] = []
-    lost = threading.Event()
-    channel = Channel(there, commands.append, lost.set)
-    yield channel, here, commands, lost
-    channel.close()
-
-
-def test_channel_carries_both_ways(channel: tuple[Channel, object, list[Command], threading.Event]) -> None:
-    ours, theirs, commands, lost = channel
-    ours.emit(Message("homing"))
-    assert from_json(theirs.recv()) == Message("homing")  # type: ignore[attr-defined]
-    theirs.send("pause")  # type: ignore[attr-defined]
-    ours.emit(StageProgress("rate", 0.5, 1.0))
-    theirs.recv()  # type: ignore[attr-defined]
-    for _ in range(100):
-        if commands:
-            break
-        threading.Event().wait(0.01)
-    assert commands == [Command.PAUSE]
-    assert not lost.is_set()
-
-
-def test_channel_notices_that_nobody_listens(
-    channel: tuple[Channel, object, list[Command], threading.Event],
-) -> None:
-    ours, theirs, _, lost = channel
-    theirs.close()  # type: ignore[attr-defined]
-    assert lost.wait(5.0)
-    ours.emit(Message("homing"))
-
-
-def test_a_listener_that_talks_nonsense_is_lost(
-    channel: tuple[Channel, object, list[Command], threading.Event],
-) -> None:
-    _, theirs, commands, lost = channel
-    theirs.send("stopp")  # type: ignore[attr-defined]
-    assert lost.wait(5.0)
-    assert commands == []

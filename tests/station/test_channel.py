@@ -1,0 +1,109 @@
+"""The engine's end of the pipe: both ways, heartbeats, and listeners that are lost or frozen."""
+
+import threading
+from collections.abc import Iterator
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from typing import Any
+
+import pytest
+
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Message, StageProgress, from_json
+from calstation.station.channel import BEAT, Channel
+
+PATIENCE = 60.0
+SILENT_AFTER = 1.0
+
+
+class Ends:
+    """A channel, its listener's end, and what the engine was told."""
+
+    def __init__(self) -> None:
+        self.theirs: Connection[Any, Any]
+        self.theirs, there = Pipe()
+        self.commands: list[Command] = []
+        self.heard, self.lost, self.silent = threading.Event(), threading.Event(), threading.Event()
+        self.alive = True
+        self.ours = Channel(
+            there,
+            self._command,
+            self.lost.set,
+            self.silent.set,
+            lambda: self.alive,
+            silent_after=SILENT_AFTER,
+        )
+
+    def _command(self, command: Command) -> None:
+        self.commands.append(command)
+        self.heard.set()
+
+    def hear(self) -> Any:
+        """The next message that is no heartbeat; heartbeats are answered."""
+        while (message := self.theirs.recv()) == BEAT:
+            self.theirs.send(BEAT)
+        return message
+
+
+@pytest.fixture
+def ends() -> Iterator[Ends]:
+    pair = Ends()
+    yield pair
+    pair.ours.close()
+
+
+def test_it_carries_both_ways(ends: Ends) -> None:
+    ends.ours.emit(Message("homing"))
+    assert from_json(ends.hear()) == Message("homing")
+    ends.theirs.send("pause")
+    ends.ours.emit(StageProgress("rate", 0.5, 1.0))
+    ends.hear()
+    assert ends.heard.wait(PATIENCE)
+    assert ends.commands == [Command.PAUSE]
+    assert not ends.lost.is_set()
+
+
+def test_it_notices_that_nobody_listens(ends: Ends) -> None:
+    ends.theirs.close()
+    assert ends.lost.wait(PATIENCE)
+    ends.ours.emit(Message("homing"))
+
+
+def test_a_listener_that_talks_nonsense_is_lost(ends: Ends) -> None:
+    ends.theirs.send("stopp")
+    assert ends.lost.wait(PATIENCE)
+    assert ends.commands == []
+
+
+def test_a_listener_that_answers_no_heartbeat_is_frozen_and_may_come_back(ends: Ends) -> None:
+    assert ends.silent.wait(PATIENCE)
+    assert not ends.lost.is_set()
+    ends.ours.emit(Message("homing"))
+    assert from_json(ends.hear()) == Message("homing")
+
+
+def test_a_listener_that_answers_is_not_frozen(ends: Ends) -> None:
+    for _ in range(12):
+        assert ends.theirs.recv() == BEAT
+        ends.theirs.send(BEAT)
+    assert not ends.silent.is_set()
+
+
+def test_a_stuck_engine_gives_no_heartbeat(ends: Ends) -> None:
+    ends.alive = False
+    while ends.theirs.poll(SILENT_AFTER):
+        assert ends.theirs.recv() == BEAT
+    ends.ours.emit(Message("homing"))
+    assert ends.theirs.recv() != BEAT
+    ends.alive = True
+    assert ends.theirs.recv() == BEAT
+
+
+def test_the_engines_thread_is_stuck_only_where_it_promised_to_tick() -> None:
+    control = Control()
+    assert not control.stuck(-1.0)
+    with control.ticking():
+        assert control.stuck(-1.0)
+        control.take()
+        assert not control.stuck(PATIENCE)
+    assert not control.stuck(-1.0)
