@@ -106,7 +106,7 @@ class TableProfile(StrictModel):
 
     model : text that the table's own model name must contain
     status_bits : bit numbers in the statusword; commands : values of the command register
-    faults : meaning of the fault codes
+    faults : meaning of the fault codes; settle_s : from the end of a move's course until the table says settled
     """
 
     name: str
@@ -115,6 +115,7 @@ class TableProfile(StrictModel):
     outer_axis: list[float] = Field(min_length=3, max_length=3)
     inner_axis: list[float] = Field(min_length=3, max_length=3)
     outer_lever: Literal["estimated", "fixed"]
+    settle_s: float = Field(default=1.5, ge=0, le=60)
     outer: JointSection
     inner: JointSection
     accuracy: AccuracySection

@@ -8,8 +8,8 @@ from calstation.sequencer.stop_rule import StopRule
 
 _STEPS_AT_MOST = 10_000
 
-_SETTLE = 1.5
-"""What a preview allows for settling after a move, s."""
+SETTLE = 1.5
+"""What a preview allows for settling after a move, s, where the table's profile does not say."""
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:
@@ -27,9 +27,11 @@ def _profile_time(distance: float, rate: float, acceleration: float) -> float:
 
 
 def planned(
-    steps: Iterable[Step], rule: StopRule, start: tuple[float, float]
+    steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
 ) -> Iterator[tuple[Step, float]]:
     """The steps that a run will execute from joint angles `start` (rad), each with its seconds.
+
+    `settle` : from the end of a move's course until the table has settled, s
 
     A repeated plan is followed until its rounds or duration are reached, or one round where only
     sigmas or the operator end it.
@@ -37,7 +39,7 @@ def planned(
     elapsed = 0.0
     open_ended = rule.rounds is None and rule.duration is None
     for step in islice(steps, _STEPS_AT_MOST):
-        seconds = step_time(step, start)
+        seconds = step_time(step, start, settle)
         elapsed += seconds
         if isinstance(step, Move):
             start = (step.outer, step.inner)
@@ -50,13 +52,15 @@ def planned(
             return
 
 
-def step_time(step: Step, start: tuple[float, float]) -> float:
-    """Seconds of a step from joint angles `start` (rad), settling included."""
+def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) -> float:
+    """Seconds of a step from joint angles `start` (rad), `settle` s after a move included."""
     if isinstance(step, Move):
-        return move_time(start, step) + _SETTLE
+        return move_time(start, step) + settle
     return step.duration if isinstance(step, Dwell) else 0.0
 
 
-def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float]) -> float:
+def plan_time(
+    steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
+) -> float:
     """Seconds of all steps that `planned` lists."""
-    return sum(seconds for _, seconds in planned(steps, rule, start))
+    return sum(seconds for _, seconds in planned(steps, rule, start, settle))

@@ -12,6 +12,7 @@ from calstation.physics.motion import Step
 from calstation.physics.table import TableGeometry
 from calstation.sequencer.acquisition import StatusMasks
 from calstation.sequencer.preflight import PreflightLimits
+from calstation.sequencer.preview import SETTLE
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
 
@@ -35,7 +36,7 @@ class Task:
     preflight : what is checked first
     geometry : table axes and limits
     imu : stream of the unit; masks : bits of its status word
-    latency : of a table poll, s
+    latency : of a table poll, s; settle : of the table after a move, s
     load_angle : joint angles at which a unit is changed, rad
     travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
     """
@@ -46,6 +47,7 @@ class Task:
     imu: ImuModel
     masks: StatusMasks = field(default_factory=StatusMasks)
     latency: float = 0.0
+    settle: float = SETTLE
     load_angle: tuple[float, float] = (0.0, 0.0)
     travel_rate: float = np.deg2rad(20.0)
     travel_acceleration: float = np.deg2rad(20.0)

@@ -167,6 +167,7 @@ class Setup:
             imu=context.imu,
             masks=StatusMasks(status.ready, status.saturated, status.failed),
             latency=self.table.accuracy.poll_latency_s,
+            settle=self.table.settle_s,
             load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
         )
 
