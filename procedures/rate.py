@@ -215,7 +215,7 @@ def _solve(
     wander = 2.0 * noise.wander[0] ** 2 / WANDER_TIME
     variance = np.repeat([noise.rate * t.duration + wander * t.duration**3 / 3.0 for t in turns], 3)
     mask = np.array([name in ESTIMATED for name in NAMES])
-    result = gauss_newton(model, observed, variance, prior, np.zeros(len(sigma)), sigma, mask)
+    result = gauss_newton("rate", model, observed, variance, prior, np.zeros(len(sigma)), sigma, mask)
     residual = result.residual.reshape(-1, 3)
     return Solution(
         stage="rate",
@@ -235,7 +235,7 @@ def _solve(
                 for t, r in zip(turns, residual, strict=True)
             ]
         },
-        messages=(("turns_assumed_whole", {"stage": "rate"}),) if assumed else (),
+        messages=result.messages + ((("turns_assumed_whole", {"stage": "rate"}),) if assumed else ()),
     )
 
 

@@ -151,7 +151,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
 
     mask = np.array([name in ESTIMATED for name in NAMES])
     result = gauss_newton(
-        model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask
+        "six_position", model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask
     )
     residual = result.residual.reshape(-1, 3)
     return Solution(
@@ -171,6 +171,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
                 for p, r in zip(positions, residual, strict=True)
             ]
         },
+        messages=result.messages,
     )
 
 

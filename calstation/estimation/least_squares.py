@@ -1,7 +1,8 @@
 """Gauss-Newton MAP for a handful of rests or turns: parameters with their prior, nuisances with theirs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,15 +20,18 @@ class MapResult:
 
     chi2 : squared innovations y' (H P H' + R)⁻¹ y at the solution, as many as observations
     residual : observations less model at the solution
+    messages : ``not_settled`` where the last iteration still moved something that matters
     """
 
     belief: Belief
     nuisance: FloatArray
     chi2: float
     residual: FloatArray
+    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
 
 
 def gauss_newton(
+    stage: str,
     model: Callable[[FloatArray, FloatArray], FloatArray],
     observed: FloatArray,
     noise: FloatArray,
@@ -36,7 +40,7 @@ def gauss_newton(
     nuisance_sigma: FloatArray,
     estimated: BoolArray,
 ) -> MapResult:
-    """Maximise p(parameters, nuisances | observed), relinearising where `estimated` and the nuisances settle.
+    """Maximise p(parameters, nuisances | observed) for `stage`, relinearising where `estimated` and the nuisances settle.
 
     Parameters
     ----------
@@ -73,10 +77,14 @@ def gauss_newton(
         moved = np.max(np.abs(target - point) / np.where(sigma > 0.0, sigma, 1.0))
         point = target
         if moved < SETTLED:
+            unsettled: tuple[tuple[str, Mapping[str, Any]], ...] = ()
             break
+    else:
+        unsettled = (("not_settled", {"stage": stage, "passes": MOST_ITERATIONS}),)
     chi2 = float(innovation @ np.linalg.solve(S, innovation))
     belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
-    return MapResult(belief, posterior[COUNT:], chi2, observed - model(posterior[:COUNT], posterior[COUNT:]))
+    residual = observed - model(posterior[:COUNT], posterior[COUNT:])
+    return MapResult(belief, posterior[COUNT:], chi2, residual, unsettled)
 
 
 def _jacobian(

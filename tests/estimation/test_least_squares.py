@@ -41,7 +41,7 @@ def linear_case(seed, nuisances=4, observations=20):
 @given(SEEDS)
 def test_a_linear_model_gives_the_gaussian_posterior(seed):
     model, arguments, _, posterior, covariance = linear_case(seed)
-    result = gauss_newton(model, *arguments, ALL)
+    result = gauss_newton("test", model, *arguments, ALL)
     assert result.belief.mean == pytest.approx(posterior[:COUNT], abs=1e-6)
     assert result.nuisance == pytest.approx(posterior[COUNT:], abs=1e-6)
     assert result.belief.covariance == pytest.approx(covariance[:COUNT, :COUNT], abs=1e-6)
@@ -55,7 +55,7 @@ def test_chi2_is_the_innovations_squared_over_their_covariance(seed):
     P[:COUNT, :COUNT], P[COUNT:, COUNT:] = prior.covariance, np.diag(nuisance_sigma**2)
     innovation = observed - H @ np.concatenate([prior.mean, nuisance])
     expected = innovation @ np.linalg.solve(H @ P @ H.T + np.diag(noise), innovation)
-    result = gauss_newton(model, *arguments, ALL)
+    result = gauss_newton("test", model, *arguments, ALL)
     assert result.chi2 == pytest.approx(expected, rel=1e-6)
     posterior = model(result.belief.mean, result.nuisance)
     assert result.residual == pytest.approx(observed - posterior, abs=1e-9)
@@ -68,7 +68,7 @@ def test_what_the_prior_knows_exactly_stays_and_takes_no_part():
     for known in (0, 7):
         covariance[known, :] = covariance[:, known] = 0.0
     result = gauss_newton(
-        model, observed, noise, Belief(prior.mean, covariance), nuisance, nuisance_sigma, ALL
+        "test", model, observed, noise, Belief(prior.mean, covariance), nuisance, nuisance_sigma, ALL
     )
     assert np.all(np.isfinite(result.belief.covariance))
     for known in (0, 7):
@@ -79,6 +79,7 @@ def test_what_the_prior_knows_exactly_stays_and_takes_no_part():
 def test_a_curved_model_is_solved_at_its_own_point():
     prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, np.full(COUNT - 1, 1e-12)]))
     result = gauss_newton(
+        "test",
         lambda p, n: np.array([np.exp(p[0])]),
         np.array([np.e]),
         np.array([1e-8]),
@@ -88,6 +89,7 @@ def test_a_curved_model_is_solved_at_its_own_point():
         ALL,
     )
     assert result.belief.mean[0] == pytest.approx(1.0, abs=1e-6)
+    assert result.messages == ()
     # sigma over slope, at the solution and not at the prior's mean
     assert result.belief.sigma[0] == pytest.approx(1e-4 / np.e, rel=1e-3)
 
@@ -146,7 +148,7 @@ def test_a_consider_posterior_is_schmidts_and_keeps_what_was_not_estimated(seed,
 def test_considering_everything_learns_nothing_and_considering_nothing_learns_all():
     model, arguments, *_ = linear_case(8)
     prior = arguments[2]
-    full = gauss_newton(model, *arguments, ALL).belief
+    full = gauss_newton("test", model, *arguments, ALL).belief
     nothing = restricted(prior, full, ~ALL)
     assert np.array_equal(nothing.mean, prior.mean)
     assert nothing.covariance == pytest.approx(prior.covariance, rel=1e-12)
@@ -169,3 +171,19 @@ def test_a_fit_above_its_band_fails_and_one_below_it_warns():
     right = nis_consistency(40 * 3.0, 40, 3)
     assert right.passed
     assert not right.warning
+
+
+def test_what_does_not_settle_is_said():
+    jump = iter(range(10_000))
+    prior = Belief(np.zeros(COUNT), np.eye(COUNT))
+    result = gauss_newton(
+        "rate",
+        lambda p, n: np.array([p[0] + (-1.0) ** (next(jump) // (2 * COUNT + 1))]),
+        np.array([0.0]),
+        np.array([1e-6]),
+        prior,
+        np.zeros(0),
+        np.zeros(0),
+        ALL,
+    )
+    assert result.messages == (("not_settled", {"stage": "rate", "passes": 20}),)
