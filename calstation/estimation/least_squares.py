@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from calstation.estimation.context import Belief
 from calstation.physics.arrays import BoolArray, FloatArray
@@ -20,6 +21,7 @@ class MapResult:
 
     chi2 : squared innovations y' (H P H' + R)⁻¹ y at the solution, as many as observations
     residual : observations less model at the solution
+    normalised : the innovations freed of their correlation, in units of sigma; their squares sum to chi2
     messages : ``not_settled`` where the last iteration still moved something that matters
     """
 
@@ -27,6 +29,7 @@ class MapResult:
     nuisance: FloatArray
     chi2: float
     residual: FloatArray
+    normalised: FloatArray
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
 
 
@@ -40,7 +43,7 @@ def gauss_newton(
     nuisance_sigma: FloatArray,
     estimated: BoolArray,
 ) -> MapResult:
-    """Maximise p(parameters, nuisances | observed) for `stage`, relinearising where `estimated` and the nuisances settle.
+    """Maximise p(parameters, nuisances | observed) of `stage`, relinearising until `estimated` and nuisances settle.
 
     Parameters
     ----------
@@ -82,9 +85,10 @@ def gauss_newton(
     else:
         unsettled = (("not_settled", {"stage": stage, "passes": MOST_ITERATIONS}),)
     chi2 = float(innovation @ np.linalg.solve(S, innovation))
+    normalised = solve_triangular(np.linalg.cholesky(S), innovation, lower=True)
     belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
     residual = observed - model(posterior[:COUNT], posterior[COUNT:])
-    return MapResult(belief, posterior[COUNT:], chi2, residual, unsettled)
+    return MapResult(belief, posterior[COUNT:], chi2, residual, normalised, unsettled)
 
 
 def _jacobian(

@@ -104,7 +104,9 @@ def test_parameters_not_estimated_are_not_linearised_about_new_values():
     prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, 0.5, np.full(COUNT - 2, 1e-12)]) ** 2)
     estimated = ALL.copy()
     estimated[1] = False
-    gauss_newton(model, np.array([1.0, 0.8]), np.full(2, 1e-4), prior, np.zeros(0), np.zeros(0), estimated)
+    gauss_newton(
+        "test", model, np.array([1.0, 0.8]), np.full(2, 1e-4), prior, np.zeros(0), np.zeros(0), estimated
+    )
     # the last call evaluates the residual; all before are the Jacobian's small steps about the prior's mean
     assert max(abs(value) for value in seen[:-1]) < 1e-4
 
@@ -133,7 +135,9 @@ def test_a_consider_posterior_is_schmidts_and_keeps_what_was_not_estimated(seed,
     estimated[random.choice(COUNT, count, replace=False)] = True
     prior = correlated_prior(random)
     H, noise, observed = random.normal(size=(12, COUNT)), random.uniform(0.1, 1.0, 12), random.normal(size=12)
-    full = gauss_newton(lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).belief
+    full = gauss_newton(
+        "test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL
+    ).belief
     found = restricted(prior, full, estimated)
     mean, covariance = schmidt(prior, H, noise, observed, estimated)
     assert found.mean == pytest.approx(mean, abs=1e-5)
