@@ -21,7 +21,7 @@ def write_atomic(path: Path, content: str | bytes, mode: int = 0o644) -> None:
             stream.write(data)
             stream.flush()
             os.fsync(handle)
-        os.replace(partial, path)
+        partial.replace(path)
     except BaseException:
         with suppress(OSError):
             partial.unlink()
