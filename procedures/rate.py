@@ -16,7 +16,7 @@ from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.least_squares import gauss_newton
-from calstation.estimation.method import Method, Solution
+from calstation.estimation.method import Innovations, Method, Solution
 from calstation.estimation.noise import WANDER_TIME, filter_noise
 from calstation.estimation.relinearise import nis_consistency, restricted
 from calstation.estimation.stage_data import StageData, mean_angles, rests
@@ -223,6 +223,9 @@ def _solve(
         estimated=ESTIMATED,
         consistency=nis_consistency(result.chi2, len(turns), 3),
         gaps=data.gaps,
+        innovations=Innovations(
+            np.array([data.seq[t.stop - 1] for t in turns]), result.normalised.reshape(-1, 3)
+        ),
         details={
             "turns": [
                 {

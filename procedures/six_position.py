@@ -15,7 +15,7 @@ from calstation.errors import InsufficientDataError
 from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.least_squares import gauss_newton
-from calstation.estimation.method import Method, Solution
+from calstation.estimation.method import Innovations, Method, Solution
 from calstation.estimation.noise import filter_noise, rest_mean_variance
 from calstation.estimation.relinearise import nis_consistency, restricted
 from calstation.estimation.stage_data import StageData, mean_angles, rests, slope_weights
@@ -160,6 +160,9 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         estimated=ESTIMATED,
         consistency=nis_consistency(result.chi2, len(positions), 3),
         gaps=data.gaps,
+        innovations=Innovations(
+            np.array([data.seq[p.stop - 1] for p in positions]), result.normalised.reshape(-1, 3)
+        ),
         details={
             "positions": [
                 {

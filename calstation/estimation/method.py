@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.samples import SampleBlock
-from calstation.physics.arrays import FloatArray
+from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.motion import Step
 from calstation.physics.table import TableGeometry
 
@@ -37,6 +37,18 @@ class Consistency:
 
 
 @dataclass(frozen=True)
+class Innovations:
+    """What a stage's observations brought beyond what was expected of them.
+
+    seq : sequence number at the end of each observation, shape (m,)
+    normalised : its components in units of their sigmas, each freed of what those before it told, shape (m, 3)
+    """
+
+    seq: IntArray
+    normalised: FloatArray
+
+
+@dataclass(frozen=True)
 class Solution:
     """What a stage's solver found.
 
@@ -51,6 +63,7 @@ class Solution:
         `estimation.observability`), JSON-ready
     details : anything further worth keeping (residuals, notes), JSON-ready
     messages : remarks for the user, (message id, values)
+    innovations : for who looks closer; no part of a result
     """
 
     stage: str
@@ -61,6 +74,7 @@ class Solution:
     observability: Mapping[str, Any] = field(default_factory=dict)
     details: Mapping[str, Any] = field(default_factory=dict)
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
+    innovations: Innovations | None = None
 
 
 class StageSolver(Protocol):

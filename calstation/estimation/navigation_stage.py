@@ -7,7 +7,7 @@ import numpy as np
 
 from calstation.estimation.alignment import starts
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.method import Progress, Solution
+from calstation.estimation.method import Innovations, Progress, Solution
 from calstation.estimation.navigation import NavigationFilter
 from calstation.estimation.observability import pwcs
 from calstation.estimation.relinearise import nis_consistency, restricted, solve_navigation
@@ -93,4 +93,5 @@ class NavigationStage:
             observability=pwcs(data, result.history, self.context, self.prior, result.point),
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
+            innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
         )

@@ -57,6 +57,7 @@ def test_chi2_is_the_innovations_squared_over_their_covariance(seed):
     expected = innovation @ np.linalg.solve(H @ P @ H.T + np.diag(noise), innovation)
     result = gauss_newton("test", model, *arguments, ALL)
     assert result.chi2 == pytest.approx(expected, rel=1e-6)
+    assert np.sum(result.normalised**2) == pytest.approx(expected, rel=1e-6)
     posterior = model(result.belief.mean, result.nuisance)
     assert result.residual == pytest.approx(observed - posterior, abs=1e-9)
 
