@@ -26,7 +26,9 @@ def resolve_command(
             stages,
             first,
             last,
-            lambda stage, seq: bar.update(task, description=f"solving {stage}, sample {seq}"),
+            lambda stage, seq, done: bar.update(
+                task, description=f"solving {stage}, sample {seq}{f', {done:.0%}' if done else ''}"
+            ),
         )
     for key, values in resolved.messages:
         console.print(word(key, values), highlight=False, markup=False)

@@ -1,9 +1,11 @@
 """Import of a CSV into a raw log and export of any log as CSV and TOML; both keep every value exactly."""
 
 import contextlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from calstation.errors import InputError
+from calstation.estimation.samples import SampleBlock
 from calstation.records.csv_log import meta_path, open_csv_for_writing, write_csv
 from calstation.records.facts import LogFacts
 from calstation.records.log import open_log
@@ -27,20 +29,36 @@ def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> Log
     return writer.close("imported")
 
 
-def export_csv(source: Path, target: Path) -> LogFacts:
-    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it."""
+def partial_path(target: Path) -> Path:
+    """Where a file is written before it takes its name."""
+    return target.with_name("partial-" + target.name)
+
+
+def export_csv(source: Path, target: Path, progress: Callable[[int], None] | None = None) -> LogFacts:
+    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it.
+
+    progress : told the samples written so far
+    """
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError(f"{target}: an export's name ends in .csv or .csv.gz; rename the target")
     log = open_log(source)
     if target.exists() and target.samefile(source):
         raise InputError(f"{target}: is the log itself; choose another name")
-    partial = target.with_name("partial-" + target.name)
+    partial = partial_path(target)
     try:
         with open_csv_for_writing(partial) as stream:
-            write_csv(stream, log.blocks())
+            write_csv(stream, log.blocks() if progress is None else _counted(log.blocks(), progress))
         meta_path(target).write_text(log.meta.to_toml(), encoding="utf-8")
         partial.replace(target)
     finally:
         with contextlib.suppress(FileNotFoundError):
             partial.unlink()
     return log.facts()
+
+
+def _counted(blocks: Iterator[SampleBlock], progress: Callable[[int], None]) -> Iterator[SampleBlock]:
+    done = 0
+    for block in blocks:
+        yield block
+        done += len(block)
+        progress(done)

@@ -75,6 +75,22 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
         raise InputError(f"{path}: no samples after the header; record some")
 
 
+def estimated_rows(path: Path) -> int:
+    """About how many samples a CSV holds, from its size and its first lines; at least 1."""
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
+            head = stream.read(_CHUNK_BYTES)
+        size = path.stat().st_size
+        if path.suffix == ".gz":
+            with path.open("rb") as stream:  # RFC 1952, 2.3.1: the last four bytes are the size, modulo 2^32
+                stream.seek(-4, io.SEEK_END)
+                size = int.from_bytes(stream.read(4), "little")
+    except (OSError, EOFError, zlib.error):
+        return 1  # reading it will say what is wrong
+    lines = head.count(b"\n")
+    return max(1, round(size * lines / max(len(head), 1)) - 1)
+
+
 def _text_chunks(path: Path) -> Iterator[str]:
     """The file's text in pieces of whole lines, without the last line's end."""
     rest = b""

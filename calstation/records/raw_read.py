@@ -72,6 +72,19 @@ def raw_blocks(path: Path) -> Iterator[SampleBlock]:
                 return
 
 
+def row_count(path: Path) -> int:
+    """Rows in a raw log, those that a crash spoilt included."""
+    with _Opened(path) as file:
+        return int(file["samples"].shape[0])
+
+
+def raw_rows(path: Path, start: int, stop: int) -> np.ndarray:
+    """Rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.ROW`."""
+    with _Opened(path) as file:
+        rows: np.ndarray = file["samples"][start:stop]
+        return rows
+
+
 def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
     stage = rows["stage"]
     edges = np.concatenate(([0], np.flatnonzero(stage[1:] != stage[:-1]) + 1, [len(rows)]))

@@ -1,6 +1,5 @@
 """Solves a stored log again: the offline side of the one chain of solvers."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from calstation.errors import ConfigurationError
 from calstation.records.log import open_log
 from calstation.station.result import Ending, build_result, judge
-from calstation.station.solve import solve
+from calstation.station.solve import Watch, solve
 
 
 @dataclass(frozen=True)
@@ -24,11 +23,11 @@ def resolve(
     stages: tuple[str, ...] | None = None,
     first_seq: int | None = None,
     last_seq: int | None = None,
-    progress: Callable[[str, int], None] | None = None,
+    progress: Watch | None = None,
 ) -> Resolved:
     """Solve a log's stages between two sequence numbers (both included, unwrapped).
 
-    Raises InputError or ConfigurationError with file, field and mend.
+    `progress` is told how it gets on. Raises InputError or ConfigurationError with file, field and mend.
     """
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
         raise ConfigurationError(f"--from {first_seq} lies behind --to {last_seq}; swap them")

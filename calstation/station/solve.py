@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from calstation.configuration import validate
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.context import Belief
-from calstation.estimation.method import Solution, StageSolver
+from calstation.estimation.method import Progress, Solution, StageSolver
 from calstation.estimation.samples import SampleBlock
 from calstation.estimation.warm import warm_up
 from calstation.physics.arrays import FloatArray
@@ -19,6 +19,9 @@ from procedures import method
 
 Blocks = Callable[[], Iterable[SampleBlock]]
 """Starts a fresh reading of a log's samples, in order."""
+
+Watch = Callable[[str, int, float], None]
+"""Is told the stage, the latest sequence number read, and how far the stage is solved, 0 while it is read, to 1."""
 
 
 @contextmanager
@@ -70,14 +73,16 @@ class StageChain:
         """Standard deviations of the 30 parameters so far, shape (30,), SI."""
         return self._belief.sigma if self._solver is None else self._solver.sigma()
 
-    def finish(self) -> Solution:
+    def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stage begun; its posterior becomes the next stage's prior.
+
+        progress : told how far the solver is
 
         Raises InputError where data and priors contradict each other so far that nothing can be solved.
         """
         assert self._solver is not None, "start a stage before finishing it"
         try:
-            solution = self._solver.finish()
+            solution = self._solver.finish(progress)
         except np.linalg.LinAlgError as exc:
             raise InputError(
                 f"stage '{self._stage}': the solution diverged ({exc}); check site.azimuth_deg, the axes in"
@@ -95,14 +100,14 @@ def solve(
     stages: tuple[str, ...] | None = None,
     *,
     source: str | Path = "log",
-    progress: Callable[[str, int], None] | None = None,
+    progress: Watch | None = None,
 ) -> StageChain:
     """Solve a log's stages; those that it holds, in its order, unless `stages` chooses.
 
     Parameters
     ----------
     blocks : gives the samples, anew at every call
-    progress : told the stage and the latest sequence number from time to time
+    progress : told from time to time how it gets on
 
     Raises
     ------
@@ -118,15 +123,13 @@ def solve(
     return chain
 
 
-def _solve_as_recorded(
-    blocks: Blocks, chain: StageChain, source: str | Path, progress: Callable[[str, int], None] | None
-) -> None:
-    stage = ""
+def _solve_as_recorded(blocks: Blocks, chain: StageChain, source: str | Path, progress: Watch | None) -> None:
+    stage, seq = "", 0
     seen: list[str] = []
     for block in blocks():
         if block.stage and block.stage != stage:
             if stage:
-                _finish(chain, stage, source)
+                _finish(chain, stage, source, progress, seq)
             stage = block.stage
             if stage in seen:
                 raise InputError(
@@ -137,14 +140,15 @@ def _solve_as_recorded(
             chain.start(stage)
         if block.stage:
             chain.feed(block)
+            seq = int(block.seq[-1])
             if progress is not None:
-                progress(stage, int(block.seq[-1]))
+                progress(stage, seq, 0.0)
     if not stage:
         raise InsufficientDataError(
             f"{source}: no sample in the chosen range belongs to a stage; widen --from and --to, "
             "or name stages in the column 'stage'"
         )
-    _finish(chain, stage, source)
+    _finish(chain, stage, source, progress, seq)
 
 
 def _check_name(stage: str, source: str | Path) -> None:
@@ -159,7 +163,7 @@ def _solve_chosen(
     chain: StageChain,
     stages: tuple[str, ...],
     source: str | Path,
-    progress: Callable[[str, int], None] | None,
+    progress: Watch | None,
 ) -> None:
     """As few readings of the log as the chosen order allows: one where it is the order of the log."""
     for stage in stages:
@@ -168,12 +172,12 @@ def _solve_chosen(
     while waiting:
         held: dict[str, None] = {}
         before = len(waiting)
-        stage = ""
+        stage, seq = "", 0
         for block in blocks():
             if block.stage:
                 held[block.stage] = None
             if stage and block.stage != stage and waiting[1:] and block.stage == waiting[1]:
-                _finish(chain, stage, source)
+                _finish(chain, stage, source, progress, seq)
                 waiting.pop(0)
                 stage = ""
             if waiting and block.stage == waiting[0]:
@@ -181,10 +185,11 @@ def _solve_chosen(
                     stage = block.stage
                     chain.start(stage)
                 chain.feed(block)
+                seq = int(block.seq[-1])
                 if progress is not None:
-                    progress(stage, int(block.seq[-1]))
+                    progress(stage, seq, 0.0)
         if stage:
-            _finish(chain, stage, source)
+            _finish(chain, stage, source, progress, seq)
             waiting.pop(0)
         if len(waiting) == before:
             there = ", ".join(held) or "no stage"
@@ -194,9 +199,9 @@ def _solve_chosen(
             )
 
 
-def _finish(chain: StageChain, stage: str, source: str | Path) -> None:
+def _finish(chain: StageChain, stage: str, source: str | Path, progress: Watch | None, seq: int) -> None:
     try:
-        chain.finish()
+        chain.finish(None if progress is None else lambda done: progress(stage, seq, done))
     except InsufficientDataError as exc:
         raise InsufficientDataError(f"{source}: stage '{stage}': {exc}") from exc
     except InputError as exc:

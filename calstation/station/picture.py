@@ -1,0 +1,194 @@
+"""A log's channels as lowest and highest values over bins of samples, in files: what a plot of any width draws from.
+
+Three levels of bins are kept; between them columns are joined as they are read, so that what is read stays within 16
+times what is drawn, whatever the log's length.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calstation.physics.arrays import IntArray
+
+CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "outer", "inner")
+"""Columns of every array of values: °/s, m/s² and °, as people read them."""
+FACTOR = 16
+BINS = (16, 256, 4096)
+"""Samples in a bin of each level."""
+SAMPLE = np.dtype([("seq", "<i8"), ("values", "<f4", (len(CHANNELS),))])
+Values = NDArray[np.float32]
+_SAMPLES = "samples"
+_BIN = 2 * 4 * len(CHANNELS)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What a plot draws: the lowest and highest values of consecutive columns of samples.
+
+    seq : first sequence number of each column, shape (k,)
+    low, high : in the units of `CHANNELS`, NaN where nothing is known, shape (k, 8)
+    samples : in a column (the last may hold fewer)
+    """
+
+    seq: IntArray
+    low: Values
+    high: Values
+    samples: int
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+
+def joined(seq: IntArray, low: Values, high: Values, group: int, samples: int) -> Columns:
+    """Columns of `group` bins each, of bins of `samples` samples."""
+    if group == 1 or len(seq) == 0:
+        return Columns(seq, low, high, samples)
+    whole = len(seq) // group * group
+    shape = (-1, group, low.shape[1])
+    lows = [np.fmin.reduce(low[:whole].reshape(shape), axis=1)]
+    highs = [np.fmax.reduce(high[:whole].reshape(shape), axis=1)]
+    if whole < len(seq):
+        lows.append(np.fmin.reduce(low[whole:], axis=0)[np.newaxis])
+        highs.append(np.fmax.reduce(high[whole:], axis=0)[np.newaxis])
+    return Columns(seq[::group].copy(), np.concatenate(lows), np.concatenate(highs), group * samples)
+
+
+def group_of(bins: int, count: int) -> int:
+    """How many bins a column joins, a power of two, so that at most `count` columns (at least half) result."""
+    return 1 << max(0, -(-bins // max(count, 1)) - 1).bit_length()
+
+
+class _Level:
+    """Joins what it is given into bins of `FACTOR` and appends these to two files."""
+
+    def __init__(self, folder: Path, samples: int) -> None:
+        self._values: BinaryIO = (folder / f"{samples}.values").open("wb")
+        self._seq: BinaryIO = (folder / f"{samples}.seq").open("wb")
+        self._samples = samples
+        self._rest: list[Columns] = []
+        self._held = 0
+
+    def add(self, columns: Columns) -> Columns | None:
+        """The whole bins that are now complete, for the next level."""
+        self._rest.append(columns)
+        self._held += len(columns)
+        return self._take(self._held // FACTOR * FACTOR)
+
+    def close(self) -> Columns | None:
+        """The last, unfinished bin."""
+        last = self._take(self._held)
+        self._values.close()
+        self._seq.close()
+        return last
+
+    def _take(self, count: int) -> Columns | None:
+        if count == 0:
+            return None
+        seq = np.concatenate([c.seq for c in self._rest])
+        low = np.concatenate([c.low for c in self._rest])
+        high = np.concatenate([c.high for c in self._rest])
+        samples = self._rest[0].samples
+        bins = joined(seq[:count], low[:count], high[:count], FACTOR, samples)
+        self._rest = [Columns(seq[count:], low[count:], high[count:], samples)]
+        self._held -= count
+        self._values.write(np.stack([bins.low, bins.high], axis=1).astype("<f4").tobytes())
+        self._seq.write(bins.seq.astype("<i8").tobytes())
+        return bins
+
+
+class PictureWriter:
+    """Makes the files from consecutive samples.
+
+    Parameters
+    ----------
+    folder : where; it must exist
+    keep_samples : keep every sample as well, for logs in which no row can be read by its number
+    """
+
+    def __init__(self, folder: Path, keep_samples: bool) -> None:
+        self._levels = [_Level(folder, samples) for samples in BINS]
+        self._samples = (folder / _SAMPLES).open("wb") if keep_samples else None
+
+    def add(self, seq: IntArray, values: Values) -> None:
+        """Take the next samples: sequence numbers, shape (n,), and values in `CHANNELS`' units, shape (n, 8)."""
+        if self._samples is not None:
+            rows = np.empty(len(seq), SAMPLE)
+            rows["seq"], rows["values"] = seq, values
+            self._samples.write(rows.tobytes())
+        self._pass_on(0, Columns(seq, values, values, 1))
+
+    def close(self) -> None:
+        """Write what is left of every level."""
+        for k, level in enumerate(self._levels):
+            last = level.close()
+            if last is not None:
+                self._pass_on(k + 1, last)
+        if self._samples is not None:
+            self._samples.close()
+
+    def _pass_on(self, level: int, columns: Columns | None) -> None:
+        while columns is not None and level < len(self._levels):
+            columns = self._levels[level].add(columns)
+            level += 1
+
+
+class Picture:
+    """Reads the files; what it reads at a time is bounded by what is drawn."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._bins = {n: (folder / f"{n}.seq").stat().st_size // 8 for n in BINS}
+        self._coarse = self._seq(BINS[-1], 0, self._bins[BINS[-1]])
+
+    def columns(self, first_seq: int, last_seq: int, count: int) -> Columns:
+        """At most `count` columns over the samples from `first_seq` to `last_seq`, with one more at either side.
+
+        Fewer than `count` // 2 where the finest bins are wider than that: then `samples` are worth reading.
+        """
+        level = len(BINS) - 1
+        while level > 0 and self._size(level, first_seq, last_seq) < count:
+            level -= 1
+        start, stop = self._range(level, first_seq, last_seq)
+        group = group_of(stop - start, count)
+        start = max(0, (start - 1) // group * group)  # columns stay the same ones while a view is dragged
+        stop = min(self._bins[BINS[level]], stop + group)
+        seq, values = self._seq(BINS[level], start, stop), self._values(BINS[level], start, stop)
+        return joined(seq, values[:, 0], values[:, 1], group, BINS[level])
+
+    def rows(self, first_seq: int, last_seq: int) -> tuple[int, int]:
+        """Numbers (start, stop) of the log's rows that hold these sequence numbers, widened to whole bins."""
+        start, stop = self._range(0, first_seq, last_seq)
+        return start * BINS[0], stop * BINS[0]
+
+    def samples(self, start: int, stop: int) -> np.ndarray:
+        """Rows start to stop where every sample was kept, structured as `SAMPLE`."""
+        return np.fromfile(self.folder / _SAMPLES, SAMPLE, stop - start, offset=start * SAMPLE.itemsize)
+
+    def _size(self, level: int, first_seq: int, last_seq: int) -> int:
+        start, stop = self._range(level, first_seq, last_seq)
+        return stop - start
+
+    def _range(self, level: int, first_seq: int, last_seq: int) -> tuple[int, int]:
+        """Bins of a level that hold the range, found from the coarsest down, `FACTOR` bins at a step."""
+        return self._place(level, first_seq), self._place(level, last_seq) + 1
+
+    def _place(self, level: int, seq: int) -> int:
+        """The last bin of a level that begins at `seq` or before, 0 where none does."""
+        place = max(0, int(self._coarse.searchsorted(seq, side="right")) - 1)
+        for samples in reversed(BINS[level:-1]):
+            place *= FACTOR
+            below = self._seq(samples, place, min(place + FACTOR, self._bins[samples]))
+            place += max(0, int(below.searchsorted(seq, side="right")) - 1)
+        return place
+
+    def _seq(self, samples: int, start: int, stop: int) -> IntArray:
+        return np.fromfile(self.folder / f"{samples}.seq", "<i8", stop - start, offset=8 * start)
+
+    def _values(self, samples: int, start: int, stop: int) -> Values:
+        flat: Values = np.fromfile(
+            self.folder / f"{samples}.values", "<f4", (stop - start) * _BIN // 4, offset=start * _BIN
+        )
+        return flat.reshape(-1, 2, len(CHANNELS))
