@@ -7,6 +7,7 @@ from PySide6.QtCore import QObject, QSettings, Signal
 from calstation.gui import theme
 from calstation.gui.engine_link import EngineLink
 from calstation.gui.role import RoleLock
+from calstation.gui.run_status import RunStatus
 from calstation.station import library
 from calstation.station.workshop import Workshop
 
@@ -18,6 +19,7 @@ class AppContext(QObject):
     ----------
     workshop : where slow work is done, in a process of its own
     engine_link : starts runs and tells their events
+    run : where the run stands
     role : operator or engineer
     settings : language, theme, recent files; nothing that changes a result
     station_path : the station file, None for the default, the virtual bench
@@ -36,6 +38,7 @@ class AppContext(QObject):
         self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
         self.workshop = Workshop()
         self.engine_link = EngineLink(self)
+        self.run = RunStatus(self.engine_link, self)
         self.role = RoleLock(self)
         self.station_path = station
         self.product_path: Path | None = None

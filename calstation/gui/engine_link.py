@@ -2,9 +2,7 @@
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.errors import CalstationError
 from calstation.sequencer.control import Command
-from calstation.sequencer.events import Event, Fault
 from calstation.station.engine import Engine
 from calstation.station.request import RunRequest
 
@@ -48,29 +46,29 @@ class EngineLink(QObject):
         if self._engine is not None:
             self._engine.send(command)
 
-    def close(self) -> None:
-        """Hang up: a run that is still going stops safely."""
+    def give_up(self) -> None:
+        """Listen no longer: a run that is still going stops safely, an engine that hangs is killed."""
         if self._engine is not None:
-            engine, self._engine = self._engine, None
-            self._timer.stop()
+            self._engine.hang_up()
+            self._end()
+
+    def close(self) -> None:
+        """The same, and wait for the safe stop and the result."""
+        if self._engine is not None:
+            engine = self._engine
+            self._end()
             engine.close()
 
     def _poll(self) -> None:
         engine = self._engine
         if engine is None:
             return
-        try:
-            events: list[Event] = list(engine.poll())
-        except CalstationError as error:
-            self.event.emit(Fault(type(error).__name__, str(error), error.exit_code))
-            self._ended()
-            return
-        for event in events:
+        for event in engine.poll():
             self.event.emit(event)
-        if not engine.process.is_alive() and not events:
-            self._ended()
+        if engine.ended and engine is self._engine and not engine.alive:
+            self._end()
 
-    def _ended(self) -> None:
+    def _end(self) -> None:
         self._timer.stop()
         self._engine = None
         self.running_changed.emit(False)

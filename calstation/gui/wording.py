@@ -1,1 +1,174 @@
-"""Message ids, states and faults as sentences in the language in force; the engine itself knows no sentences."""
+"""Message ids, states, stages, groups and steps as sentences in the language in force; the engine knows none."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from PySide6.QtCore import QCoreApplication
+
+_CONTEXT = "wording"
+
+
+def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
+    """Marks a text for the translators under the name that lupdate looks for."""
+    return text
+
+
+_STAGES = {
+    "rate": QT_TRANSLATE_NOOP("wording", "Rate"),
+    "six_position": QT_TRANSLATE_NOOP("wording", "Six positions"),
+    "excitation": QT_TRANSLATE_NOOP("wording", "Excitation"),
+    "azimuth_flip": QT_TRANSLATE_NOOP("wording", "Azimuth flips"),
+    "multi_position": QT_TRANSLATE_NOOP("wording", "Multi-position"),
+    "gimbal": QT_TRANSLATE_NOOP("wording", "Gimbal"),
+    "cross_calibration": QT_TRANSLATE_NOOP("wording", "Cross-calibration"),
+}
+
+_GROUPS = {
+    "gyro_bias": QT_TRANSLATE_NOOP("wording", "gyro bias"),
+    "gyro_scale": QT_TRANSLATE_NOOP("wording", "gyro scale factor"),
+    "gyro_misalign": QT_TRANSLATE_NOOP("wording", "gyro misalignment"),
+    "accel_bias": QT_TRANSLATE_NOOP("wording", "accel bias"),
+    "accel_scale": QT_TRANSLATE_NOOP("wording", "accel scale factor"),
+    "accel_misalign": QT_TRANSLATE_NOOP("wording", "accel misalignment"),
+    "accel_quadratic": QT_TRANSLATE_NOOP("wording", "accel quadratic"),
+    "inner_lever": QT_TRANSLATE_NOOP("wording", "inner lever arm"),
+    "outer_lever": QT_TRANSLATE_NOOP("wording", "outer lever arm"),
+}
+
+_MESSAGES = {
+    "identified": QT_TRANSLATE_NOOP("wording", "Table {table} ({table_serial}), IMU {imu} {serial}."),
+    "incomplete_run": QT_TRANSLATE_NOOP(
+        "wording", "An earlier run did not reach its end: {log} (its samples can be solved again)."
+    ),
+    "waiting_ready": QT_TRANSLATE_NOOP("wording", "Waiting for the unit to be ready."),
+    "homing": QT_TRANSLATE_NOOP("wording", "Homing the table, slowly."),
+    "warming_up": QT_TRANSLATE_NOOP("wording", "Warming up, {seconds:g} s at least."),
+    "checking_mounting": QT_TRANSLATE_NOOP("wording", "Checking gravity, signs and data flow."),
+    "prompt": QT_TRANSLATE_NOOP("wording", "{text}"),
+    "step_repeated": QT_TRANSLATE_NOOP("wording", "Step repeated ({reason}), attempt {attempt}."),
+    "finishing": QT_TRANSLATE_NOOP("wording", "To the load angle, axes off."),
+    "safe_stop_incomplete": QT_TRANSLATE_NOOP("wording", "Safe stop: {text}"),
+    "azimuth_from_data": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: azimuth found from the data, not from the station file."
+    ),
+    "not_settled": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: {passes} passes did not settle the answer; take its sigmas with care."
+    ),
+    "turns_assumed_whole": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: no encoder angles; every turn is taken for whole."
+    ),
+    "registers_kept": QT_TRANSLATE_NOOP("wording", "Outside the limits: the unit keeps its registers."),
+    "registers_written": QT_TRANSLATE_NOOP("wording", "Registers written, read back and equal."),
+    "stopped_early": QT_TRANSLATE_NOOP(
+        "wording", "{stage} is outside the limits: the remaining stages are left out."
+    ),
+    "stopped_because": QT_TRANSLATE_NOOP("wording", "Stopped safely: {reason}."),
+}
+
+_REASONS = {
+    "gap": QT_TRANSLATE_NOOP("wording", "samples lost"),
+    "no_data": QT_TRANSLATE_NOOP("wording", "no data"),
+    "saturated": QT_TRANSLATE_NOOP("wording", "output saturated"),
+    "signal": QT_TRANSLATE_NOOP("wording", "the computer asked the program to end"),
+    "listener_lost": QT_TRANSLATE_NOOP("wording", "the window was closed"),
+    "listener_silent": QT_TRANSLATE_NOOP("wording", "the window did not answer any more"),
+}
+
+_STATES = {
+    "idle": QT_TRANSLATE_NOOP("wording", "READY"),
+    "starting": QT_TRANSLATE_NOOP("wording", "STARTING"),
+    "preparing": QT_TRANSLATE_NOOP("wording", "PREPARING"),
+    "running": QT_TRANSLATE_NOOP("wording", "RUNNING"),
+    "pausing": QT_TRANSLATE_NOOP("wording", "COMING TO REST"),
+    "paused": QT_TRANSLATE_NOOP("wording", "PAUSED"),
+    "stopping": QT_TRANSLATE_NOOP("wording", "STOPPING"),
+    "stopped": QT_TRANSLATE_NOOP("wording", "STOPPED"),
+    "fault": QT_TRANSLATE_NOOP("wording", "FAULT"),
+    "passed": QT_TRANSLATE_NOOP("wording", "PASS"),
+    "failed": QT_TRANSLATE_NOOP("wording", "FAIL"),
+    "incomplete": QT_TRANSLATE_NOOP("wording", "INCOMPLETE"),
+}
+"""A run's states and outcomes as they stand on the screen."""
+
+KINDS = {
+    "idle": "none",
+    "starting": "waiting",
+    "preparing": "active",
+    "running": "active",
+    "pausing": "paused",
+    "paused": "paused",
+    "stopping": "stopped",
+    "stopped": "stopped",
+    "fault": "caution",
+    "passed": "good",
+    "failed": "bad",
+    "incomplete": "waiting",
+}
+"""The shape (`widgets.badge.KINDS`) that goes with each state."""
+
+_STEPS = {
+    "start": QT_TRANSLATE_NOOP("wording", "To the start of the stage"),
+    "into_place": QT_TRANSLATE_NOOP("wording", "Bringing axis {1} into place"),
+    "whole_turns": QT_TRANSLATE_NOOP("wording", "Turning about {1} by {2:g}°"),
+    "turn_about": QT_TRANSLATE_NOOP("wording", "Turning about {1} by {2:g}°"),
+    "unwind": QT_TRANSLATE_NOOP("wording", "Unwinding before the next turn about {1}"),
+    "face_up": QT_TRANSLATE_NOOP("wording", "Turning {1} up"),
+    "flip": QT_TRANSLATE_NOOP("wording", "Half turn about the vertical, {1:+g}°"),
+    "return": QT_TRANSLATE_NOOP("wording", "Back to the start of the step"),
+    "check": QT_TRANSLATE_NOOP("wording", "A small turn to check mounting and signs"),
+    "load": QT_TRANSLATE_NOOP("wording", "To the load angle"),
+}
+
+
+def _say(text: str) -> str:
+    return QCoreApplication.translate(_CONTEXT, text)
+
+
+def word_stage(stage: str) -> str:
+    """A stage's name."""
+    return _say(_STAGES[stage]) if stage in _STAGES else stage.replace("_", " ")
+
+
+def word_group(group: str) -> str:
+    """A parameter group's name."""
+    return _say(_GROUPS[group]) if group in _GROUPS else group.replace("_", " ")
+
+
+def word_state(state: str) -> str:
+    """A state or outcome in capitals."""
+    return _say(_STATES[state]) if state in _STATES else state
+
+
+def word_message(key: str, values: Mapping[str, Any]) -> str:
+    """The sentence of a message; an unknown id is shown with its values."""
+    if key not in _MESSAGES:
+        details = ", ".join(f"{name} {value}" for name, value in values.items())
+        return f"{key.replace('_', ' ')}{': ' if details else ''}{details}"
+    shown = dict(values)
+    if "reason" in shown:
+        reason = str(shown["reason"])
+        shown["reason"] = _say(_REASONS[reason]) if reason in _REASONS else reason
+    if "stage" in shown:
+        shown["stage"] = word_stage(str(shown["stage"]))
+    return _say(_MESSAGES[key]).format(**shown)
+
+
+def word_step(kind: str, label: tuple[str | float, ...]) -> str:
+    """What a step does, in a few words."""
+    if kind == "dwell":
+        return _say(QT_TRANSLATE_NOOP("wording", "Resting"))
+    if not label:
+        return _say(QT_TRANSLATE_NOOP("wording", "Moving"))
+    template = _STEPS.get(str(label[0]))
+    if template is not None:
+        return _say(template).format(*label)
+    return " ".join(
+        f"{part:g}" if isinstance(part, float | int) else part.replace("_", " ") for part in label
+    )
+
+
+def word_time(seconds: float) -> str:
+    """A duration as ``m:ss`` or ``h:mm:ss``."""
+    minutes, rest = divmod(max(0, round(seconds)), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -1,0 +1,201 @@
+"""Faults in the language in force: where their cause is, what is wrong, and the mend.
+
+The engine's errors are English sentences ``cause: what is wrong; the mend``, as its command line shows them. Here
+each sentence of a run is known by its pattern, so that it can be said again in another language; one that is not
+known is shown as it is.
+"""
+
+import re
+from dataclasses import dataclass
+from functools import cache
+
+from PySide6.QtCore import QCoreApplication
+
+from calstation.gui.wording import QT_TRANSLATE_NOOP
+
+_CAUSES = {
+    "table": QT_TRANSLATE_NOOP("faults", "Table"),
+    "imu": QT_TRANSLATE_NOOP("faults", "IMU"),
+    "bench": QT_TRANSLATE_NOOP("faults", "Virtual bench"),
+    "engine": QT_TRANSLATE_NOOP("faults", "Program"),
+    "configuration": QT_TRANSLATE_NOOP("faults", "Configuration"),
+    "data": QT_TRANSLATE_NOOP("faults", "Data"),
+}
+
+SENTENCES: tuple[str, ...] = (
+    QT_TRANSLATE_NOOP("faults", "table: fault '{0}' is latched; remove its cause and reset it at the table"),
+    QT_TRANSLATE_NOOP("faults", "table: fault '{0}'; remove its cause and reset it at the table"),
+    QT_TRANSLATE_NOOP("faults", "table: the interlock is open; close the cover and start again"),
+    QT_TRANSLATE_NOOP("faults", "table: the interlock was opened; close the cover and start again"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: the watchdog is off (0); set its timeout in the drive, e.g. 1000 ms, before any run",
+    ),
+    QT_TRANSLATE_NOOP("faults", "table: the axes are not enabled; check the drive's enable input"),
+    QT_TRANSLATE_NOOP("faults", "table: the axes are not homed; home the table first"),
+    QT_TRANSLATE_NOOP("faults", "table: the drive switched the axes off; look at the drive's display"),
+    QT_TRANSLATE_NOOP("faults", "table: the drive does not enable its axes"),
+    QT_TRANSLATE_NOOP("faults", "table: does not come to rest after a stop command"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: did not reach outer {0}°, inner {1}° in time; look for an obstacle or a stalled drive",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults", "table: port {0} cannot be opened; check cable, power and the port in the station file"
+    ),
+    QT_TRANSLATE_NOOP("faults", "table: {0} on {1} ({2}); check cable, power and unit number"),
+    QT_TRANSLATE_NOOP("faults", "IMU: no data; check port, baud and power"),
+    QT_TRANSLATE_NOOP("faults", "IMU: no data any more; check cable, power and port"),
+    QT_TRANSLATE_NOOP("faults", "IMU: no data during a turn; check cable, power and port"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: samples are lost again and again; check cable, baud and the load of this computer",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the output saturates in this step; lower the rate in the product's schedule",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults", "IMU: {0} s of data did not come in time; check the link and the sample rate"
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the unit answers to serial number '{0}', not '{1}'; "
+        "check the unit in the fixture and the number given",
+    ),
+    QT_TRANSLATE_NOOP("faults", "IMU: not ready after {0} s; check power, port, baud and parity"),
+    QT_TRANSLATE_NOOP("faults", "IMU: the unit reports a failed self-test; replace the unit"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: temperature still drifts by {0} °C/min after {1} s; "
+        "wait, or allow more in the product's warm_up",
+    ),
+    QT_TRANSLATE_NOOP("faults", "IMU: data have gaps already at rest; check cable, baud and sample rate"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: gravity measures {0} m/s², expected {1} m/s²; "
+        "check the IMU profile's accel_lsb and output, and the unit",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: gravity points {0}° away from the declared mounting; "
+        "check how the unit is mounted and the table profile's axes",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: a turn of the {0} axis measures {1}° away from the declared axis; "
+        "check how the unit is mounted and the table profile's axes",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: a turn of {0}° of the {1} axis measures {2}° about it; check axes, mounting and gyro_lsb",
+    ),
+    QT_TRANSLATE_NOOP("faults", "IMU: port {0} cannot be opened ({1}); {2}"),
+    QT_TRANSLATE_NOOP("faults", "IMU: reading {0} failed ({1})"),
+    QT_TRANSLATE_NOOP(
+        "faults", "IMU: no answer on {0} within {1} s, not a byte came; check power, cable and port"
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: bytes come on {0} but no frame is recognised; "
+        "check baud, parity, stop bits and the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP("faults", "IMU: {0} = {1} does not fit register {2} ({3} to {4}); nothing was written"),
+    QT_TRANSLATE_NOOP("faults", "IMU: register {0} was not taken; nothing was committed"),
+    QT_TRANSLATE_NOOP(
+        "faults", "IMU: the unit refused to commit its registers; power it off and on, try again"
+    ),
+    QT_TRANSLATE_NOOP("faults", "virtual bench: its process has ended; start the run again"),
+    QT_TRANSLATE_NOOP("faults", "virtual bench: lost ({0}); start the run again"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "engine: its process ended unexpectedly{0}; the table's watchdog stops the table; look at the table, "
+        "then start again or resume the run at its last finished stage",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "engine: it gives no sign of life any more; the table's watchdog stops the table; look at the table, "
+        "then start again or resume the run at its last finished stage",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "serial number '{0}' does not fit the product's pattern '{1}'; "
+        "choose the product that belongs to the unit",
+    ),
+)
+"""The sentences of a run's faults, values in numbered braces."""
+
+
+_HEADS = ("table: ", "IMU: ", "engine: ", "virtual bench: ")
+_HEAD = re.compile(r"^[^:：]*(: |：)")
+
+
+@dataclass(frozen=True)
+class FaultWords:
+    """A fault as it is shown: where its cause is, what is wrong, what to do (may be empty)."""
+
+    cause: str
+    place: str
+    reason: str
+    mend: str
+
+
+def word_fault(kind: str, text: str) -> FaultWords:
+    """The words of a `Fault` of this kind and text; of a mistake of the program only its last line is shown."""
+    if kind == "internal":
+        return _internal(text)
+    cause = _cause(kind, text)
+    said = _HEAD.sub("", _translated(text), count=1) if text.startswith(_HEADS) else _translated(text)
+    reason, *mend = re.split(r"; |；", said, maxsplit=1)
+    return FaultWords(cause, _place(cause), _sentence(reason), _sentence(mend[0] if mend else ""))
+
+
+def known(text: str) -> bool:
+    """Whether the sentence can be said in every language."""
+    return any(pattern.fullmatch(text) for pattern, _ in _patterns())
+
+
+def _internal(text: str) -> FaultWords:
+    last = text.strip().splitlines()[-1] if text.strip() else ""
+    reason = QCoreApplication.translate("faults", "The program made a mistake: {0}").format(last)
+    mend = QCoreApplication.translate(
+        "faults",
+        "Start the run again; if it comes back, send the log and this text to whoever looks after calstation.",
+    )
+    return FaultWords("engine", _place("engine"), reason, mend)
+
+
+def _cause(kind: str, text: str) -> str:
+    for head, cause in zip(_HEADS, ("table", "imu", "engine", "bench"), strict=True):
+        if text.startswith(head):
+            return cause
+    return "configuration" if kind == "ConfigurationError" else "data" if "Input" in kind else "engine"
+
+
+def _place(cause: str) -> str:
+    return QCoreApplication.translate("faults", _CAUSES[cause])
+
+
+@cache
+def _patterns() -> tuple[tuple[re.Pattern[str], str], ...]:
+    made = []
+    for sentence in SENTENCES:
+        parts = re.split(r"\{\d\}", sentence)
+        made.append((re.compile("(.*?)".join(re.escape(part) for part in parts), re.DOTALL), sentence))
+    return tuple(made)
+
+
+def _translated(text: str) -> str:
+    for pattern, sentence in _patterns():
+        found = pattern.fullmatch(text)
+        if found:
+            return QCoreApplication.translate("faults", sentence).format(*found.groups())
+    return text
+
+
+def _sentence(text: str) -> str:
+    """With a capital and a full stop."""
+    if not text:
+        return ""
+    text = text[0].upper() + text[1:]
+    return text if text[-1] in ".。!！" else text + ("。" if ord(text[-1]) > 0x2E80 else ".")

@@ -1,0 +1,234 @@
+"""Where the run stands, folded from the engine's events for everything that shows it."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from calstation.errors import CalstationError
+from calstation.gui.engine_link import EngineLink
+from calstation.sequencer.events import (
+    Event,
+    Fault,
+    Message,
+    StageEnded,
+    StageProgress,
+    StageSolved,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+    Verdict,
+)
+from calstation.station.outline import Outline, outline
+
+MOVING_STATES = ("starting", "preparing", "running", "pausing", "paused", "stopping")
+"""States in which a run is going on."""
+
+_TRUST_AFTER = 2.0
+"""Host time after which a virtual bench's pace is known well enough to tell the time left, s."""
+
+
+@dataclass
+class StageState:
+    """One stage as it is shown.
+
+    state : waiting, active, solving, good, bad, stopped
+    fraction : 0..1; duration : of its plan, s of device time; remaining : of it
+    took : host seconds from start to solution, once solved
+    """
+
+    name: str
+    duration: float
+    state: str = "waiting"
+    fraction: float = 0.0
+    remaining: float = 0.0
+    took: float | None = None
+    begun: float = field(default=0.0, repr=False)
+
+
+class RunStatus(QObject):
+    """What the events so far amount to; `changed` after every event that changes it.
+
+    Attributes
+    ----------
+    state : the sequencer's, or ``starting`` before its first word
+    outline : what the run is; None before the first one
+    stages : in order
+    said : latest message or step as ("message", id, values) or ("step", kind, label), to be worded when shown
+    prompt : what the operator is asked to do, "" for nothing
+    verdict : of the last run; fault : latched until `acknowledge`
+    """
+
+    changed = Signal()
+
+    def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._link = link
+        self.state = "idle"
+        self.outline: Outline | None = None
+        self.stages: list[StageState] = []
+        self.said: tuple[str, str, Any] | None = None
+        self.prompt = ""
+        self.verdict: Verdict | None = None
+        self.fault: Fault | None = None
+        self._begun = 0.0
+        self._stop_asked = False
+        link.running_changed.connect(self._running_changed)
+        link.event.connect(self._take)
+
+    @property
+    def going(self) -> bool:
+        """Whether a run is going on."""
+        return self.state in MOVING_STATES
+
+    @property
+    def stage(self) -> StageState | None:
+        """The stage in hand."""
+        return next((s for s in self.stages if s.state in ("active", "solving")), None)
+
+    @property
+    def fraction(self) -> float:
+        """How much of the run is done, 0..1, by the plans' time."""
+        total = sum(s.duration for s in self.stages)
+        return self._done() / total if total > 0.0 else 0.0
+
+    @property
+    def pace(self) -> float | None:
+        """Device seconds per host second: 1 on hardware, measured on a virtual bench, None until known."""
+        if self.outline is not None and not self.outline.virtual:
+            return 1.0
+        elapsed, done = time.monotonic() - self._begun, self._done()
+        return done / elapsed if self._begun and elapsed > _TRUST_AFTER and done > 0.0 else None
+
+    @property
+    def remaining(self) -> float | None:
+        """Host seconds left, None where nobody can tell yet."""
+        pace = self.pace
+        if pace is None or not self.going:
+            return None
+        return sum(self.left(s) for s in self.stages) / pace
+
+    def left(self, stage: StageState) -> float:
+        """Device seconds that a stage still takes."""
+        if stage.state == "waiting":
+            return stage.duration
+        return stage.remaining if stage.state == "active" else 0.0
+
+    def ask_stop(self) -> None:
+        """The operator has asked for a stop: shown at once, before the engine has heard it."""
+        if self.going and self.state != "stopping":
+            self.state = "stopping"
+            self.prompt = ""
+            self.changed.emit()
+
+    def answered(self) -> None:
+        """The operator has answered the prompt."""
+        self.prompt = ""
+        self.changed.emit()
+
+    def acknowledge(self) -> None:
+        """Unlatch the fault: a run may start again. An engine that hangs is given up."""
+        if self.fault is not None:
+            self._link.give_up()
+            self.fault = None
+        self.state = "idle"
+        self.changed.emit()
+
+    def _running_changed(self, running: bool) -> None:
+        if running:
+            assert self._link.request is not None
+            self.state = "starting"
+            self.verdict = self.fault = self.said = None
+            self.prompt = ""
+            self._begun = 0.0
+            try:
+                self.outline = outline(self._link.request)
+                self.stages = [StageState(s.name, s.duration) for s in self.outline.stages]
+            except CalstationError:  # the engine meets it as well and tells it as a fault
+                self.stages = []
+        elif self.going:
+            self.state = "incomplete"
+        self.changed.emit()
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event, StateChanged):
+            self._change_state(event.state)
+        elif isinstance(event, StageStarted):
+            self._start_stage(event)
+        elif isinstance(event, StageProgress):
+            stage = self._find(event.stage)
+            if stage is not None and stage.state == "active":
+                stage.fraction, stage.remaining = event.fraction, event.remaining
+        elif isinstance(event, StepStarted):
+            self.said = ("step", event.kind, event.label)
+            self.prompt = ""
+        elif isinstance(event, StageEnded):
+            self._mark(event.stage, "solving")
+        elif isinstance(event, StageSolved):
+            self._solve_stage(event)
+        elif isinstance(event, Message):
+            self._hear(event.id, event.values)
+        elif isinstance(event, Fault):
+            self.fault = event
+            self.state = "fault"
+            self.prompt = ""
+            self._leave("bad")
+        elif isinstance(event, Verdict):
+            self.verdict = event
+            self.prompt = ""
+            if event.outcome in ("passed", "failed", "stopped", "incomplete"):
+                self.state = event.outcome
+        else:
+            return
+        self.changed.emit()
+
+    def _change_state(self, state: str) -> None:
+        if self.state == "stopping" and state not in ("stopped", "fault", "passed", "failed"):
+            return  # the stop was pressed after this was said
+        self.state = state
+        if state == "stopped":
+            self._leave("stopped")
+        elif state == "fault":
+            self._leave("bad")
+
+    def _start_stage(self, event: StageStarted) -> None:
+        now = time.monotonic()
+        self._begun = self._begun or now
+        stage = self._find(event.stage)
+        if stage is None:
+            stage = StageState(event.stage, event.duration)
+            self.stages.append(stage)
+        stage.state, stage.begun = "active", now
+        stage.fraction, stage.duration, stage.remaining = 0.0, event.duration, event.duration
+
+    def _solve_stage(self, event: StageSolved) -> None:
+        stage = self._mark(event.stage, "good" if event.consistency["passed"] else "bad")
+        if stage is not None:
+            stage.fraction, stage.remaining = 1.0, 0.0
+            stage.took = time.monotonic() - stage.begun
+
+    def _hear(self, key: str, values: Mapping[str, Any]) -> None:
+        self.said = ("message", key, values)
+        self.prompt = str(values.get("text", "")) if key == "prompt" else ""
+        if key == "stopped_early":
+            self._mark(str(values.get("stage")), "bad")
+
+    def _leave(self, state: str) -> None:
+        """The stage in hand ends without an answer."""
+        for stage in self.stages:
+            if stage.state in ("active", "solving"):
+                stage.state = state
+
+    def _mark(self, name: str, state: str) -> StageState | None:
+        stage = self._find(name)
+        if stage is not None:
+            stage.state = state
+        return stage
+
+    def _find(self, name: str) -> StageState | None:
+        return next((s for s in self.stages if s.name == name), None)
+
+    def _done(self) -> float:
+        return sum(s.duration - self.left(s) for s in self.stages)

@@ -1,0 +1,91 @@
+"""What a station and a product amount to before a run: who and what is there, the stages and their time, the targets."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from calstation.physics.parameters import GROUPS, NAMES, group_indices
+from calstation.records.meta import context_from_meta
+from calstation.sequencer.preview import plan_time
+from calstation.station.request import RunRequest
+from calstation.station.setup import Setup, configured
+from procedures import method
+
+
+@dataclass(frozen=True)
+class StageOutline:
+    """A stage to come: its name and what its plan takes, s of device time."""
+
+    name: str
+    duration: float
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What a run on a station with a product would be.
+
+    Attributes
+    ----------
+    station, product : names
+    bench : None for hardware; else the virtual bench's settings as its file has them
+    table, outer_axis, inner_axis : the table's name and its axes in b at home
+    serial_pattern : regular expression for a whole serial number
+    stages : in order
+    targets : per group the largest sigma that the product allows at the end of these stages, SI; a group that no
+        stage estimates or no limit names is left out
+    load_angle : where the table stands while units are changed, degrees
+    """
+
+    station: str
+    product: str
+    bench: Mapping[str, object] | None
+    table: str
+    outer_axis: tuple[float, float, float]
+    inner_axis: tuple[float, float, float]
+    serial_pattern: str
+    stages: tuple[StageOutline, ...]
+    targets: Mapping[str, float]
+    load_angle: tuple[float, float]
+
+    @property
+    def virtual(self) -> bool:
+        """Whether the table is one in software."""
+        return self.bench is not None
+
+
+def outline(request: RunRequest) -> Outline:
+    """Read what a request names; its serial number is not looked at, but must not be empty.
+
+    Raises ConfigurationError with file, field and mend.
+    """
+    setup, _ = configured(request)
+    load = setup.product.load_angle
+    geometry = setup.table.geometry()
+    meta = setup.meta(datetime.now(UTC), 1, {})
+    plans = setup.task(meta).stages
+    return Outline(
+        station=setup.station.name,
+        product=setup.product.name,
+        bench=setup.station.bench,
+        table=setup.table.name,
+        outer_axis=geometry.outer_axis,
+        inner_axis=geometry.inner_axis,
+        serial_pattern=setup.product.serial_pattern,
+        stages=tuple(StageOutline(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0)))) for p in plans),
+        targets=_targets(setup),
+        load_angle=(load.outer_deg, load.inner_deg),
+    )
+
+
+def _targets(setup: Setup) -> dict[str, float]:
+    context = context_from_meta(setup.meta(datetime.now(UTC), 1, {}))
+    last = {name: stage for stage in setup.stages for name in method(stage).estimates(context)}
+    limits = setup.product.limits
+    found: dict[str, float] = {}
+    for group in GROUPS:
+        for name in (NAMES[i] for i in group_indices(group)):
+            limit = limits.get(name, limits.get(group))
+            sigma = limit.sigma_limit(last[name]) if limit is not None and name in last else None
+            if sigma is not None:
+                found[group] = min(sigma, found.get(group, sigma))
+    return found
