@@ -1,0 +1,120 @@
+"""An inline bar that says or asks something where the eye is, instead of a box that gets in the way."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from calstation.gui import theme
+from calstation.gui.widgets.badge import StateIcon, state_colour
+
+Words = Callable[[], str]
+"""Says a text in the language in force, anew whenever asked."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One answer: what its button says and does; the bar closes first. `name` is the button's object name."""
+
+    name: str
+    words: Words
+    act: Callable[[], None]
+    primary: bool = False
+
+
+class NoticeBar(QFrame):
+    """Hidden until there is something to say or ask; the newest question takes the place of an older one."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._kind = "none"
+        self._title: Words = str
+        self._text: Words = str
+        self._choices: Sequence[Choice] = ()
+        self._icon = StateIcon(28)
+        self.title_label = QLabel()
+        self.title_label.setProperty("kind", "section")
+        self.text_label = QLabel()
+        for label in (self.title_label, self.text_label):
+            label.setWordWrap(True)
+        words = QVBoxLayout()
+        words.setSpacing(theme.GRID // 2)
+        words.addWidget(self.title_label)
+        words.addWidget(self.text_label)
+        self._buttons = QHBoxLayout()
+        self._buttons.setSpacing(theme.GRID)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(3 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        row.setSpacing(2 * theme.GRID)
+        row.addWidget(self._icon, 0, Qt.AlignmentFlag.AlignVCenter)
+        row.addLayout(words, 1)
+        row.addLayout(self._buttons)
+        self.hide()
+
+    @property
+    def asking(self) -> bool:
+        """Whether a question waits for its answer."""
+        return bool(self._choices) and not self.isHidden()
+
+    def ask(self, kind: str, title: Words, text: Words, choices: Sequence[Choice] = ()) -> None:
+        """Say something of a state's kind (`badge.KINDS`) and offer answers; the first primary one has the focus."""
+        self.dismiss()
+        self._kind, self._title, self._text, self._choices = kind, title, text, choices
+        self._icon.set_kind(kind)
+        for choice in choices:
+            button = QPushButton()
+            button.setObjectName(choice.name)
+            if choice.primary:
+                button.setProperty("kind", "primary")
+            button.clicked.connect(lambda _=False, chosen=choice: self._answer(chosen))
+            self._buttons.addWidget(button)
+        self.retranslate()
+        self.show()
+        for choice in choices:
+            if choice.primary:
+                self.button(choice.name).setFocus()
+
+    def button(self, name: str) -> QPushButton:
+        """The button of an answer."""
+        found = self.findChild(QPushButton, name)
+        assert found is not None, name
+        return found
+
+    def dismiss(self) -> None:
+        """Say no more."""
+        self.hide()
+        self._choices = ()
+        while (item := self._buttons.takeAt(0)) is not None:
+            widget = item.widget()
+            if widget is not None:
+                widget.setParent(None)
+                widget.deleteLater()
+
+    def retranslate(self) -> None:
+        """Say it again in the language in force."""
+        title, text = self._title(), self._text()
+        self.title_label.setText(title)
+        self.title_label.setVisible(bool(title))
+        self.text_label.setText(text)
+        self.text_label.setVisible(bool(text))
+        for choice in self._choices:
+            self.button(choice.name).setText(choice.words())
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """A band in the state's colour down the left side."""
+        super().paintEvent(event)
+        painter = QPainter(self)
+        painter.fillRect(1, 1, theme.GRID, self.height() - 2, QColor(state_colour(self._kind)))
+
+    def _answer(self, choice: Choice) -> None:
+        self.dismiss()
+        choice.act()
