@@ -79,7 +79,7 @@ def _standing(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
             "profile_high": section.high_deg,
         }
         angle = float(np.rad2deg(status.angles[joint]))
-        if not section.low_deg - _ALIKE <= angle <= section.high_deg + _ALIKE:
+        if status.homed and not section.low_deg - _ALIKE <= angle <= section.high_deg + _ALIKE:
             yield Finding("outside_travel", "wrong", {**values, "angle": angle})
         elif low > section.low_deg + _ALIKE or high < section.high_deg - _ALIKE:
             yield Finding("travel_narrower", "look", values)

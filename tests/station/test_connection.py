@@ -1,0 +1,272 @@
+"""A connection test names what is wrong with a link, on every kind of wrong link, and passes a right one."""
+
+import socket
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import wires
+from serial.tools import list_ports
+from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
+
+from calstation.devices.link import SerialLink, SerialSettings
+from calstation.errors import DeviceFaultError
+from calstation.station import imu_check
+from calstation.station.connection_test import try_imu, try_table
+from calstation.station.finding import Finding, Report
+from calstation.station.ports import discover
+
+needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+    assert 0.0 <= fraction <= 1.0
+
+
+def table(**section: Any) -> Report:
+    """Test a table with these link settings."""
+    return try_table(tell, order(table=section))
+
+
+def imu(**section: Any) -> Report:
+    """Test an IMU with these link settings."""
+    return try_imu(tell, order(imu=section))
+
+
+def wrong(report: Report) -> Finding:
+    """The one thing that is wrong."""
+    (finding,) = [f for f in report.findings if f.state == "wrong"]
+    assert report.state == "wrong"
+    return finding
+
+
+# A right link
+
+
+def test_the_virtual_benchs_table_is_right() -> None:
+    report = try_table(tell, order(bench={"seed": 1}))
+    assert report.state == "ok"
+    identified = report.find("identified")
+    assert identified is not None
+    assert identified.values == {"model": "bench-table", "serial": "T-0001"}
+    watchdog, angles, travel = (report.find(name) for name in ("watchdog", "angles", "travel"))
+    assert watchdog is not None
+    assert watchdog.values["seconds"] == 2.0
+    assert angles is not None
+    assert travel is not None
+    assert (travel.values["low"], travel.values["high"]) == (-1080.0, 1080.0)
+
+
+def test_the_virtual_benchs_imu_is_right() -> None:
+    report = try_imu(tell, order(bench={"seed": 1}))
+    assert report.state == "ok"
+    rate, gravity, registers = (report.find(name) for name in ("rate", "gravity", "registers"))
+    assert rate is not None
+    assert rate.values["measured"] == pytest.approx(200.0, abs=2.0)
+    assert gravity is not None
+    assert gravity.values["measured"] == pytest.approx(9.795, abs=0.1)
+    assert registers is not None
+    assert registers.values["count"] == 27
+
+
+@needs_terminals
+def test_serial_links_are_right_too_and_the_machines_state_is_told() -> None:
+    bench = {
+        "table_transport": "rtu",
+        "imu_transport": "pty",
+        "watchdog_ms": 0,
+        "interlock_closed": False,
+        "low_deg": [-90.0, -1080.0],
+    }
+    report = try_table(tell, order(bench=bench))
+    assert wrong(report).id == "watchdog_off"
+    assert [f.id for f in report.findings if f.state == "look"] == ["interlock_open", "travel_narrower"]
+    narrower = report.find("travel_narrower")
+    assert narrower is not None
+    assert narrower.values["joint"] == "outer"
+    assert narrower.values["low"] == pytest.approx(-90.0)
+
+
+def test_an_angle_outside_the_profiles_travel_is_wrong_once_the_table_is_homed() -> None:
+    fake = FakeTable({30: 2000.0 / 1e-5})
+    with server(fake.answer) as address:
+        assert table(port=f"tcp://{address}").find("outside_travel") is None
+        fake.words[17] |= 1 << 12
+        found = wrong(table(port=f"tcp://{address}"))
+    assert (found.id, found.values["joint"]) == ("outside_travel", "outer")
+    assert found.values["angle"] == pytest.approx(2000.0)
+    assert set(fake.functions) == {3}, "something was written to the table"
+
+
+# A port that does not open
+
+
+@pytest.mark.parametrize("test", [table, imu])
+def test_a_port_that_does_not_exist(test: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(list_ports, "comports", lambda: [])
+    found = wrong(test(port="/dev/ttyNONE7"))
+    assert (found.id, found.values["port"], found.values["found"]) == ("no_port", "/dev/ttyNONE7", "")
+    assert wrong(test(port="usb:A9")).id == "no_adapter"
+
+
+@needs_terminals
+@pytest.mark.parametrize("test", [table, imu])
+def test_a_port_in_use(test: Any) -> None:
+    with terminal(silent) as port:
+        other = SerialLink(port, SerialSettings(), "other")
+        assert wrong(test(port=port)).id == "busy"
+        other.close()
+
+
+def test_a_host_that_serves_nothing() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        address = f"127.0.0.1:{closed.getsockname()[1]}"
+    found = wrong(table(port=f"tcp://{address}"))
+    assert (found.id, f"{found.values['host']}:{found.values['number']}") == ("refused", address)
+    assert wrong(imu(port=f"socket://{address}")).id == "refused"
+    assert wrong(table(port="tcp://plc")).id == "bad_address"
+
+
+# A table that does not answer, or not as it should
+
+
+def test_a_table_that_says_nothing_over_tcp() -> None:
+    with server(silent) as address:
+        found = wrong(table(port=f"tcp://{address}", unit=7))
+    assert (found.id, found.values["unit"]) == ("silent_tcp", 7)
+
+
+def test_something_that_does_not_speak_modbus() -> None:
+    with server(lambda _: b"HTTP/1.1 400 Bad Request\r\n\r\n") as address:
+        assert wrong(table(port=f"tcp://{address}")).id == "not_modbus"
+
+
+@pytest.mark.parametrize("code", [2, 4, 11])
+def test_a_table_that_refuses(code: int) -> None:
+    with server(lambda heard: wires.tcp_pdu(heard, bytes([0x83, code]))) as address:
+        found = wrong(table(port=f"tcp://{address}"))
+    assert (found.id, found.values["code"], found.values["unit"]) == ("exception", code, 1)
+
+
+def test_a_table_of_another_model() -> None:
+    name = b"other-table".ljust(16, b"\0")
+    with server(lambda heard: wires.tcp_pdu(heard, bytes([3, 16]) + name)) as address:
+        found = wrong(table(port=f"tcp://{address}"))
+    assert found.id == "wrong_model"
+    assert found.values == {"found": "other-table", "expected": "bench-table"}
+
+
+@needs_terminals
+@pytest.mark.parametrize(
+    ("answer", "expected"),
+    [
+        (silent, "silent_rtu"),
+        (lambda _: bytes(range(0x80, 0xA0)), "garbled"),
+        (lambda _: rtu(bytes([1, 3, 16]) + b"bench-table".ljust(16, b"\0"))[:-1] + b"\x00", "crc"),
+        (lambda _: rtu(bytes([9, 3, 16]) + b"bench-table".ljust(16, b"\0")), "other_unit"),
+        (lambda heard: heard, "echo"),
+    ],
+)
+def test_a_table_on_a_serial_line_with_a_wrong_setting(answer: Any, expected: str) -> None:
+    with terminal(answer) as port:
+        found = wrong(table(port=port, serial={"baud": 19200}))
+    assert found.id == expected
+    assert (found.values["baud"], found.values["parity"]) == (19200, "N")
+
+
+@needs_terminals
+def test_settings_that_the_port_refuses() -> None:
+    with terminal(silent) as port:  # a pseudo-terminal has no parity
+        found = wrong(table(port=port, serial={"parity": "E"}))
+    assert (found.id, found.values["parity"]) == ("bad_settings", "E")
+
+
+# An IMU that does not answer, or not as it should
+
+
+@needs_terminals
+@pytest.mark.parametrize(
+    ("unit", "expected"),
+    [
+        (FakeImu(rate=0.0, mute=True), "silent"),
+        (FakeImu(mute=True), "one_way"),
+        (FakeImu(mute=True, check="crc16_modbus"), "wrong_checks"),
+        (FakeImu(model="other"), "wrong_model"),
+    ],
+)
+def test_an_imu_that_does_not_answer_as_it_should(unit: FakeImu, expected: str) -> None:
+    with terminal(unit.answer, unit.sends) as port:
+        assert wrong(imu(port=port)).id == expected
+
+
+def test_an_imu_at_another_baud_is_heard_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    unit = FakeImu()
+
+    class AtBaud:
+        """A unit at 460800 baud; elsewhere its bytes are noise."""
+
+        def __init__(self, port: str, settings: SerialSettings, name: str) -> None:
+            self.port, self._right = port, settings.baud == 460800
+
+        def read(self, wait: float) -> bytes:
+            return unit.sends() if self._right else b"\x99" * 64
+
+        def write(self, data: bytes) -> None:
+            assert data
+
+        def close(self) -> None:
+            """Nothing to close."""
+
+    monkeypatch.setattr("calstation.station.wiring.SerialLink", AtBaud)
+    monkeypatch.setattr(imu_check, "SerialLink", AtBaud)
+    monkeypatch.setattr(imu_check, "_LISTEN", 0.01)
+    report = imu(port="COM7", serial={"baud": 115200})
+    assert wrong(report).id == "no_frames"
+    elsewhere = report.find("other_baud")
+    assert elsewhere is not None
+    assert elsewhere.values == {"baud": 115200, "found": 460800}
+
+
+@needs_terminals
+def test_an_imu_whose_stream_is_not_as_its_profile_says() -> None:
+    unit = FakeImu(rate=100.0, skip=7, counts=[0, 0, 0, 0, 0, 4_000], status=5)
+    with terminal(unit.answer, unit.sends) as port:
+        report = imu(port=port)
+    assert {f.id for f in report.findings if f.state == "wrong"} == {"wrong_rate", "gaps", "wrong_gravity"}
+    gaps = report.find("gaps")
+    assert gaps is not None
+    assert (gaps.values["gaps"], gaps.values["missing"]) == (1, 7)
+    assert [f.id for f in report.findings if f.state == "look"] == ["self_test_failed"]
+
+
+@needs_terminals
+def test_a_serial_number_unlike_the_products_is_shown(tmp_path: Path) -> None:
+    product = tmp_path / "product.toml"
+    product.write_text('name = "p"\nimu = "bench_nav"\nserial_pattern = "X.*"\n', encoding="utf-8")
+    unit = FakeImu()
+    with terminal(unit.answer, unit.sends) as port:
+        report = try_imu(tell, order(product, imu={"port": port}))
+    assert report.state == "look"
+    unlike = report.find("serial_unlike")
+    assert unlike is not None
+    assert unlike.values == {"serial": "SN-000042", "pattern": "X.*"}
+
+
+def test_an_imu_that_hangs_up() -> None:
+    def hang_up(_: bytes) -> bytes:
+        raise OSError
+
+    with server(hang_up) as address:
+        assert wrong(imu(port=f"socket://{address}")).id == "lost"
+
+
+def test_a_profile_that_does_not_exist_is_one_sentence() -> None:
+    with pytest.raises(DeviceFaultError.__mro__[1], match="table profile 'nosuch' does not exist"):
+        table(profile="nosuch")
+
+
+def test_ports_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(list_ports, "comports", lambda: [])
+    assert discover(tell) == ()

@@ -1,0 +1,169 @@
+"""Fake devices at the far end of a wire: a table and an IMU on a pseudo-terminal or a socket, right or wrong."""
+
+import os
+import select
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from calstation.bench.pseudo_terminal import open_raw
+from calstation.configuration import validate
+from calstation.devices.checks import check_bytes
+from calstation.station.config import StationConfig
+from calstation.station.connection_test import Order
+
+SITE = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0}
+Answer = Callable[[bytes], bytes]
+
+
+def order(product: Path | None = None, **sections: dict[str, Any]) -> Order:
+    """A station to be tested; unnamed ports lead nowhere, and nobody waits long."""
+    table = {"profile": "bench", "port": "tcp://127.0.0.1:1", "timeout_s": 0.1}
+    imu = {"port": "/dev/ttyNONE7", "timeout_s": 0.15}
+    data: dict[str, Any] = {"name": "wires", "site": SITE}
+    if "bench" in sections:
+        data |= {"table": {"profile": "bench"}, "bench": sections["bench"]}
+    else:
+        data |= {"table": table | sections.get("table", {}), "imu": imu | sections.get("imu", {})}
+    return Order(validate(StationConfig, data, "test"), product)
+
+
+def silent(_: bytes) -> bytes:
+    """A device that says nothing."""
+    return b""
+
+
+@contextmanager
+def terminal(answer: Answer, sends: Callable[[], bytes] = bytes) -> Iterator[str]:
+    """A pseudo-terminal whose far end answers what it hears, and sends by itself every 10 ms."""
+    master, slave, name = open_raw()
+    end = threading.Event()
+
+    def serve() -> None:
+        with suppress(OSError):
+            while not end.is_set():
+                ready, _, _ = select.select([master], [], [], 0.01)
+                reply = answer(os.read(master, 4096)) if ready else sends()
+                if reply:
+                    os.write(master, reply)
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    try:
+        yield name
+    finally:
+        end.set()
+        thread.join(5.0)
+        os.close(slave)
+        os.close(master)
+
+
+@contextmanager
+def server(answer: Answer) -> Iterator[str]:
+    """A TCP server that answers what it hears; gives host:port."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve(peer: socket.socket) -> None:
+            with suppress(OSError), peer:
+                while heard := peer.recv(4096):
+                    peer.sendall(answer(heard))
+
+        def accept() -> None:
+            with suppress(OSError):
+                while True:
+                    threading.Thread(target=serve, args=(listening.accept()[0],), daemon=True).start()
+
+        threading.Thread(target=accept, daemon=True).start()
+        yield f"127.0.0.1:{listening.getsockname()[1]}"
+        with suppress(OSError):
+            listening.shutdown(socket.SHUT_RDWR)  # wakes the accepting thread, which keeps the port open
+
+
+def rtu(frame: bytes) -> bytes:
+    """An RTU frame with its check."""
+    return frame + check_bytes("crc16_modbus", frame, "little")
+
+
+def tcp_pdu(heard: bytes, pdu: bytes) -> bytes:
+    """A Modbus TCP answer to a request."""
+    return heard[:4] + struct.pack(">H", len(pdu) + 1) + heard[6:7] + pdu
+
+
+class FakeTable:
+    """The registers of the bench's table behind Modbus TCP.
+
+    Attributes
+    ----------
+    words : all registers; functions : Modbus functions asked for, in order
+    """
+
+    def __init__(self, raw: dict[int, float]) -> None:
+        self.words = [0] * 64
+        self.functions: list[int] = []
+        self.words[0:8] = struct.unpack(">8H", b"bench-table".ljust(16, b"\0"))
+        self.words[19:21] = [1, 1500]
+        limits = {40: -1.08e8, 42: 1.08e8, 60: -1.08e8, 62: 1.08e8}
+        for address, value in (limits | raw).items():
+            self.words[address : address + 2] = struct.unpack(">HH", struct.pack(">i", round(value)))
+
+    def answer(self, heard: bytes) -> bytes:
+        """The answer to a request to read."""
+        self.functions.append(heard[7])
+        start, count = struct.unpack(">HH", heard[8:12])
+        values = struct.pack(f">{count}H", *self.words[start : start + count])
+        return tcp_pdu(heard, bytes([3, len(values)]) + values)
+
+
+class FakeImu:
+    """The far end of an IMU's wire, as the bench's navigation profile has it.
+
+    Attributes
+    ----------
+    counts : of each sample; rate : samples sent in a second; skip : samples left out after the hundredth
+    check : kind of the frames' check; mute : no replies; model : told when asked
+    """
+
+    def __init__(self, **changes: Any) -> None:
+        self.counts = [0, 0, 0, 0, 0, 48_977]  # 9.795 m/s² at 200 Hz and 1 µm/s per count
+        self.rate = 200.0
+        self.skip = 0
+        self.check = "crc16_ccitt_false"
+        self.mute = False
+        self.model = "bench-imu"
+        self.status = 1
+        self.sent = 0
+        self._next = time.monotonic()
+        for name, value in changes.items():
+            setattr(self, name, value)
+
+    def sends(self) -> bytes:
+        """The samples that are due."""
+        due = int((time.monotonic() - self._next) * self.rate)
+        self._next += due / self.rate if due else 0.0
+        return b"".join(self._frame() for _ in range(due))
+
+    def _frame(self) -> bytes:
+        if self.sent == 100:
+            self.sent += self.skip
+        body = struct.pack("<H6ihH", self.sent & 0xFFFF, *self.counts, 2300, self.status)
+        self.sent += 1
+        return b"\x55\xaa" + body + check_bytes(self.check, body, "little")
+
+    def answer(self, heard: bytes) -> bytes:
+        """Replies to the commands heard."""
+        replies = b""
+        while not self.mute and len(heard) >= 6 and heard.startswith(b"\x55\xa5"):
+            op, size = heard[2], heard[3]
+            payload, heard = heard[4 : 4 + size], heard[6 + size :]
+            if op == 1:
+                payload = f"{self.model};SN-000042;1.0".encode()
+            elif op == 2:
+                payload += bytes(4 * payload[2])
+            body = bytes([op, len(payload)]) + payload
+            replies += b"\x55\x5a" + body + check_bytes("crc16_ccitt_false", body, "little")
+        return replies
