@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from calstation.errors import ConfigurationError
-from calstation.physics.units import display
+from calstation.physics.units import display, number
 from calstation.station.result import write_json
 
 
@@ -66,14 +66,6 @@ def result_table(console: Console, result: Mapping[str, Any]) -> None:
         console.print(
             f"{check['name']}: {check['value']:.4g} (limit {check['limit']:.4g})  {verdict}", highlight=False
         )
-
-
-def number(value: float, sigma: float) -> str:
-    """`value` with the digits that its `sigma` is worth (two of sigma's)."""
-    if not 0.0 < sigma < float("inf"):
-        return f"{value:.6g}"
-    exponent = int(f"{sigma:e}".partition("e")[2])
-    return f"{value:.{max(0, min(12, 1 - exponent))}f}"
 
 
 def _interval(name: str, limit: list[float]) -> str:

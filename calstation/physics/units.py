@@ -30,3 +30,11 @@ def display(name: str, value: float) -> tuple[float, str]:
     """A parameter's SI value in the unit people read, and that unit."""
     unit, size = DISPLAY[_BY_NAME[name].group]
     return value / size, unit
+
+
+def number(value: float, sigma: float) -> str:
+    """`value` with the digits that its `sigma` is worth (two of sigma's)."""
+    if not 0.0 < sigma < float("inf"):
+        return f"{value:.6g}"
+    exponent = int(f"{sigma:e}".partition("e")[2])
+    return f"{value:.{max(0, min(12, 1 - exponent))}f}"
