@@ -30,6 +30,8 @@ FLUSH_INTERVAL = 0.1
 """Host seconds between flushes to the operating system: a kill loses less than this and one tick."""
 SYNC_INTERVAL = 0.8
 """Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself."""
+STILL_WRITTEN = 3.0
+"""A log changed within this time, s, may belong to a run that is still going: its writer touches it when it syncs."""
 ROW = np.dtype(
     [
         ("seq", "<i8"),

@@ -5,12 +5,9 @@ from pathlib import Path
 
 from calstation.errors import InputError
 from calstation.records.log import Log, open_log
-from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_log import STILL_WRITTEN, SUFFIX
 from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.solve import StageChain
-
-_STILL_WRITTEN = 3.0
-"""A log changed within this time, s, may belong to a run that is still going: the writer touches it every 0.8 s."""
 
 
 def settle_incomplete(folder: Path) -> list[Path]:
@@ -21,7 +18,7 @@ def settle_incomplete(folder: Path) -> list[Path]:
     found = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         beside = path.with_suffix(".json")
-        if beside.exists() or time.time() - path.stat().st_mtime < _STILL_WRITTEN:
+        if beside.exists() or time.time() - path.stat().st_mtime < STILL_WRITTEN:
             continue
         try:
             log = open_log(path)

@@ -1,0 +1,267 @@
+"""An index of runs in SQLite, for searching only: the files are the truth, and it is made again where it is lost."""
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from sqlalchemy import (
+    Boolean,
+    Column,
+    Connection,
+    Engine,
+    Float,
+    Integer,
+    MetaData,
+    Row,
+    Select,
+    String,
+    Table,
+    create_engine,
+    delete,
+    event,
+    func,
+    insert,
+    or_,
+    select,
+    text,
+)
+from sqlalchemy.exc import DatabaseError
+from sqlalchemy.pool import NullPool, StaticPool
+
+from calstation.records.raw_log import SUFFIX
+
+_VERSION = 1
+"""Of the tables; an index of another version is made again."""
+
+FILE = "history.sqlite"
+"""Name of the index in the folder of the runs."""
+
+_BUSY_S = 5.0
+"""How long another program may hold the index."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run as the index knows it.
+
+    Attributes
+    ----------
+    started_utc : ISO 8601; outcome : passed, failed, stopped, fault or incomplete; duration : s of station time
+    log : raw log; result : result JSON, None where there is none
+    error : what ended a faulty run; resumed_from : name of the log that this run continued, None for a fresh one
+    """
+
+    serial: str
+    started_utc: str
+    outcome: str
+    attempt: int
+    product: str | None
+    station: str | None
+    operator: str | None
+    stages: tuple[str, ...]
+    log: Path
+    result: Path | None
+    duration: float
+    error: str | None = None
+    resumed_from: str | None = None
+
+
+@dataclass(frozen=True)
+class IndexedRun:
+    """A row: the record, its log's stem as key, the stamp of the files it was read from, its solved values, SI."""
+
+    name: str
+    stamp: str
+    record: RunRecord
+    values: Mapping[str, float]
+
+
+_metadata = MetaData()
+_runs = Table(
+    "runs",
+    _metadata,
+    Column("name", String, primary_key=True),
+    Column("stamp", String, nullable=False),
+    Column("serial", String, nullable=False, index=True),
+    Column("started_utc", String, nullable=False, index=True),
+    Column("outcome", String, nullable=False),
+    Column("attempt", Integer, nullable=False),
+    Column("product", String),
+    Column("station", String),
+    Column("operator", String),
+    Column("stages", String, nullable=False),
+    Column("has_result", Boolean, nullable=False),
+    Column("duration", Float, nullable=False),
+    Column("error", String),
+    Column("resumed_from", String),
+    Column("solved", String, nullable=False),
+)
+
+
+class RunIndex:
+    """The index in a folder of runs; in memory where its file cannot be used, so that it never stops a run.
+
+    Attributes
+    ----------
+    lost : set where the index was found damaged, or could not be written, and was begun anew, empty
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._path = folder / FILE
+        self.lost = False
+        self._engine = _file_engine(self._path)
+        self._try(_create)
+
+    def stamps(self) -> dict[str, str]:
+        """Stamp of each run by name."""
+        return self._try(
+            lambda connection: {
+                row.name: row.stamp for row in connection.execute(select(_runs.c.name, _runs.c.stamp))
+            }
+        )
+
+    def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
+        """Add or replace runs, and forget those that are gone."""
+        rows = [_row(run) for run in runs]
+        names = [*gone, *(row["name"] for row in rows)]
+
+        def change(connection: Connection) -> None:
+            for name in names:
+                connection.execute(delete(_runs).where(_runs.c.name == name))
+            if rows:
+                connection.execute(insert(_runs), rows)
+
+        self._try(change)
+
+    def find(self, search: str, outcome: str | None, limit: int) -> list[RunRecord]:
+        """Latest runs first; `search` is part of a serial number, name, product, station, operator or date."""
+        query = select(_runs).order_by(_runs.c.started_utc.desc(), _runs.c.name.desc()).limit(limit)
+        if search.strip():
+            columns = ("serial", "started_utc", "product", "station", "operator", "name")
+            query = query.where(
+                or_(*(_runs.c[name].icontains(search.strip(), autoescape=True) for name in columns))
+            )
+        if outcome is not None:
+            query = query.where(_runs.c.outcome == outcome)
+        return self._records(query)
+
+    def of(self, serial: str, outcomes: tuple[str, ...], before: str | None = None) -> list[IndexedRun]:
+        """A unit's runs of these outcomes that started before `before` (ISO 8601), latest first."""
+        query = select(_runs).where(_runs.c.serial == serial, _runs.c.outcome.in_(outcomes))
+        if before is not None:
+            query = query.where(_runs.c.started_utc < before)
+        query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())
+        return self._try(
+            lambda connection: [
+                IndexedRun(row.name, row.stamp, self._record(row), json.loads(row.solved))
+                for row in connection.execute(query)
+            ]
+        )
+
+    def count(self, serial: str) -> int:
+        """How many runs of a unit were begun; one that was resumed counts once."""
+        query = (
+            select(func.count())
+            .select_from(_runs)
+            .where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
+        )
+        return self._try(lambda connection: int(connection.execute(query).scalar_one()))
+
+    def _record(self, row: Row[Any]) -> RunRecord:
+        return RunRecord(
+            serial=row.serial,
+            started_utc=row.started_utc,
+            outcome=row.outcome,
+            attempt=row.attempt,
+            product=row.product,
+            station=row.station,
+            operator=row.operator,
+            stages=tuple(json.loads(row.stages)),
+            log=self._folder / f"{row.name}{SUFFIX}",
+            result=self._folder / f"{row.name}.json" if row.has_result else None,
+            duration=row.duration,
+            error=row.error,
+            resumed_from=row.resumed_from,
+        )
+
+    def _records(self, query: Select[Any]) -> list[RunRecord]:
+        return self._try(lambda connection: [self._record(row) for row in connection.execute(query)])
+
+    def _try(self, action: Callable[[Connection], T]) -> T:
+        """Do it; where the file is damaged or cannot be written, begin anew: first the file, then in memory."""
+        try:
+            with self._engine.begin() as connection:
+                return action(connection)
+        except DatabaseError:
+            pass
+        for renew in (self._file_anew, self._in_memory):
+            try:
+                renew()
+                with self._engine.begin() as connection:
+                    _create(connection)
+                    self.lost = True
+                    return action(connection)
+            except (DatabaseError, OSError):
+                continue
+        raise RuntimeError("SQLite in memory does not work")
+
+    def _file_anew(self) -> None:
+        self._engine.dispose()
+        self._path.unlink(missing_ok=True)
+        for suffix in ("-wal", "-shm", "-journal"):
+            self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
+        self._engine = _file_engine(self._path)
+
+    def _in_memory(self) -> None:
+        self._engine.dispose()
+        self._engine = create_engine("sqlite://", poolclass=StaticPool)
+
+
+def _file_engine(path: Path) -> Engine:
+    engine = create_engine(
+        f"sqlite:///{path}", poolclass=NullPool, connect_args={"timeout": _BUSY_S, "check_same_thread": False}
+    )
+
+    @event.listens_for(engine, "connect")
+    def _prepare(connection: sqlite3.Connection, _: object) -> None:
+        with suppress(sqlite3.OperationalError):  # a network folder knows no WAL
+            connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=OFF")  # what a power cut destroys is made again
+
+    return engine
+
+
+def _create(connection: Connection) -> None:
+    """Make the table; an index of another version is emptied."""
+    if connection.execute(text("PRAGMA user_version")).scalar_one() != _VERSION:
+        _metadata.drop_all(connection)
+        connection.execute(text(f"PRAGMA user_version={_VERSION}"))
+    _metadata.create_all(connection)
+
+
+def _row(run: IndexedRun) -> dict[str, Any]:
+    record = run.record
+    return {
+        "name": run.name,
+        "stamp": run.stamp,
+        "serial": record.serial,
+        "started_utc": record.started_utc,
+        "outcome": record.outcome,
+        "attempt": record.attempt,
+        "product": record.product,
+        "station": record.station,
+        "operator": record.operator,
+        "stages": json.dumps(record.stages),
+        "has_result": record.result is not None,
+        "duration": record.duration,
+        "error": record.error,
+        "resumed_from": record.resumed_from,
+        "solved": json.dumps(dict(run.values)),
+    }

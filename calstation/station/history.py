@@ -1,0 +1,189 @@
+"""What was run before: found by serial number, outcome and date in an index that is made from the runs' own files."""
+
+import json
+import os
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from calstation.errors import InputError
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import STILL_WRITTEN, SUFFIX
+from calstation.records.raw_read import read_contents
+from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
+from calstation.station.result import SCHEMA
+from calstation.station.worker import Tell
+
+_AT_ONCE = 100
+"""Runs read between two words of progress."""
+
+_SOLVED = ("passed", "failed")
+
+T = TypeVar("T")
+
+
+class History:
+    """The runs of a folder.
+
+    Queries answer from the index and take milliseconds. `refresh` brings it up to date with the folder's files;
+    every run does so before its first event and before its verdict, so only files that came otherwise (an index
+    that is missing, a folder copied here) need it from elsewhere.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._index = RunIndex(folder)
+
+    def refresh(self, tell: Callable[[float], None] | None = None) -> int:
+        """Read what is new or changed in the folder and forget what is gone; returns how many runs changed."""
+        known = self._index.stamps()
+        files = _files(self._folder)
+        gone = [name for name in known if name not in files]
+        changed = [name for name, stamp in files.items() if known.get(name) != stamp]
+        self._index.put([], gone)
+        count = len(gone)
+        for start in range(0, len(changed), _AT_ONCE):
+            names = changed[start : start + _AT_ONCE]
+            read = {name: _read(self._folder, name, files[name]) for name in names}
+            runs = [run for run in read.values() if run is not None]
+            no_runs = [name for name, run in read.items() if run is None and name in known]
+            self._index.put(runs, no_runs)
+            count += len(runs) + len(no_runs)
+            if tell is not None:
+                tell((start + len(names)) / len(changed))
+        return count
+
+    def runs(self, search: str = "", outcome: str | None = None, limit: int = 200) -> list[RunRecord]:
+        """Runs, the latest first.
+
+        `search` : part of a serial number, date (``2026-11-21``), product, station, operator or file name;
+        `outcome` : passed, failed, stopped, fault, incomplete, None for all
+        """
+        return self._ask(lambda: self._index.find(search, outcome, limit))
+
+    def passed_before(self, serial: str) -> RunRecord | None:
+        """The unit's latest run that passed."""
+        found = self._ask(lambda: self._index.of(serial, ("passed",)))
+        return found[0].record if found else None
+
+    def attempts(self, serial: str) -> int:
+        """How many runs of the unit were begun; one that was resumed counts once."""
+        return self._ask(lambda: self._index.count(serial))
+
+    def failures(self, serial: str) -> int:
+        """How often the unit was outside its limits since it last passed."""
+        count = 0
+        for run in self._ask(lambda: self._index.of(serial, _SOLVED)):
+            if run.record.outcome == "passed":
+                break
+            count += 1
+        return count
+
+    def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
+        """The unit's latest solved value of each parameter, SI, from runs begun before `before` (ISO 8601)."""
+        values: dict[str, float] = {}
+        for run in self._ask(lambda: self._index.of(serial, _SOLVED, before)):
+            values = {**run.values, **values}
+        return values
+
+    def _ask(self, question: Callable[[], T]) -> T:
+        answer = question()
+        if self._index.lost:
+            self._index.lost = False
+            self.refresh()
+            answer = question()
+        return answer
+
+
+def refresh_history(tell: Tell, folder: Path) -> int:
+    """Work for the workshop: bring a folder's index up to date; returns how many runs changed."""
+    return History(folder).refresh(tell)
+
+
+def _files(folder: Path) -> dict[str, str]:
+    """Stamp of each run's files by stem; a log that may still be written is left out unless its result is there."""
+    stamps: dict[str, str] = {}
+    logs: dict[str, str] = {}
+    now = time.time()
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            stem, suffix = os.path.splitext(entry.name)  # noqa: PTH122 - thousands of them, and a Path is slow
+            if suffix not in (SUFFIX, ".json") or stem.startswith("."):
+                continue
+            status = entry.stat()
+            stamp = f"{status.st_mtime_ns} {status.st_size}"
+            if suffix == ".json":
+                stamps[stem] = stamp
+            elif now - status.st_mtime >= STILL_WRITTEN:
+                logs[stem] = stamp
+    return {**{stem: f"log {stamp}" for stem, stamp in logs.items()}, **stamps}
+
+
+def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
+    """A run from its result, or from its log where there is none; None where the file is neither."""
+    beside = folder / f"{name}.json"
+    try:
+        if not stamp.startswith("log "):
+            result = json.loads(beside.read_text(encoding="utf-8"))
+            return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
+        contents = read_contents(folder / f"{name}{SUFFIX}")
+    except (OSError, ValueError, KeyError, TypeError, InputError):
+        return None
+    if contents.outcome is None:
+        return _from_meta(folder, name, stamp, contents.meta)
+    for result in reversed(contents.results):
+        if _is_run(result, name):
+            return _from_result(folder, name, stamp, result, None)
+    return None
+
+
+def _is_run(result: Any, name: str) -> bool:
+    """Whether a JSON is the result of the run of this name, and not a copy or another log's solution."""
+    return (
+        isinstance(result, dict)
+        and result.get("schema") == SCHEMA
+        and result.get("outcome") != "resolved"
+        and Path(str(result["log"]["file"]).replace("\\", "/")).stem == name
+    )
+
+
+def _from_result(
+    folder: Path, name: str, stamp: str, result: Mapping[str, Any], beside: Path | None
+) -> IndexedRun:
+    record = RunRecord(
+        serial=str(result["unit"]["serial"]),
+        started_utc=str(result.get("started_utc") or ""),
+        outcome=str(result["outcome"]),
+        attempt=int(result.get("attempt") or 1),
+        product=result.get("product"),
+        station=result.get("station"),
+        operator=result.get("operator"),
+        stages=tuple(result["stages"]),
+        log=folder / f"{name}{SUFFIX}",
+        result=beside,
+        duration=float(result.get("duration_s") or 0.0),
+        error=result.get("error"),
+        resumed_from=result.get("resumed_from"),
+    )
+    values = {parameter: float(row["value"]) for parameter, row in result["parameters"].items()}
+    return IndexedRun(name, stamp, record, values)
+
+
+def _from_meta(folder: Path, name: str, stamp: str, meta: LogMeta) -> IndexedRun:
+    """A run that died and has not been given its result yet."""
+    run = meta.run
+    record = RunRecord(
+        serial=meta.imu.serial,
+        started_utc=run.started_utc if run else "",
+        outcome="incomplete",
+        attempt=run.attempt if run else 1,
+        product=meta.product.name if meta.product else None,
+        station=run.station if run else None,
+        operator=run.operator if run else None,
+        stages=(),
+        log=folder / f"{name}{SUFFIX}",
+        result=None,
+        duration=0.0,
+    )
+    return IndexedRun(name, stamp, record, {})

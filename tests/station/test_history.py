@@ -1,0 +1,170 @@
+"""What was run before: made from the files, found again, and made anew where the index is lost."""
+
+import json
+import os
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+from calstation.records.run_index import FILE
+from calstation.station import history as history_module
+from calstation.station.history import History, refresh_history
+from tests.records.records_samples import META, make_block
+
+
+def write(folder: Path, name: str, serial: str, outcome: str, day: int, **more: Any) -> Path:
+    """A result as a run leaves it, without its log."""
+    values = more.pop("values", {})
+    path = folder / f"{name}.json"
+    result = {
+        "schema": "calstation.result/1",
+        "unit": {"serial": serial},
+        "stages": ["rate"],
+        "parameters": {key: {"value": value, "sigma": 1.0} for key, value in values.items()},
+        "outcome": outcome,
+        "attempt": 1,
+        "operator": "li",
+        "station": "bench 1",
+        "product": "Navigation grade A",
+        "log": {"file": f"/elsewhere/{name}.h5"},
+        "started_utc": f"2026-11-{day:02d}T08:00:00+00:00",
+        "duration_s": 100.0,
+        **more,
+    }
+    path.write_text(json.dumps(result), encoding="utf-8")
+    return path
+
+
+def refreshed(folder: Path) -> History:
+    history = History(folder)
+    history.refresh()
+    return history
+
+
+@pytest.fixture
+def three(tmp_path: Path) -> Path:
+    write(tmp_path, "a", "SN-1", "failed", 1, values={"gyro_bias_x": 1.0, "gyro_bias_y": 5.0})
+    write(tmp_path, "b", "SN-1", "passed", 2, values={"gyro_bias_x": 2.0})
+    write(tmp_path, "c", "SN-2", "stopped", 3, error="no answer")
+    return tmp_path
+
+
+def test_runs_are_found_latest_first(three: Path) -> None:
+    history = refreshed(three)
+    assert [run.log.stem for run in history.runs()] == ["c", "b", "a"]
+    assert [run.log.stem for run in history.runs("sn-1")] == ["b", "a"]
+    assert [run.log.stem for run in history.runs("2026-11-02")] == ["b"]
+    assert [run.log.stem for run in history.runs(outcome="stopped")] == ["c"]
+    assert [run.log.stem for run in history.runs("SN-1", "passed", limit=1)] == ["b"]
+    assert history.runs("100%_") == []
+    (run,) = history.runs("SN-2")
+    assert (run.serial, run.outcome, run.stages, run.error) == ("SN-2", "stopped", ("rate",), "no answer")
+    assert (run.log, run.result) == (three / "c.h5", three / "c.json")
+
+
+def test_what_is_asked_before_a_run(three: Path) -> None:
+    history = refreshed(three)
+    passed = history.passed_before("SN-1")
+    assert passed is not None
+    assert passed.started_utc == "2026-11-02T08:00:00+00:00"
+    assert history.passed_before("SN-2") is None
+    assert (history.attempts("SN-1"), history.attempts("SN-2"), history.attempts("SN-3")) == (2, 1, 0)
+
+
+def test_a_resumed_run_counts_once(three: Path) -> None:
+    write(three, "d", "SN-2", "passed", 4, resumed_from="c.h5")
+    assert refreshed(three).attempts("SN-2") == 1
+
+
+def test_failures_count_since_the_last_pass(three: Path) -> None:
+    assert refreshed(three).failures("SN-1") == 0
+    for day, outcome in ((4, "failed"), (5, "stopped"), (6, "failed")):
+        write(three, f"n{day}", "SN-1", outcome, day)
+    assert refreshed(three).failures("SN-1") == 2
+
+
+def test_previous_values_are_each_parameters_latest(three: Path) -> None:
+    history = refreshed(three)
+    assert history.previous("SN-1") == {"gyro_bias_x": 2.0, "gyro_bias_y": 5.0}
+    assert history.previous("SN-1", before="2026-11-02T08:00:00+00:00") == {
+        "gyro_bias_x": 1.0,
+        "gyro_bias_y": 5.0,
+    }
+    assert history.previous("SN-9") == {}
+
+
+def test_changes_are_taken_up_and_nothing_is_read_twice(three: Path) -> None:
+    history = refreshed(three)
+    assert history.refresh() == 0
+    write(three, "b", "SN-1", "failed", 2)
+    (three / "c.json").unlink()
+    assert history.refresh() == 2
+    assert [run.outcome for run in history.runs()] == ["failed", "failed"]
+
+
+@pytest.mark.parametrize("damage", ["delete", "garbage", "other version"])
+def test_a_lost_index_is_made_again(three: Path, damage: str) -> None:
+    history = refreshed(three)
+    path = three / FILE
+    if damage == "delete":
+        path.unlink()
+    elif damage == "garbage":
+        path.write_bytes(b"no database at all" * 1000)
+    else:
+        with sqlite3.connect(path) as connection:
+            connection.execute("PRAGMA user_version=99")
+        connection.close()
+        history = refreshed(three)
+    assert len(history.runs()) == 3
+    assert len(refreshed(three).runs()) == 3
+
+
+def test_a_folder_that_cannot_hold_an_index_has_one_in_memory(three: Path) -> None:
+    (three / FILE).mkdir()
+    (three / FILE / "in the way").touch()
+    assert len(refreshed(three).runs()) == 3
+
+
+def test_other_files_are_no_runs(three: Path) -> None:
+    (three / "copy.json").write_text((three / "a.json").read_text("utf-8"), encoding="utf-8")
+    write(three, "solved", "SN-1", "resolved", 9)
+    (three / "list.json").write_text("[1, 2]", encoding="utf-8")
+    (three / "broken.json").write_text("{", encoding="utf-8")
+    (three / "broken.h5").write_bytes(b"no log")
+    os.utime(three / "broken.h5", (0.0, 0.0))
+    assert len(refreshed(three).runs()) == 3
+
+
+def test_a_log_without_a_result_is_incomplete_once_nobody_writes_it(tmp_path: Path) -> None:
+    log = tmp_path / "x.h5"
+    writer = RawLogWriter(log, LogMeta.model_validate(META))
+    writer.append(make_block("rate", 0, 100))
+    writer.flush()
+    history = refreshed(tmp_path)
+    assert history.runs() == []
+    os.utime(log, (0.0, 0.0))
+    history.refresh()
+    (run,) = history.runs(outcome="incomplete")
+    assert (run.serial, run.log, run.result) == ("SN-7", log, None)
+    writer.close("stopped")
+    os.utime(log, (0.0, 0.0))
+    history.refresh()
+    assert history.runs() == []
+
+
+def test_the_workshop_can_do_it(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(history_module, "_AT_ONCE", 2)
+    told: list[float] = []
+    assert refresh_history(lambda fraction, *_: told.append(fraction), three) == 3
+    assert told == [pytest.approx(2 / 3), 1.0]
+
+
+def test_two_programs_share_an_index(three: Path) -> None:
+    first, second = refreshed(three), History(three)
+    write(three, "d", "SN-4", "passed", 4)
+    assert second.refresh() == 1
+    assert [run.serial for run in first.runs(limit=1)] == ["SN-4"]
