@@ -1,0 +1,119 @@
+"""Registers by hand on the bench's own IMU: read, set beside a result, written, journaled."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.station import library
+from calstation.station.compose import compose
+from calstation.station.hand_registers import (
+    JOURNAL,
+    journal,
+    known_commits,
+    read_unit,
+    wanted_registers,
+    write_unit,
+)
+from tests.station.conftest import Place
+
+SERIAL = "SN-000042"
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Progress that nobody watches."""
+
+
+@pytest.fixture
+def unit(place: Place) -> Place:
+    """A place whose unit keeps its flash."""
+    place.write(flash_file=str(place.folder / "flash.bin"))
+    return place
+
+
+def result_of(place: Place, **values: float) -> dict[str, object]:
+    """As much of a result as registers need."""
+    return {
+        "unit": {"serial": SERIAL},
+        "parameters": {name: {"value": value} for name, value in values.items()},
+        "log": {"file": str(place.folder / "no.h5")},
+    }
+
+
+def test_what_is_written_is_what_the_unit_then_holds(unit: Place) -> None:
+    runs = unit.folder / "runs"
+    before = read_unit(tell, unit.request(), runs)
+    assert (before.serial, before.commits, before.virtual) == (SERIAL, 0, True)
+    assert before.model.startswith("bench-imu")
+    wanted = wanted_registers(tell, unit.request(), result_of(unit, gyro_bias_x=1e-6, accel_scale_y=3e-4))
+    assert [(r.address, r.parameter) for r in wanted.registers] == [(0, "gyro_bias_x"), (19, "accel_scale_y")]
+    assert wanted.registers[0].value == np.float32(1e-6)
+    assert bytes.fromhex(wanted.registers[0].raw) == np.array([1e-6], ">f4").tobytes()
+
+    after = write_unit(tell, unit.request(), SERIAL, wanted.values, "wang", runs)
+    again = read_unit(tell, unit.request(), runs)
+    assert again.values == after.values == before.values | wanted.values
+    assert again.commits == 1
+    intended, written = journal(runs)
+    assert (intended["event"], intended["engineer"], intended["old"]) == ("intended", "wang", before.values)
+    assert intended["new"] == wanted.values
+    assert (written["event"], written["verified"], written["new"]) == ("written", True, after.values)
+
+
+def test_another_unit_than_meant_is_refused(unit: Place) -> None:
+    runs = unit.folder / "runs"
+    with pytest.raises(DeviceFaultError, match=r"'SN-000042' is in the fixture.*nothing was written"):
+        write_unit(tell, unit.request(), "SN-000043", {"gyro_bias_x": 1e-6}, "wang", runs)
+    assert journal(runs) == []
+
+
+def test_a_value_that_does_not_fit_is_refused_and_noted(unit: Place) -> None:
+    runs = unit.folder / "runs"
+    with pytest.raises(DeviceFaultError, match="does not fit register 0"):
+        write_unit(tell, unit.request(), SERIAL, {"gyro_bias_x": 7.0}, "wang", runs)
+    assert [entry["event"] for entry in journal(runs)] == ["intended", "failed"]
+    assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] != 7.0
+
+
+def test_no_journal_no_write(unit: Place) -> None:
+    runs = unit.folder / "runs"
+    (runs / JOURNAL).mkdir(parents=True)
+    with pytest.raises(ConfigurationError, match="so no register was"):
+        write_unit(tell, unit.request(), SERIAL, {"gyro_bias_x": 1e-6}, "wang", runs)
+    assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] == 0.0
+
+
+def test_commits_are_counted_over_runs_and_hand_writes(place: Place) -> None:
+    runs = place.folder / "runs"
+    assert place.run("six_position").outcome == "passed"
+    assert known_commits(runs, SERIAL) == 1
+    assert known_commits(runs, "SN-000043") == 0
+    (runs / "torn.json").write_text("{", encoding="utf-8")
+    (runs / JOURNAL).write_text(
+        json.dumps({"event": "written", "serial": SERIAL}) + '\n{"event": "wri', encoding="utf-8"
+    )
+    assert known_commits(runs, SERIAL) == 2
+
+
+def test_a_result_behind_the_registers_is_put_together_with_them(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = place.folder / "home"
+    (home / "imus").mkdir(parents=True)
+    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
+    behind = shipped.replace("before_registers", "after_registers", 1)
+    (home / "imus" / "bench_nav.toml").write_text(behind, encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    result = dict(place.run("six_position").result)
+    wanted = wanted_registers(tell, place.request(), result)
+    found = {name: row["value"] for name, row in result["parameters"].items()}
+    expected = compose(result["registers"]["old"], found)
+    for name, value in wanted.values.items():
+        assert value == pytest.approx(np.float32(expected[name]), abs=1e-12)
+    moved = replace(place.request(), out=Path("elsewhere"))
+    Path(result["log"]["file"]).unlink()
+    with pytest.raises(Exception, match="needs its log"):
+        wanted_registers(tell, moved, result)
