@@ -2,6 +2,8 @@
 
 import difflib
 import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -54,13 +56,48 @@ def validate(
     model: type[Model], data: Any, source: str | Path, error: type[CalstationError] = ConfigurationError
 ) -> Model:
     """Check `data` against `model`; raises `error` with `source`, the first wrong field and its mend."""
+    found = complaints(model, data)
+    if found:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise error(f"{source}: {found[0].text}{more}")
+    return model.model_validate(data)
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """One thing that a model finds wrong.
+
+    Attributes
+    ----------
+    place : keys and element numbers that lead to the value; () where it is of the whole
+    kind : pydantic's, e.g. ``missing`` or ``greater_than``; ``value_error`` for rules of our own
+    text : what is wrong, with the mend
+    values : what the text is made of: field, value, and the bounds as pydantic calls them
+    """
+
+    place: tuple[int | str, ...]
+    kind: str
+    text: str
+    values: Mapping[str, Any]
+
+
+def complaints(model: type[BaseModel], data: Any) -> list[Complaint]:
+    """All that `model` finds wrong with `data`, a misspelt name before the one that is missing for it."""
     try:
-        return model.model_validate(data)
+        model.model_validate(data)
     except ValidationError as exc:
         details = exc.errors(include_url=False, include_context=True)
-        details.sort(key=lambda d: d["type"] != "extra_forbidden")  # a misspelt name is missing as well
-        more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
-        raise error(f"{source}: {_sentence(details[0], data, model)}{more}") from exc
+        details.sort(key=lambda d: d["type"] != "extra_forbidden")
+        return [
+            Complaint(
+                d["loc"],
+                d["type"],
+                _sentence(d, data, model),
+                {"field": _field(d["loc"]), "value": d["input"], **d.get("ctx", {})},
+            )
+            for d in details
+        ]
+    return []
 
 
 def load(model: type[Model], path: Path, error: type[CalstationError] = ConfigurationError) -> Model:

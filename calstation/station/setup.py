@@ -264,12 +264,17 @@ def _check_bench(setup: Setup, station_path: Path) -> None:
 
 
 def _schedule(product: ProductConfig, stage: str, instead: Mapping[str, Any], path: Path) -> BaseModel:
-    """A stage's schedule: the method's own values, the product's before them, the request's before those."""
-    chosen = method(stage)
+    """A stage's schedule, checked. Raises ConfigurationError naming file, field and mend."""
+    given = schedule_values(product, stage, instead)
+    return validate(method(stage).schedule, given, f"{path}: schedule.{stage}")
+
+
+def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
+    """What a stage's schedule is made of: the product's values, the request's before those."""
     given: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
-    if "targets" in chosen.schedule.model_fields and product.targets and "targets" not in given:
+    if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in given:
         given["targets"] = dict(product.targets)
-    return validate(chosen.schedule, given, f"{path}: schedule.{stage}")
+    return given
 
 
 def _stop_rule(schedule: BaseModel) -> StopRule:
