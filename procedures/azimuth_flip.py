@@ -23,10 +23,10 @@ WAYS = (1.0, -1.0, -1.0, 1.0)
 class Schedule(RepeatedSchedule):
     """Rests in s, rates in °/s, °/s², and when to stop."""
 
-    dwell_s: float = Field(60.0, ge=2.0, le=3600.0)
-    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
-    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
-    rounds: int | None = Field(2, ge=1)
+    dwell_s: float = Field(60.0, ge=2.0, le=3600.0, description="rest after every half turn")
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
+    rounds: int | None = Field(2, ge=1, description="complete rounds")
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:

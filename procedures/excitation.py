@@ -27,10 +27,12 @@ class Schedule(RepeatedSchedule):
     into place; rates in °/s, °/s²
     """
 
-    dwell_s: float = Field(20.0, ge=2.0, le=600.0)
-    place_dwell_s: float = Field(5.0, ge=1.0, le=600.0)
-    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
-    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
+    dwell_s: float = Field(20.0, ge=2.0, le=600.0, description="rest after every quarter turn")
+    place_dwell_s: float = Field(
+        5.0, ge=1.0, le=600.0, description="rest after an axis was brought into place"
+    )
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:

@@ -41,10 +41,10 @@ class Schedule(BaseModel):
     """Whole turns each way; rates in °/s and °/s², times in s."""
 
     model_config = ConfigDict(extra="forbid")
-    turns: int = Field(2, ge=1, le=50)
-    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
-    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
-    dwell_s: float = Field(5.0, ge=2.0, le=600.0)
+    turns: int = Field(2, ge=1, le=50, description="whole turns each way about every axis")
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
+    dwell_s: float = Field(5.0, ge=2.0, le=600.0, description="rest before and after every turn")
 
 
 @dataclass(frozen=True)

@@ -40,9 +40,9 @@ class Schedule(BaseModel):
     """Angles in degrees, rates in °/s and °/s², times in s."""
 
     model_config = ConfigDict(extra="forbid")
-    dwell_s: float = Field(30.0, ge=2.0, le=600.0)
-    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
-    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
+    dwell_s: float = Field(30.0, ge=2.0, le=600.0, description="rest in every position")
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
 
 
 @dataclass(frozen=True)

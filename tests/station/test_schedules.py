@@ -1,0 +1,63 @@
+"""What a schedule's form is built from: fields with their ranges, a product's values, and what is wrong with a value."""
+
+import pytest
+
+from calstation.station.schedules import Problem, offer, problems, schedule_fields
+from tests.station.conftest import PRODUCT, Place
+
+
+def test_fields_tell_kind_unit_range_and_words() -> None:
+    turns, rate, _, dwell = schedule_fields("rate")
+    assert (turns.name, turns.kind, turns.low, turns.high, turns.optional) == (
+        "turns",
+        "count",
+        1.0,
+        50.0,
+        False,
+    )
+    assert (rate.unit, rate.low, rate.above, rate.high) == ("°/s", 0.0, True, 360.0)
+    assert (dwell.unit, dwell.low, dwell.above) == ("s", 2.0, False)
+    by_name = {field.name: field for field in schedule_fields("excitation")}
+    assert by_name["rounds"].optional
+    assert by_name["duration_s"].optional
+    assert by_name["targets"].kind == "targets"
+    assert all(field.description for field in by_name.values())
+
+
+def test_an_offer_holds_whole_schedules_with_the_product_before_the_method(place: Place) -> None:
+    place.write({"stages": ["six_position", "rate"]})
+    offered = offer(place.station, place.product)
+    assert offered.stages == ("six_position", "rate")
+    assert offered.offered == ("six_position", "rate", "excitation", "azimuth_flip")
+    assert offered.schedules["six_position"] == PRODUCT["schedule"]["six_position"]
+    assert offered.schedules["azimuth_flip"]["targets"] == {}
+    assert offered.rate == pytest.approx(120.0)
+    assert offered.virtual
+
+
+@pytest.mark.parametrize(
+    ("stage", "change", "field", "problem"),
+    [
+        ("rate", {"turns": 0}, "turns", Problem("low", 1.0)),
+        ("rate", {"turns": 51}, "turns", Problem("high", 50.0)),
+        ("rate", {"turns": 1.5}, "turns", Problem("whole")),
+        ("rate", {"dwell_s": "abc"}, "dwell_s", Problem("number")),
+        ("rate", {"dwell_s": None}, "dwell_s", Problem("number")),
+        ("rate", {"rate_dps": 0.0}, "rate_dps", Problem("low", 0.0)),
+        ("rate", {"rate_dps": 130.0}, "rate_dps", Problem("table", 120.0)),
+        ("excitation", {"targets": {"gyro_bias": -1.0}}, "targets", Problem("low", 0.0, "gyro_bias")),
+        ("excitation", {"targets": {"gyro_bais": 1.0}}, "targets", Problem("name", 0.0, "gyro_bais")),
+        ("excitation", {"rounds": None}, "", None),
+    ],
+)
+def test_a_wrong_value_is_told_by_its_field(
+    place: Place, stage: str, change: dict[str, object], field: str, problem: Problem | None
+) -> None:
+    offered = offer(place.station, place.product)
+    found = problems(stage, {**offered.schedules[stage], **change}, offered)
+    if problem is None:
+        assert found == {}
+        return
+    assert list(found) == [field]
+    assert (found[field].kind, found[field].subject) == (problem.kind, problem.subject)
+    assert found[field].bound == pytest.approx(problem.bound)
