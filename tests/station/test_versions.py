@@ -1,0 +1,103 @@
+"""Changes to a site's files are checked, put in place whole, kept, and can be taken back."""
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import ConfigurationError
+from calstation.records import atomic
+from calstation.station import library, versions
+
+SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
+CHANGED = SHIPPED.replace("turns = 2", "turns = 3")
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    return tmp_path
+
+
+def test_a_change_is_the_sites_own_file_and_the_shipped_one_is_kept(home: Path) -> None:
+    version = versions.save("products", "nav_a", CHANGED, "wang")
+    assert library.find("products", "nav_a") == home / "products" / "nav_a.toml"
+    assert (home / "products" / "nav_a.toml").read_text("utf-8") == CHANGED
+    assert (version.number, version.author) == (2, "wang")
+    assert version.sha256 == hashlib.sha256(CHANGED.encode()).hexdigest()
+    assert [v.number for v in versions.list("products", "nav_a")] == [2, 1]
+    assert versions.list("products", "nav_a")[1].author is None
+    assert versions.text("products", "nav_a", 1) == SHIPPED
+    assert versions.number_of("products", "nav_a", CHANGED) == 2
+    assert versions.number_of("products", "nav_a", CHANGED + "\n") is None
+
+
+def test_the_same_text_is_no_new_version() -> None:
+    first = versions.save("products", "nav_a", CHANGED, "wang")
+    assert versions.save("products", "nav_a", CHANGED, "li") == first
+    assert len(versions.list("products", "nav_a")) == 2
+
+
+def test_an_old_version_comes_back_as_a_new_one(home: Path) -> None:
+    versions.save("products", "nav_a", CHANGED, "wang")
+    version = versions.restore("products", "nav_a", 1, "li")
+    assert (version.number, version.author) == (3, "li")
+    assert (home / "products" / "nav_a.toml").read_text("utf-8") == SHIPPED
+
+
+def test_a_file_edited_by_other_means_is_kept_before_it_is_replaced(home: Path) -> None:
+    versions.save("products", "nav_a", CHANGED, "wang")
+    by_hand = SHIPPED.replace("turns = 2", "turns = 4")
+    (home / "products" / "nav_a.toml").write_text(by_hand, encoding="utf-8")
+    versions.save("products", "nav_a", SHIPPED, "li")
+    assert [(v.number, v.author) for v in versions.list("products", "nav_a")] == [
+        (4, "li"), (3, None), (2, "wang"), (1, None),
+    ]  # fmt: skip
+    assert versions.text("products", "nav_a", 3) == by_hand
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (SHIPPED.replace("turns = 2", "turns = 0"), r"line 17: schedule\.rate\.turns = 0 is out of range"),
+        (SHIPPED.replace('imu = "bench_nav"', 'imu = "other"'), "does not exist"),
+        (SHIPPED.replace("name =", "name", 1), "not valid TOML"),
+    ],
+)
+def test_a_wrong_text_changes_nothing(home: Path, text: str, told: str) -> None:
+    with pytest.raises(ConfigurationError, match=told):
+        versions.save("products", "nav_a", text, "wang")
+    assert list(home.iterdir()) == []
+    assert library.find("products", "nav_a").parent.parent == library.shipped_folder()
+
+
+@pytest.mark.parametrize("name", ["../x", "a/b", "", ".hidden"])
+def test_a_name_stays_in_its_folder(name: str) -> None:
+    with pytest.raises(ConfigurationError, match="no file of a site"):
+        versions.save("products", name, SHIPPED, "wang")
+
+
+def test_a_new_name_is_a_new_product() -> None:
+    assert versions.save("products", "nav_b", SHIPPED, "wang").number == 1
+    assert "nav_b" in library.names("products")
+
+
+def test_a_failure_in_between_leaves_the_file_as_it_was(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    versions.save("products", "nav_a", CHANGED, "wang")
+
+    def full(path: Path, *_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(versions, "write_atomic", full)
+    with pytest.raises(ConfigurationError, match="No space left"):
+        versions.save("products", "nav_a", SHIPPED, "wang")
+    monkeypatch.setattr(versions, "write_atomic", atomic.write_atomic)
+    assert (home / "products" / "nav_a.toml").read_text("utf-8") == CHANGED
+    assert versions.save("products", "nav_a", SHIPPED, "wang").number == 3
+
+
+def test_a_kept_text_that_was_touched_is_not_restored(home: Path) -> None:
+    versions.save("products", "nav_a", CHANGED, "wang")
+    (home / "versions" / "products" / "nav_a" / "0001.toml").write_text(CHANGED, encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="sha256"):
+        versions.restore("products", "nav_a", 1, "li")
