@@ -82,13 +82,13 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, bel
         home = geometry.body_to_home(*angles)
         prior = axis_rotation((0.0, 0.0, 1.0), _heading_offset(home @ rate_b)) @ home
         prior_sigma = np.array([tilt, tilt, FREE_AZIMUTH_SIGMA])
-        return Start(a, end, prior, prior_sigma, _levelled(prior, up_b), sigma)
+        return Start(a, end, prior, prior_sigma, levelled(prior, up_b), sigma)
     prior = geometry.body_to_level(angles[0], angles[1], site.azimuth)
     azimuth = np.sqrt(table.azimuth_sigma**2 + table.mount_sigma**2 + table.encoder_sigma**2)
-    return Start(a, end, prior, np.array([tilt, tilt, azimuth]), _levelled(prior, up_b), None)
+    return Start(a, end, prior, np.array([tilt, tilt, azimuth]), levelled(prior, up_b), None)
 
 
-def _levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
+def levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
     """`attitude` turned the shortest way so that the measured up direction is up."""
     up_n = attitude @ up_b / np.linalg.norm(up_b)
     axis = np.cross(up_n, UP)

@@ -76,7 +76,7 @@ def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarra
     return np.concatenate(parts).astype(dtype, copy=False)
 
 
-def _window_mean(values: FloatArray, width: int) -> FloatArray:
+def window_mean(values: FloatArray, width: int) -> FloatArray:
     """Mean over `width` samples ending at each index from width − 1 on, shape (n − width + 1, columns)."""
     total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
     return np.asarray((total[width:] - total[:-width]) / width)
@@ -97,7 +97,7 @@ def rests(
     width = max(round(REST_WINDOW / data.dt), 2)
     if stop - start < 2 * width:
         return []
-    mean = _window_mean(data.gyro[start:stop] - gyro_bias, width)
+    mean = window_mean(data.gyro[start:stop] - gyro_bias, width)
     noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.gyro_lsb * (
         1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
     )
@@ -108,10 +108,10 @@ def rests(
         return []
     at_rest = np.median(mean[small & flat], axis=0)
     still = np.abs(mean - at_rest).max(axis=1) < 5.0 * noise + np.deg2rad(0.03)
-    still &= _steady(_window_mean(data.accel[start:stop], width), width)
+    still &= _steady(window_mean(data.accel[start:stop], width), width)
     margin = round(REST_MARGIN / data.dt)
     found = []
-    for first, last in _runs(still):
+    for first, last in runs(still):
         begin = start + first + (margin if first > 0 else 0)
         end = start + last + width - 1
         end -= margin if end < stop else 0
@@ -130,7 +130,7 @@ def _steady(force: FloatArray, width: int) -> BoolArray:
     return steady
 
 
-def _runs(flags: BoolArray) -> list[tuple[int, int]]:
+def runs(flags: BoolArray) -> list[tuple[int, int]]:
     """Stretches (first, last + 1) in which `flags` holds."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
