@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
 from calstation.gui.page import Page
-from calstation.sequencer.control import Command
 from calstation.station.config import load_station
 
 _PAGES = (
@@ -79,7 +78,7 @@ class MainWindow(QMainWindow):
 
     def stop(self) -> None:
         """Stop the run safely; harmless where none is going on."""
-        self.app.engine_link.send(Command.STOP)
+        self.app.run.stop()
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""

@@ -2,14 +2,17 @@
 
 from PySide6.QtCore import QObject, Signal
 
+from calstation.station import role as pins
+
 
 class RoleLock(QObject):
     """The role in force; `changed` tells every page what it may enable.
 
-    A window starts with the operator.
+    A window starts with the operator. `wanted` asks the main window to let the user enter the PIN.
     """
 
     changed = Signal(str)
+    wanted = Signal()
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -25,14 +28,31 @@ class RoleLock(QObject):
         """Whether what changes results may be touched."""
         return self._role == "engineer"
 
-    def unlock(self, pin: str) -> bool:
-        """Take the engineer's role where `pin` is right."""
-        from calstation.station import role
+    @property
+    def new(self) -> bool:
+        """Whether no PIN has been set yet: the first to come sets it."""
+        return not pins.has_pin()
 
-        if not role.check(pin):
+    @property
+    def wait(self) -> float:
+        """Seconds until a PIN may be tried again."""
+        return pins.wait()
+
+    def ask(self) -> None:
+        """Let the user enter the PIN."""
+        self.wanted.emit()
+
+    def unlock(self, pin: str) -> bool:
+        """Take the engineer's role where `pin` is right. Raises ConfigurationError where it cannot be checked."""
+        if not pins.check(pin):
             return False
         self._set("engineer")
         return True
+
+    def set_first_pin(self, pin: str) -> None:
+        """Set the PIN of a new place and take the engineer's role. Raises ConfigurationError with the reason."""
+        pins.set_pin("", pin)
+        self._set("engineer")
 
     def lock(self) -> None:
         """Back to the operator's role."""

@@ -9,6 +9,7 @@ from PySide6.QtCore import QObject, Signal
 
 from calstation.errors import CalstationError
 from calstation.gui.engine_link import EngineLink
+from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
     Event,
     Fault,
@@ -49,7 +50,8 @@ class StageState:
 
 
 class RunStatus(QObject):
-    """What the events so far amount to; `changed` after every event that changes it.
+    """What the events so far amount to; `changed` after every event that changes it;
+    `stop_pressed` whenever the operator presses STOP, whatever the state.
 
     Attributes
     ----------
@@ -62,6 +64,7 @@ class RunStatus(QObject):
     """
 
     changed = Signal()
+    stop_pressed = Signal()
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -74,7 +77,6 @@ class RunStatus(QObject):
         self.verdict: Verdict | None = None
         self.fault: Fault | None = None
         self._begun = 0.0
-        self._stop_asked = False
         link.running_changed.connect(self._running_changed)
         link.event.connect(self._take)
 
@@ -89,17 +91,22 @@ class RunStatus(QObject):
         return next((s for s in self.stages if s.state in ("active", "solving")), None)
 
     @property
+    def done(self) -> float:
+        """Device seconds of the plans that are behind."""
+        return sum(s.duration - self.left(s) for s in self.stages)
+
+    @property
     def fraction(self) -> float:
         """How much of the run is done, 0..1, by the plans' time."""
         total = sum(s.duration for s in self.stages)
-        return self._done() / total if total > 0.0 else 0.0
+        return self.done / total if total > 0.0 else 0.0
 
     @property
     def pace(self) -> float | None:
         """Device seconds per host second: 1 on hardware, measured on a virtual bench, None until known."""
         if self.outline is not None and not self.outline.virtual:
             return 1.0
-        elapsed, done = time.monotonic() - self._begun, self._done()
+        elapsed, done = time.monotonic() - self._begun, self.done
         return done / elapsed if self._begun and elapsed > _TRUST_AFTER and done > 0.0 else None
 
     @property
@@ -116,15 +123,18 @@ class RunStatus(QObject):
             return stage.duration
         return stage.remaining if stage.state == "active" else 0.0
 
-    def ask_stop(self) -> None:
-        """The operator has asked for a stop: shown at once, before the engine has heard it."""
+    def stop(self) -> None:
+        """Stop safely: shown at once, before the engine has heard it. Harmless where nothing runs."""
+        self._link.send(Command.STOP)
+        self.stop_pressed.emit()
         if self.going and self.state != "stopping":
             self.state = "stopping"
             self.prompt = ""
             self.changed.emit()
 
-    def answered(self) -> None:
-        """The operator has answered the prompt."""
+    def answer(self) -> None:
+        """The operator has done what the prompt asked for."""
+        self._link.send(Command.ANSWER)
         self.prompt = ""
         self.changed.emit()
 
@@ -229,6 +239,3 @@ class RunStatus(QObject):
 
     def _find(self, name: str) -> StageState | None:
         return next((s for s in self.stages if s.name == name), None)
-
-    def _done(self) -> float:
-        return sum(s.duration - self.left(s) for s in self.stages)

@@ -1,16 +1,428 @@
-"""The operator page."""
+"""The operator page: load, scan, START, watch, verdict."""
 
+from collections.abc import Callable
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import (
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QProgressBar,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from calstation.errors import CalstationError
+from calstation.gui import theme
 from calstation.gui.context import AppContext
+from calstation.gui.fault_wording import word_fault
+from calstation.gui.operator.convergence import Convergence
+from calstation.gui.operator.header import RunHeader
+from calstation.gui.operator.loading import Loading
+from calstation.gui.operator.preparation import Preparation
+from calstation.gui.operator.stage_list import StageList
+from calstation.gui.operator.suggestion import suggested_serial
+from calstation.gui.operator.table_panel import TablePanel
+from calstation.gui.operator.traces import Traces
+from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.page import Page
+from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.gui.wording import KINDS, word_message, word_state, word_step
+from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import (
+    Event,
+    StageProgress,
+    StageSolved,
+    TableMoved,
+    Trace,
+)
+from calstation.station import library
+from calstation.station.config import DEFAULT_PRODUCT
+from calstation.station.history import History
+from calstation.station.outline import Outline, outline
+from calstation.station.request import RunRequest
+
+_STEPS = 1000
+"""Of the progress bar."""
 
 
 class OperatorPage(Page):
-    """The operator page."""
+    """Everything an operator needs, and nothing that an operator must not touch."""
+
+    details_wanted = Signal(object)
+    station_wanted = Signal()
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
+        self._outline: Outline | None = None
+        self._problem = ""
+        self._shown = ""
+        self.header = self._fields = RunHeader()
+        self._stages = StageList(app.run)
+        self._loading, self._verdict = Loading(), VerdictPanel()
+        self._table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
+        self._preparation = Preparation(app.run)
+        self.notice = NoticeBar()
+        self._lower = _stack(self._preparation, self._convergence)
+        self._views = _stack(self._loading, self._live(), self._verdict)
+        self._progress = QProgressBar()
+        self._progress.setObjectName("run_progress")
+        self._progress.setRange(0, _STEPS)
+        self._progress.setTextVisible(False)
+        self._progress.setFixedHeight(theme.GRID)
+        self._message = QLabel()
+        self._message.setObjectName("message_label")
+        self._message.setFont(theme.font(theme.SECTION))
+        self._badge = StateBadge(theme.SECTION)
+        self._lay_out()
+        self._connect()
+        self.retranslate()
+        self._read_products()
 
     def title(self) -> str:
         """The page's name on its tab."""
         return self.tr("Operator")
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._fields.retranslate()
+        self._refresh()
+
+    def _live(self) -> QWidget:
+        live = QWidget()
+        upper = QHBoxLayout()
+        upper.setSpacing(theme.GRID)
+        self._table.setMinimumWidth(34 * theme.GRID)
+        upper.addWidget(self._table, 1)
+        upper.addWidget(self._traces, 3)
+        column = QVBoxLayout(live)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(theme.GRID)
+        column.addLayout(upper, 5)
+        column.addWidget(self._lower, 4)
+        return live
+
+    def _lay_out(self) -> None:
+        right = QVBoxLayout()
+        right.setSpacing(theme.GRID)
+        right.addWidget(self.notice)
+        right.addWidget(self._views, 1)
+        body = QHBoxLayout()
+        body.setSpacing(theme.GRID)
+        self._stages.setFixedWidth(38 * theme.GRID)
+        body.addWidget(self._stages)
+        body.addLayout(right, 1)
+        foot = QFrame()
+        foot.setProperty("kind", "panel")
+        line = QHBoxLayout(foot)
+        line.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        line.addWidget(self._message, 1)
+        line.addWidget(self._badge)
+        page = QVBoxLayout(self)
+        page.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
+        page.setSpacing(theme.GRID)
+        page.addLayout(body, 1)
+        page.addWidget(self._progress)
+        page.addWidget(foot)
+
+    def _connect(self) -> None:
+        fields, app = self._fields, self.app
+        fields.serial_entered.connect(self._check_serial)
+        fields.serial_edited.connect(self._serial_edited)
+        fields.start_pressed.connect(self._start)
+        fields.pause_pressed.connect(self._pause)
+        fields.product_chosen.connect(app.set_product)
+        self._verdict.acknowledged.connect(app.run.acknowledge)
+        self._verdict.details_wanted.connect(self.details_wanted)
+        self._verdict.station_wanted.connect(self.station_wanted)
+        app.engine_link.event.connect(self._take)
+        app.engine_link.running_changed.connect(self._running_changed)
+        app.run.changed.connect(self._refresh)
+        app.run.stop_pressed.connect(self._stop_pressed)
+        app.station_changed.connect(self._read_products)
+        app.product_changed.connect(self._plan)
+
+    # ---- what the next run would be
+
+    def _read_products(self) -> None:
+        names = library.names("products")
+        products = [(name, library.find("products", name)) for name in names]
+        paths = [path for _, path in products]
+        chosen = self.app.product_path
+        if chosen is None:
+            last = str(self.app.settings.value("product", DEFAULT_PRODUCT))
+            chosen = next((path for name, path in products if name == last), paths[0] if paths else None)
+        self._fields.set_products(products, chosen)
+        self.app.product_path = self._fields.product
+        self._plan()
+
+    def _plan(self) -> None:
+        """Read station and product again; what is wrong with them stands in a bar and keeps START from working."""
+        app = self.app
+        if app.product_path is not None:
+            app.settings.setValue("product", app.product_path.stem)
+        try:
+            self._outline = outline(RunRequest("-", app.station_path, app.product_path))
+            self._problem = ""
+        except CalstationError as error:
+            self._outline = None
+            self._problem = str(error)
+        self._stages.plan(self._outline)
+        self._loading.plan(self._outline)
+        if self._problem:
+            problem = self._problem
+            self.notice.ask(
+                "caution",
+                lambda: self.tr("This station and product cannot run"),
+                lambda: problem,
+                [
+                    Choice(
+                        "station_choice", lambda: self.tr("Open the station page"), self.station_wanted.emit
+                    )
+                ],
+            )
+        else:
+            self.notice.dismiss()
+            self._suggest()
+        self._refresh()
+
+    def _suggest(self) -> None:
+        """On the virtual bench, fill in a number that has not passed yet."""
+        assert self._outline is not None
+        if self._outline.virtual and not self._fields.serial:
+            history = self._history()
+            passed = (lambda s: history.passed_before(s) is not None) if history else (lambda s: False)
+            self._fields.set_serial(suggested_serial(self._outline, passed))
+
+    def _history(self) -> History | None:
+        folder = self.app.runs_folder
+        return History(folder) if folder.is_dir() else None
+
+    # ---- the serial number
+
+    def _serial_edited(self) -> None:
+        self._fields.note_serial("")
+        if not self.app.run.going:
+            self.notice.dismiss()
+
+    def _check_serial(self) -> bool:
+        """Check the number against the product; a good one moves the focus to START, which is pressed separately."""
+        assert self._outline is not None or self._problem
+        if self._outline is None:
+            return False
+        fields, pattern = self._fields, self._outline.serial_pattern
+        if not fields.fits(pattern):
+            fields.note_serial(self.tr("not valid"), wrong=True)
+            serial = fields.serial
+            self.notice.ask(
+                "caution",
+                lambda: (
+                    self.tr("The serial number '{serial}' does not fit this product").format(serial=serial)
+                    if serial
+                    else self.tr("The serial number is missing")
+                ),
+                lambda: self.tr(
+                    "Scan it again, or choose the product that belongs to the unit. Its pattern is {pattern}"
+                ).format(pattern=pattern),
+            )
+            fields.focus_serial()
+            return False
+        history = self._history()
+        before = history.attempts(fields.serial) if history is not None else 0
+        fields.note_serial(self.tr("attempt {count}").format(count=before + 1) if before else "")
+        if self.app.run.state in ("passed", "failed", "stopped", "incomplete"):
+            self.app.run.acknowledge()
+        fields.start_button.setFocus()
+        return True
+
+    # ---- START, and what is asked before
+
+    def _start(self) -> None:
+        if self.app.engine_link.running or not self._check_serial():
+            return
+        assert self._outline is not None
+        serial = self._fields.serial
+        history = self._history()
+        passed = history.passed_before(serial) if history is not None else None
+        asked: list[Callable[[Callable[[], None]], None]] = []
+        if passed is not None:
+            when = passed.started_utc.replace("T", " ")[:16]
+            asked.append(lambda go: self._ask_repeat(serial, when, go))
+        if not self._outline.virtual:
+            asked.append(self._ask_motion)
+        self._ask_in_turn(asked)
+
+    def _ask_in_turn(self, asked: list[Callable[[Callable[[], None]], None]]) -> None:
+        if asked:
+            asked[0](lambda: self._ask_in_turn(asked[1:]))
+        else:
+            self._run()
+
+    def _ask_repeat(self, serial: str, when: str, go: Callable[[], None]) -> None:
+        self.notice.ask(
+            "caution",
+            lambda: self.tr("{serial} has already passed").format(serial=serial),
+            lambda: self.tr("On {when} UTC. Calibrate it once more?").format(when=when),
+            [
+                Choice("repeat_choice", lambda: self.tr("Calibrate again"), go),
+                Choice("cancel_choice", lambda: self.tr("Cancel"), self._fields.focus_serial, primary=True),
+            ],
+        )
+
+    def _ask_motion(self, go: Callable[[], None]) -> None:
+        assert self._outline is not None
+        station = self._outline.station
+        self.notice.ask(
+            "caution",
+            lambda: self.tr("The table of '{station}' is going to move").format(station=station),
+            lambda: self.tr("Is everybody clear of it, and the unit tight?"),
+            [
+                Choice("clear_choice", lambda: self.tr("All clear, start"), go),
+                Choice("cancel_choice", lambda: self.tr("Cancel"), self._fields.focus_serial, primary=True),
+            ],
+        )
+
+    def _run(self) -> None:
+        app = self.app
+        app.engine_link.start(
+            RunRequest(
+                self._fields.serial,
+                app.station_path,
+                app.product_path,
+                None,
+                app.runs_folder,
+                self._fields.operator,
+            )
+        )
+
+    # ---- during the run
+
+    def _pause(self) -> None:
+        paused = self.app.run.state in ("pausing", "paused")
+        self.app.engine_link.send(Command.RESUME if paused else Command.PAUSE)
+
+    def _stop_pressed(self) -> None:
+        if not self.app.run.going and not self._problem:
+            self.notice.dismiss()
+
+    def _running_changed(self, running: bool) -> None:
+        if running:
+            run = self.app.run
+            self.notice.dismiss()
+            self._table.forget()
+            self._traces.start()
+            self._convergence.start(run.outline.targets if run.outline is not None else {})
+            if run.outline is not None:
+                self._table.set_axes(run.outline.outer_axis, run.outline.inner_axis)
+        else:
+            self._traces.stop()
+            self._refresh()
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event, TableMoved):
+            self._table.take(event)
+        elif isinstance(event, Trace):
+            self._traces.take(event)
+        elif isinstance(event, StageProgress):
+            self._convergence.take(self.app.run.done, event.sigma)
+        elif isinstance(event, StageSolved):
+            self._convergence.take(self.app.run.done, _largest(event))
+
+    # ---- showing where the run stands
+
+    def _refresh(self) -> None:
+        run, fields = self.app.run, self._fields
+        busy = self.app.engine_link.running
+        fields.set_running(busy)
+        fields.set_start(self._why_no_start())
+        fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
+        self._badge.show_state(KINDS.get(run.state, "none"), word_state(run.state))
+        self._message.setText(self._message_text())
+        self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
+        self._lower.setCurrentIndex(0 if all(s.state == "waiting" for s in run.stages) else 1)
+        self._ask_prompt()
+        if run.state != self._shown:
+            self._turn_to(run.state)
+
+    def _turn_to(self, state: str) -> None:
+        """Loading, live or verdict; at the end of a run the scanner may go on at once."""
+        run = self.app.run
+        self._shown = state
+        if run.going:
+            self._views.setCurrentIndex(1)
+        elif state == "idle":
+            self._views.setCurrentIndex(0)
+        else:
+            serial = self._fields.serial
+            history = self._history()
+            failures = history.failures(serial) if history is not None else 0
+            self._verdict.show_end(state, run.verdict, run.fault, failures)
+            self._views.setCurrentIndex(2)
+
+    def _ask_prompt(self) -> None:
+        text = self.app.run.prompt
+        if text and self.notice.title_label.text() != text:
+            self.notice.ask(
+                "active",
+                lambda: text,
+                lambda: self.tr("Press Continue when it is done."),
+                [Choice("continue_choice", lambda: self.tr("Continue"), self.app.run.answer, primary=True)],
+            )
+        elif not text and self.app.run.going and self.notice.asking:
+            self.notice.dismiss()
+
+    def _why_no_start(self) -> str:
+        run = self.app.run
+        if self._problem:
+            return self._problem
+        if run.fault is not None:
+            return self.tr("Read the fault and press Understood first.")
+        if self.app.engine_link.running:
+            return self.tr("A calibration is going on.")
+        return ""
+
+    def _why_no_pause(self) -> str:
+        return {
+            "running": "",
+            "paused": "",
+            "pausing": self.tr("The table is coming to rest."),
+            "starting": self.tr("The run can be paused once its first stage has begun."),
+            "preparing": self.tr("The run can be paused once its first stage has begun."),
+            "stopping": self.tr("The run is stopping."),
+        }.get(self.app.run.state, self.tr("Nothing is running."))
+
+    def _message_text(self) -> str:
+        run = self.app.run
+        if run.fault is not None:
+            return word_fault(run.fault.kind, run.fault.text).reason
+        if run.state == "idle":
+            return self.tr("Load a unit, scan its serial number, press START.")
+        if run.state == "starting":
+            return self.tr("Starting the engine and connecting.")
+        if run.state == "stopping":
+            return self.tr("Stopping safely: the table comes to rest, then its axes are switched off.")
+        if run.state == "paused":
+            return self.tr("Paused; the table is at rest. Resume repeats the step in hand.")
+        if run.said is None:
+            return ""
+        what, key, values = run.said
+        return word_message(key, values) if what == "message" else word_step(key, values)
+
+
+def _stack(*pages: QWidget) -> QStackedWidget:
+    stack = QStackedWidget()
+    for page in pages:
+        stack.addWidget(page)
+    return stack
+
+
+def _largest(event: StageSolved) -> dict[str, float]:
+    """The largest sigma of every group that a stage solved as a whole."""
+    found: dict[str, list[float]] = {}
+    for name, row in event.parameters.items():
+        found.setdefault(PARAMETERS[INDEX[name]].group, []).append(row["sigma"])
+    return {group: max(sigmas) for group, sigmas in found.items() if group in GROUPS}

@@ -13,8 +13,11 @@ pg.setConfigOptions(antialias=False)
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     """An empty plot with two labelled axes."""
 
+    _built = False
+
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self._built = True
         self.setMenuEnabled(False)
         self.hideButtons()
         for side in ("left", "bottom"):
@@ -26,7 +29,7 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
 
     def changeEvent(self, event: QEvent) -> None:
         """Follow the theme."""
-        if event.type() == QEvent.Type.PaletteChange:
+        if self._built and event.type() == QEvent.Type.PaletteChange:
             self._dress()
         super().changeEvent(event)
 

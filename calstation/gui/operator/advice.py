@@ -1,0 +1,132 @@
+"""What a result comes down to for an operator: why, what to do next, and the few numbers that matter."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from PySide6.QtCore import QCoreApplication
+
+from calstation.gui.wording import word_group, word_stage
+from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
+from calstation.physics.units import display, number
+
+
+@dataclass(frozen=True)
+class Figure:
+    """The value of a group that is nearest to its limit, or over it: texts for one row."""
+
+    name: str
+    value: str
+    sigma: str
+    limit: str
+    unit: str
+    passed: bool
+
+
+def reason(result: Mapping[str, Any]) -> str:
+    """Why a unit passed or failed, in a sentence or two."""
+    failed = [check for check in result["checks"] if not check["passed"]]
+    if not failed:
+        if result["passed"]:
+            return QCoreApplication.translate("advice", "Every value is inside its limits.")
+        return QCoreApplication.translate("advice", "No stage was solved.")
+    first = _word_check(failed[0], result)
+    more = len(failed) - 1
+    if more:
+        first += " " + QCoreApplication.translate("advice", "({count} more checks failed.)").format(
+            count=more
+        )
+    return first
+
+
+def next_action(outcome: str, result: Mapping[str, Any], failures: int) -> str:
+    """What to do with the unit now; `failures` says how often it has been outside its limits in a row."""
+    if outcome == "passed":
+        return QCoreApplication.translate("advice", "Remove the unit, scan the next.")
+    if outcome == "failed":
+        if failures > 1:
+            return QCoreApplication.translate(
+                "advice", "Set the unit aside: outside its limits {count} times in a row."
+            ).format(count=failures)
+        failed = [check["name"] for check in result["checks"] if not check["passed"]]
+        if any(name.endswith("consistency") or name.startswith("unobservable") for name in failed):
+            return QCoreApplication.translate(
+                "advice", "Reseat the unit: screws tight, cable free, nothing shaking the table. Then repeat."
+            )
+        return QCoreApplication.translate("advice", "Reseat the unit and repeat once.")
+    return QCoreApplication.translate("advice", "The unit keeps its registers. Press START to begin again.")
+
+
+def figures(result: Mapping[str, Any]) -> list[Figure]:
+    """One row per parameter group: its value that is nearest to its limit, or over it."""
+    found: dict[str, tuple[float, Figure]] = {}
+    checks = {check["name"]: check for check in result["checks"]}
+    for name, row in result["parameters"].items():
+        within, below = checks.get(f"{name} within"), checks.get(f"{name} sigma below")
+        share = max(_share(within), _share(below))
+        group = PARAMETERS[INDEX[name]].group
+        if (within or below) and share >= found.get(group, (-1.0, None))[0]:
+            found[group] = (share, _figure(name, row, within, below))
+    return [found[group][1] for group in GROUPS if group in found]
+
+
+def _share(check: Mapping[str, Any] | None) -> float:
+    """How much of its limit a check's value takes, 1 at the limit."""
+    if check is None or check["value"] is None:
+        return 0.0
+    limit = check["limit"]
+    if isinstance(limit, list):
+        low, high = limit
+        return float(abs(check["value"] - 0.5 * (low + high)) / (0.5 * (high - low)))
+    return float(check["value"]) / float(limit) if limit else 0.0
+
+
+def _figure(
+    name: str,
+    row: Mapping[str, Any],
+    within: Mapping[str, Any] | None,
+    below: Mapping[str, Any] | None,
+) -> Figure:
+    (value, unit), (sigma, _) = display(name, row["value"]), display(name, row["sigma"])
+    return Figure(
+        name=_word_parameter(name),
+        value=number(value, sigma).replace("-", "−"),
+        sigma=f"{sigma:.2g}",
+        limit=_interval(name, within["limit"]) if within is not None else "",
+        unit=unit,
+        passed=all(check["passed"] for check in (within, below) if check is not None),
+    )
+
+
+def _word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    """A failed check as a sentence."""
+    name, _, kind = check["name"].partition(" ")
+    if kind == "consistency":
+        return QCoreApplication.translate(
+            "advice", "{stage}: the measurements do not fit together (NIS {value:.2f}, at most {limit:.2f})."
+        ).format(stage=word_stage(name), value=check["value"], limit=check["limit"])
+    if name not in INDEX:
+        lost = ", ".join(_word_parameter(lost) for lost in result.get("unobservable", ()))
+        return QCoreApplication.translate("advice", "The data did not determine {names}.").format(names=lost)
+    value, unit = display(name, check["value"])
+    if kind == "within":
+        return QCoreApplication.translate("advice", "{name} is {value} {unit}, allowed are {limit}.").format(
+            name=_word_parameter(name),
+            value=f"{value:.4g}".replace("-", "−"),
+            unit=unit,
+            limit=_interval(name, check["limit"]),
+        )
+    return QCoreApplication.translate(
+        "advice", "{name} is known to {value:.2g} {unit} only, wanted are {limit:.2g}."
+    ).format(name=_word_parameter(name), value=value, unit=unit, limit=display(name, check["limit"])[0])
+
+
+def _word_parameter(name: str) -> str:
+    """A parameter by its group's words and its axis."""
+    group = PARAMETERS[INDEX[name]].group
+    return f"{word_group(group)} {name.removeprefix(group + '_')}"
+
+
+def _interval(name: str, limit: list[float]) -> str:
+    low, high = (display(name, bound)[0] for bound in limit)
+    return f"±{high:.4g}" if low == -high else f"{low:.4g} … {high:.4g}".replace("-", "−")

@@ -1,0 +1,158 @@
+"""How sigma comes down to its target: one line per parameter group, the target as the dashed line at one."""
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QColor, QPen, QResizeEvent
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from calstation.gui import theme
+from calstation.gui.widgets.line_labels import LineLabel, LineLabels
+from calstation.gui.widgets.plot import ThemedPlot
+from calstation.gui.wording import word_group
+from calstation.physics.units import DISPLAY
+
+_KEPT = 2000
+"""Points kept per line; of more, every other one is dropped."""
+
+_DRAW_EVERY = 0.25
+"""Host time between two drawings, s."""
+
+
+class Convergence(QFrame):
+    """Takes sigmas per group over device time and draws them as multiples of their targets."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._targets: dict[str, float] = {}
+        self._times: dict[str, list[float]] = {}
+        self._ratios: dict[str, list[float]] = {}
+        self._curves: dict[str, pg.PlotCurveItem] = {}
+        self._now = 0.0
+        self._drawn = 0.0
+        self._title = QLabel()
+        self._title.setProperty("kind", "muted")
+        self._plot = ThemedPlot()
+        self._plot.getAxis("left").setLogMode(False, True)
+        self._plot.getAxis("left").setWidth(7 * theme.GRID)
+        self._plot.getViewBox().setMouseEnabled(x=False, y=False)
+        self._target = pg.InfiniteLine(0.0, angle=0)
+        self._plot.addItem(self._target)
+        self._labels = LineLabels(29 * theme.GRID)
+        row = QHBoxLayout()
+        row.setSpacing(0)
+        row.addWidget(self._plot, 1)
+        row.addWidget(self._labels)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(theme.GRID, theme.GRID, theme.GRID, theme.GRID)
+        layout.setSpacing(0)
+        layout.addWidget(self._title)
+        layout.addLayout(row, 1)
+        self.retranslate()
+        self._dress()
+
+    def start(self, targets: Mapping[str, float]) -> None:
+        """A new run with these targets per group, SI."""
+        for curve in self._curves.values():
+            self._plot.removeItem(curve)
+        self._targets = dict(targets)
+        self._times = {group: [] for group in targets}
+        self._ratios = {group: [] for group in targets}
+        self._curves = {}
+        for group in targets:
+            curve = pg.PlotCurveItem(skipFiniteCheck=True)
+            self._plot.addItem(curve)
+            self._curves[group] = curve
+        self._now = 0.0
+        self._dress()
+        self.draw()
+
+    def take(self, at: float, sigma: Mapping[str, float]) -> None:
+        """Sigmas per group, SI, at device time `at`, s since the first stage began."""
+        self._now = max(self._now, at)
+        for group, value in sigma.items():
+            if group not in self._targets or not value > 0.0:
+                continue
+            times, ratios = self._times[group], self._ratios[group]
+            ratio = value / self._targets[group]
+            if len(ratios) > 1 and ratios[-1] == ratios[-2] == ratio:
+                times[-1] = self._now
+                continue
+            times.append(self._now)
+            ratios.append(ratio)
+            if len(times) > _KEPT:
+                del times[1:-1:2], ratios[1:-1:2]
+        if time.monotonic() - self._drawn >= _DRAW_EVERY:
+            self.draw()
+
+    def arrived(self, group: str) -> bool:
+        """Whether a group's sigma is at or below its target."""
+        ratios = self._ratios.get(group)
+        return bool(ratios) and ratios is not None and ratios[-1] <= 1.0
+
+    def draw(self) -> None:
+        """Bring the picture up to date."""
+        self._drawn = time.monotonic()
+        shown = [ratio for ratios in self._ratios.values() for ratio in ratios]
+        low = min([0.3, *shown])
+        high = max([10.0, *shown])
+        for group, curve in self._curves.items():
+            times, ratios = self._times[group], self._ratios[group]
+            if times:  # the last value holds until now
+                curve.setData(np.array([*times, self._now]) / 60.0, np.log10([*ratios, ratios[-1]]))
+        self._plot.setYRange(np.log10(low) - 0.1, np.log10(high) + 0.1, padding=0.0)
+        self._plot.setXRange(0.0, max(1.0, self._now / 60.0), padding=0.0)
+        self._name_lines()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._title.setText(self.tr("Sigma as a multiple of its target"))
+        self._plot.setLabel("bottom", self.tr("device time, min"))
+        self._name_lines()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language or theme."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        elif event.type() == QEvent.Type.PaletteChange:
+            self._dress()
+        super().changeEvent(event)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """The names follow the lines."""
+        super().resizeEvent(event)
+        self._name_lines()
+
+    def _dress(self) -> None:
+        c = theme.colours()
+        dashed = QPen(QColor(c.text), 1, Qt.PenStyle.DashLine)
+        dashed.setCosmetic(True)
+        self._target.setPen(dashed)
+        for curve in self._curves.values():
+            curve.setPen(QPen(QColor(c.muted), 1))
+        self._name_lines()
+
+    def _name_lines(self) -> None:
+        c = theme.colours()
+        box = self._plot.getViewBox()
+
+        def height(ratio: float) -> float:
+            return float(box.mapViewToScene(pg.Point(0.0, float(np.log10(ratio)))).y())
+
+        labels = [LineLabel(height(1.0), self.tr("target"), QColor(c.text), bold=True)]
+        for group, ratios in self._ratios.items():
+            if not ratios:
+                continue
+            unit, size = DISPLAY[group]
+            words = word_group(group)
+            value = f"{ratios[-1] * self._targets[group] / size:.2g} {unit}"
+            if self.arrived(group):
+                text = self.tr("{group} {value} arrived").format(group=words, value=value)
+                labels.append(LineLabel(height(ratios[-1]), text, QColor(c.good), "good"))
+            else:
+                labels.append(LineLabel(height(ratios[-1]), f"{words} {value}", QColor(c.text)))
+        self._labels.show_labels(labels)

@@ -1,0 +1,99 @@
+"""The first page of every run: how to load a unit, in four steps beside a picture of the table."""
+
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from calstation.gui import theme
+from calstation.gui.operator.table_picture import TablePicture
+from calstation.station.outline import Outline
+
+
+class Loading(QFrame):
+    """Shown while nothing runs and no verdict stands."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._outline: Outline | None = None
+        self._title = QLabel()
+        self._title.setProperty("kind", "section")
+        self.picture = TablePicture()
+        self.picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
+        self._numbers = [QLabel(str(i + 1)) for i in range(4)]
+        self._names = [QLabel() for _ in range(4)]
+        self._texts = [QLabel() for _ in range(4)]
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(2 * theme.GRID)
+        grid.setVerticalSpacing(0)
+        for step in range(4):
+            self._numbers[step].setFont(theme.font(theme.SECTION, bold=True))
+            self._names[step].setFont(theme.font(theme.SECTION))
+            self._texts[step].setProperty("kind", "muted")
+            self._texts[step].setContentsMargins(0, 0, 0, 2 * theme.GRID)
+            for label in (self._names[step], self._texts[step]):
+                label.setWordWrap(True)
+            grid.addWidget(self._numbers[step], 2 * step, 0, Qt.AlignmentFlag.AlignTop)
+            grid.addWidget(self._names[step], 2 * step, 1)
+            grid.addWidget(self._texts[step], 2 * step + 1, 1)
+        grid.setColumnStretch(1, 1)
+        words = QVBoxLayout()
+        words.addStretch(1)
+        words.addLayout(grid)
+        words.addStretch(1)
+        row = QHBoxLayout()
+        row.setSpacing(4 * theme.GRID)
+        row.addLayout(words, 3)
+        row.addWidget(self.picture, 2)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(3 * theme.GRID, 2 * theme.GRID, 3 * theme.GRID, 2 * theme.GRID)
+        layout.addWidget(self._title)
+        layout.addLayout(row, 1)
+        self.retranslate()
+
+    def plan(self, outline: Outline | None) -> None:
+        """What the next run would be."""
+        self._outline = outline
+        if outline is not None:
+            self.picture.set_axes(outline.outer_axis, outline.inner_axis)
+            load = [angle * 3.141592653589793 / 180.0 for angle in outline.load_angle]
+            self.picture.set_angles(load[0], load[1])
+        self.retranslate()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        virtual = self._outline is not None and self._outline.virtual
+        self._title.setText(self.tr("Load the unit"))
+        if virtual:
+            names = (
+                self.tr("The unit is in its fixture"),
+                self.tr("A serial number is filled in"),
+                self.tr("Press START"),
+                self.tr("Watch"),
+            )
+            texts = (
+                self.tr("This station is the virtual bench: table and unit are software, nothing moves."),
+                self.tr("Any other number of the product's pattern will do as well."),
+                self.tr("The whole calibration takes about a minute here."),
+                self.tr("STOP works at any time, and so does the Esc key."),
+            )
+        else:
+            names = (
+                self.tr("Fix the unit in the fixture"),
+                self.tr("Plug in its cable"),
+                self.tr("Scan its serial number"),
+                self.tr("Stand clear, then press START"),
+            )
+            texts = (
+                self.tr("x to the right, y to the front, z up, as in the picture; screws tight."),
+                self.tr("It must not catch when the table turns."),
+                self.tr("The scanner's Enter checks the number and moves on to START; it does not start."),
+                self.tr("STOP works at any time, and so does the Esc key."),
+            )
+        for label, text in zip((*self._names, *self._texts), (*names, *texts), strict=True):
+            label.setText(text)
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)

@@ -1,0 +1,84 @@
+"""The guided steps from START to the first stage: what happens, in order, and what the operator has to do."""
+
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
+
+from calstation.gui import theme
+from calstation.gui.run_status import RunStatus
+from calstation.gui.widgets.badge import StateIcon
+
+_STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
+"""By the message that opens each; the first opens with START."""
+
+
+class Preparation(QFrame):
+    """A list that ticks itself off; skipped steps are ticked with the next one."""
+
+    def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._run = run
+        self._at = 0
+        self._title = QLabel()
+        self._title.setProperty("kind", "section")
+        self._icons = [StateIcon(20) for _ in _STEPS]
+        self._names = [QLabel() for _ in _STEPS]
+        self._texts = [QLabel() for _ in _STEPS]
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(2 * theme.GRID)
+        grid.setVerticalSpacing(2 * theme.GRID)
+        for row, (icon, name, text) in enumerate(zip(self._icons, self._names, self._texts, strict=True)):
+            text.setWordWrap(True)
+            text.setProperty("kind", "muted")
+            grid.addWidget(icon, row, 0)
+            grid.addWidget(name, row, 1)
+            grid.addWidget(text, row, 2, Qt.AlignmentFlag.AlignVCenter)
+        grid.setColumnStretch(2, 1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        layout.setSpacing(2 * theme.GRID)
+        layout.addWidget(self._title)
+        layout.addLayout(grid)
+        layout.addStretch(1)
+        run.changed.connect(self.refresh)
+        self.retranslate()
+
+    def refresh(self) -> None:
+        """Follow the run."""
+        if self._run.state == "starting":
+            self._at = 0
+        elif self._run.said is not None and self._run.said[1] in _STEPS:
+            self._at = _STEPS.index(self._run.said[1])
+        for row, (icon, name) in enumerate(zip(self._icons, self._names, strict=True)):
+            kind = "good" if row < self._at else "active" if row == self._at else "none"
+            icon.set_kind(kind)
+            name.setFont(theme.font(theme.SECTION, bold=row == self._at))
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._title.setText(self.tr("Preparing"))
+        names = (
+            self.tr("Connecting"),
+            self.tr("Unit ready"),
+            self.tr("Homing"),
+            self.tr("Warm-up"),
+            self.tr("Mounting"),
+        )
+        texts = (
+            self.tr("Table and unit are asked who they are."),
+            self.tr("The unit starts and tests itself."),
+            self.tr("The table looks for its reference, slowly. Keep hands clear."),
+            self.tr("The unit comes to its temperature. Nothing to do."),
+            self.tr("Gravity and two small turns show whether the unit sits right."),
+        )
+        for name, word in zip(self._names, names, strict=True):
+            name.setText(word)
+        for text, word in zip(self._texts, texts, strict=True):
+            text.setText(word)
+        self.refresh()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)

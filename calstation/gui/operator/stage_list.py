@@ -1,0 +1,197 @@
+"""The stages of the run as a list: number, name, state, progress and time left."""
+
+from PySide6.QtCore import QEvent, QModelIndex, QPersistentModelIndex, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QFrame,
+    QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from calstation.gui import theme
+from calstation.gui.run_status import RunStatus, StageState
+from calstation.gui.widgets.badge import draw_state, state_colour
+from calstation.gui.wording import word_stage, word_time
+from calstation.station.outline import Outline
+
+_ROW = 7 * theme.GRID
+_SHAPES = {
+    "waiting": "none",
+    "active": "active",
+    "solving": "active",
+    "good": "good",
+    "bad": "bad",
+    "stopped": "stopped",
+}
+_KIND, _NAME, _STATE, _TIME, _FRACTION = (Qt.ItemDataRole.UserRole + i for i in range(5))
+
+
+class _Row(QStyledItemDelegate):
+    """Draws one stage."""
+
+    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
+        """Rows of one height."""
+        return QSize(24 * theme.GRID, _ROW)
+
+    def paint(
+        self,
+        painter: QPainter,
+        option: QStyleOptionViewItem,
+        index: QModelIndex | QPersistentModelIndex,
+    ) -> None:
+        """Shape and name left, state and time right, a bar along the bottom while it runs."""
+        c = theme.colours()
+        box = QRectF(option.rect)
+        kind, fraction = index.data(_KIND), index.data(_FRACTION)
+        painter.save()
+        if kind == "active":
+            painter.fillRect(box, QColor(c.window))
+        inner = box.adjusted(2 * theme.GRID, 0, -2 * theme.GRID, 0)
+        draw_state(painter, kind, QRectF(inner.left(), box.center().y() - 9, 18, 18))
+        painter.setPen(QColor(c.text))
+        painter.setFont(theme.font(theme.SECTION, bold=kind == "active"))
+        left = inner.adjusted(18 + theme.GRID * 1.5, 0, 0, 0)
+        centre = Qt.AlignmentFlag.AlignVCenter
+        painter.drawText(left, centre | Qt.AlignmentFlag.AlignLeft, index.data(_NAME))
+        painter.setFont(theme.font(bold=kind == "active"))
+        half = inner.height() / 2
+        right = Qt.AlignmentFlag.AlignRight
+        painter.drawText(
+            inner.adjusted(0, 6, 0, -half), right | Qt.AlignmentFlag.AlignBottom, index.data(_STATE)
+        )
+        painter.setPen(QColor(c.muted))
+        painter.setFont(theme.font())
+        painter.drawText(inner.adjusted(0, half, 0, -6), right | Qt.AlignmentFlag.AlignTop, index.data(_TIME))
+        painter.setPen(QColor(c.line))
+        painter.drawLine(box.bottomLeft(), box.bottomRight())
+        if kind == "active":
+            bar = QRectF(box.left(), box.bottom() - 3, box.width() * fraction, 3)
+            painter.fillRect(bar, state_colour("active"))
+        painter.restore()
+
+
+class StageList(QFrame):
+    """The list with the time left for all of it below."""
+
+    def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._run = run
+        self._planned: Outline | None = None
+        self._title = QLabel()
+        self._title.setProperty("kind", "section")
+        self._title.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        self.list = QListWidget()
+        self.list.setObjectName("stage_list")
+        self.list.setItemDelegate(_Row(self.list))
+        self.list.setFrameShape(QFrame.Shape.NoFrame)
+        self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.list.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
+        self.list.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
+        self._left = QLabel()
+        self._left.setFont(theme.font(theme.SECTION))
+        self._left.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
+        self._note = QLabel()
+        self._note.setProperty("kind", "muted")
+        self._note.setWordWrap(True)
+        self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(1, 1, 1, 1)
+        layout.setSpacing(0)
+        layout.addWidget(self._title)
+        layout.addWidget(self.list, 1)
+        layout.addWidget(self._left)
+        layout.addWidget(self._note)
+        run.changed.connect(self.refresh)
+        self.refresh()
+
+    def plan(self, outline: Outline | None) -> None:
+        """What the next run would do, shown while none is going on."""
+        self._planned = outline
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the run, or what the next one would be."""
+        planning = self._run.state == "idle"
+        stages = self._planned_stages() if planning else self._run.stages
+        while self.list.count() > len(stages):
+            self.list.takeItem(self.list.count() - 1)
+        for number, stage in enumerate(stages):
+            item = self.list.item(number) if number < self.list.count() else None
+            if item is None:
+                item = QListWidgetItem()
+                item.setFlags(Qt.ItemFlag.ItemIsEnabled)
+                self.list.addItem(item)
+            self._fill(item, number, stage, planning)
+        self._title.setText(self.tr("Stages"))
+        self._say_left(stages, planning)
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.refresh()
+        super().changeEvent(event)
+
+    def _planned_stages(self) -> list[StageState]:
+        if self._planned is None:
+            return []
+        return [StageState(s.name, s.duration) for s in self._planned.stages]
+
+    def _fill(self, item: QListWidgetItem, number: int, stage: StageState, planning: bool) -> None:
+        kind = _SHAPES[stage.state]
+        if kind == "active" and self._run.state in ("pausing", "paused"):
+            kind = "paused"
+        name = f"{number + 1}  {word_stage(stage.name)}"
+        state, left = self._state(stage), self._time(stage, planning)
+        for role, value in ((_KIND, kind), (_NAME, name), (_STATE, state), (_TIME, left)):
+            if item.data(role) != value:
+                item.setData(role, value)
+        item.setData(_FRACTION, stage.fraction)
+        spoken = ", ".join(part for part in (name, state, left) if part)
+        item.setData(Qt.ItemDataRole.AccessibleTextRole, spoken)
+        item.setToolTip(spoken)
+
+    def _state(self, stage: StageState) -> str:
+        if stage.state == "active":
+            return f"{100.0 * stage.fraction:.0f} %"
+        return {
+            "waiting": "",
+            "solving": self.tr("solving"),
+            "good": self.tr("ok"),
+            "bad": self.tr("not ok"),
+            "stopped": self.tr("stopped"),
+        }[stage.state]
+
+    def _time(self, stage: StageState, planning: bool) -> str:
+        if stage.took is not None:
+            return word_time(stage.took)
+        if stage.state in ("bad", "stopped", "solving"):
+            return ""
+        pace = 1.0 if planning else self._run.pace
+        if pace is None or not (planning or self._run.going):
+            return "" if stage.state != "waiting" else "–"
+        return word_time(self._run.left(stage) / pace)
+
+    def _say_left(self, stages: list[StageState], planning: bool) -> None:
+        outline = self._planned if planning else self._run.outline
+        virtual = outline is not None and outline.virtual
+        if planning and stages:
+            total = word_time(sum(stage.duration for stage in stages))
+            self._left.setText(self.tr("{time} in all").format(time=total))
+        elif (remaining := self._run.remaining) is not None:
+            self._left.setText(self.tr("{time} left").format(time=word_time(remaining)))
+        else:
+            self._left.setText("")
+        self._note.setText(
+            self.tr("Times of a real table; the virtual bench is much faster.")
+            if planning and virtual and stages
+            else ""
+        )
+        self._left.setVisible(bool(self._left.text()))
+        self._note.setVisible(bool(self._note.text()))

@@ -1,0 +1,199 @@
+"""Live gyro and accelerometer output: three thin lines each, which can be held and zoomed while the run goes on."""
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QTimer
+from PySide6.QtGui import QColor, QPen
+from PySide6.QtWidgets import (
+    QButtonGroup,
+    QFrame,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from calstation.gui import theme
+from calstation.gui.operator.ring import RingBuffer
+from calstation.gui.widgets.line_labels import LineLabel, LineLabels
+from calstation.gui.widgets.plot import ThemedPlot
+from calstation.sequencer.events import Trace
+
+_KEPT = 16_384
+"""Ticks kept: a quarter of an hour of device time."""
+
+_EVERY = 33
+"""Between two drawings, ms."""
+
+WINDOWS = (10.0, 60.0, 600.0)
+"""Lengths of time that can be chosen, s."""
+
+_FIRST_WINDOW = 1
+_PER_DEGREE = 180.0 / np.pi
+
+
+class _Plot(QWidget):
+    """One sensor's three lines with their names at the ends."""
+
+    def __init__(self, first: int, factor: float) -> None:
+        super().__init__()
+        self._columns = slice(first, first + 3)
+        self._factor = factor
+        self.plot = ThemedPlot()
+        self.plot.getAxis("left").setWidth(7 * theme.GRID)
+        self.plot.getViewBox().setMouseEnabled(x=True, y=False)
+        self.plot.getViewBox().setDefaultPadding(0.02)
+        self.curves = []
+        for colour in theme.AXIS_COLOURS.values():
+            curve = pg.PlotCurveItem(pen=QPen(QColor(colour), 1), skipFiniteCheck=True)
+            self.plot.addItem(curve)
+            self.curves.append(curve)
+        self._labels = LineLabels(5 * theme.GRID)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(0)
+        row.addWidget(self.plot, 1)
+        row.addWidget(self._labels)
+
+    def show_rows(self, rows: np.ndarray, span: float) -> None:
+        """Draw rows of time and six outputs; the newest `span` s fill the width."""
+        times = rows[:, 0] - (rows[-1, 0] if len(rows) else 0.0)
+        values = rows[:, 1:][:, self._columns] * self._factor
+        step = max(1, len(rows) // 2000)
+        for curve, column in zip(self.curves, values.T, strict=True):
+            curve.setData(times[::step], column[::step])
+        if len(rows):
+            low, high = float(values.min()), float(values.max())
+            room = max(0.05 * (high - low), 1e-3)
+            self.plot.setYRange(low - room, high + room, padding=0.0)
+        self.plot.setXRange(-span, 0.0, padding=0.0)
+        self.name_lines(values[-1] if len(rows) else None)
+
+    def name_lines(self, ends: np.ndarray | None) -> None:
+        """Put x, y and z at the height where the lines end."""
+        if ends is None:
+            self._labels.show_labels([])
+            return
+        box = self.plot.getViewBox()
+        self._labels.show_labels(
+            [
+                LineLabel(
+                    box.mapViewToScene(pg.Point(0.0, float(value))).y(), name, QColor(colour), bold=True
+                )
+                for (name, colour), value in zip(theme.AXIS_COLOURS.items(), ends, strict=True)
+            ]
+        )
+
+
+class Traces(QFrame):
+    """Both plots, and the buttons for their length of time and for holding them."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._ring = RingBuffer(_KEPT, 7)
+        self._drawn = -1
+        self._gyro, self._accel = _Plot(0, _PER_DEGREE), _Plot(3, 1.0)
+        self._accel.plot.setXLink(self._gyro.plot)
+        self._gyro.plot.getAxis("bottom").setStyle(showValues=False)
+        self._titles = [QLabel(), QLabel()]
+        self._spans = QButtonGroup(self)
+        self.hold_button = QPushButton()
+        self.hold_button.setCheckable(True)
+        self.hold_button.toggled.connect(self._hold)
+        buttons = QHBoxLayout()
+        buttons.setSpacing(theme.GRID)
+        buttons.addStretch(1)
+        for number in range(len(WINDOWS)):
+            button = QPushButton()
+            button.setCheckable(True)
+            button.setChecked(number == _FIRST_WINDOW)
+            self._spans.addButton(button, number)
+            buttons.addWidget(button)
+        self._spans.idClicked.connect(self._choose_span)
+        buttons.addWidget(self.hold_button)
+        grid = QGridLayout()
+        grid.setSpacing(0)
+        for row, (title, plot) in enumerate(zip(self._titles, (self._gyro, self._accel), strict=True)):
+            title.setProperty("kind", "muted")
+            grid.addWidget(title, 2 * row, 0)
+            grid.addWidget(plot, 2 * row + 1, 0)
+            grid.setRowStretch(2 * row + 1, 1)
+            plot.plot.getViewBox().sigRangeChangedManually.connect(self._zoomed)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(theme.GRID, theme.GRID, theme.GRID, theme.GRID)
+        layout.setSpacing(0)
+        layout.addLayout(grid, 1)
+        layout.addLayout(buttons)
+        self._timer = QTimer(self)
+        self._timer.setInterval(_EVERY)
+        self._timer.timeout.connect(self._draw)
+        self.retranslate()
+        self._show()
+
+    @property
+    def span(self) -> float:
+        """Length of time shown while the plots follow, s."""
+        return WINDOWS[self._spans.checkedId()]
+
+    def take(self, trace: Trace) -> None:
+        """Keep what has come; it is drawn when it is time to draw."""
+        times = np.array(trace.time)
+        self._ring.append(np.column_stack((times, np.array(trace.output).reshape(len(times), 6))))
+
+    def start(self) -> None:
+        """A new run: forget the last one."""
+        self._ring.clear()
+        self.hold_button.setChecked(False)
+        self._timer.start()
+
+    def stop(self) -> None:
+        """The run is over; what is drawn stays."""
+        self._draw()
+        self._timer.stop()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._titles[0].setText(self.tr("Gyro, °/s"))
+        self._titles[1].setText(self.tr("Accelerometer, m/s²"))
+        texts = (self.tr("10 s"), self.tr("1 min"), self.tr("10 min"))
+        for number, text in enumerate(texts):
+            self._spans.button(number).setText(text)
+        self.hold_button.setText(self.tr("Hold"))
+        self.hold_button.setToolTip(self.tr("Holds the picture; the run and its recording go on."))
+        self._accel.plot.setLabel("bottom", self.tr("device time before now, s"))
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)
+
+    def _zoomed(self) -> None:
+        """Wheel or drag: hold the picture, so that it does not run away from who looks at it."""
+        self.hold_button.setChecked(True)
+
+    def _choose_span(self, number: int) -> None:
+        self.hold_button.setChecked(False)
+        self._drawn = -1
+        self._draw()
+
+    def _hold(self, held: bool) -> None:
+        if not held:
+            self._drawn = -1
+            self._draw()
+
+    def _draw(self) -> None:
+        if self._ring.written == self._drawn or self.hold_button.isChecked() or not self.isVisible():
+            return
+        self._drawn = self._ring.written
+        self._show()
+
+    def _show(self) -> None:
+        rows = self._ring.latest()
+        if len(rows):
+            rows = rows[np.searchsorted(rows[:, 0], rows[-1, 0] - self.span) :]
+        for plot in (self._gyro, self._accel):
+            plot.show_rows(rows, self.span)

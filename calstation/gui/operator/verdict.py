@@ -1,0 +1,227 @@
+"""The verdict: one word that fills the eye, its shape, the reason, what to do next, and the numbers that matter."""
+
+from PySide6.QtCore import QEvent, QRectF, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtWidgets import (
+    QFrame,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from calstation.gui import theme
+from calstation.gui.fault_wording import word_fault
+from calstation.gui.operator import advice
+from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
+from calstation.gui.wording import KINDS, word_state, word_time
+from calstation.sequencer.events import Fault, Verdict
+
+_HEAD = 17 * theme.GRID
+"""Height of the block that holds the word, px."""
+
+
+class _Head(QWidget):
+    """The word and its shape on the state's colour."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._kind = "none"
+        self.word = QLabel()
+        self.word.setObjectName("verdict_label")
+        self.word.setFont(theme.font(theme.VERDICT + 8, bold=True))
+        self.word.setContentsMargins(_HEAD, 0, 2 * theme.GRID, 0)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.word)
+        self.setMinimumHeight(_HEAD)
+
+    def show_state(self, state: str) -> None:
+        """Show the word of a state."""
+        self._kind = KINDS.get(state, "none")
+        self.word.setText(word_state(state) if state else "")
+        self.dress()
+
+    def dress(self) -> None:
+        """Take the theme's colours."""
+        self.word.setStyleSheet(f"color: {theme.colours().on_state};")
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Fill and shape."""
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(state_colour(self._kind))
+        painter.drawRoundedRect(QRectF(self.rect()), 4.0, 4.0)
+        side = 10.0 * theme.GRID
+        box = QRectF(3.0 * theme.GRID, (self.height() - side) / 2.0, side, side)
+        draw_state(painter, self._kind, box, QColor(theme.colours().on_state))
+
+
+class VerdictPanel(QFrame):
+    """Takes the place of the plots when a run has ended.
+
+    `details_wanted(path)` carries the result's file; `acknowledged()` unlatches a fault.
+    """
+
+    details_wanted = Signal(object)
+    acknowledged = Signal()
+    station_wanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._state = ""
+        self._verdict: Verdict | None = None
+        self._fault: Fault | None = None
+        self._failures = 0
+        self._head = _Head()
+        self.verdict_label = self._head.word
+        self._place, self.reason_label, self.action_label = QLabel(), QLabel(), QLabel()
+        self._facts = QLabel()
+        for label in (self._place, self.reason_label, self.action_label, self._facts):
+            label.setWordWrap(True)
+        self._place.setProperty("kind", "muted")
+        self._facts.setProperty("kind", "muted")
+        self.reason_label.setFont(theme.font(theme.SECTION))
+        self.action_label.setFont(theme.font(theme.SECTION, bold=True))
+        self.details_button, self.acknowledge_button, self._station_button = (
+            QPushButton(),
+            QPushButton(),
+            QPushButton(),
+        )
+        self.details_button.setObjectName("details_button")
+        self.acknowledge_button.setObjectName("acknowledge_button")
+        self.acknowledge_button.setProperty("kind", "primary")
+        self.details_button.clicked.connect(self._details)
+        self.acknowledge_button.clicked.connect(self.acknowledged)
+        self._station_button.clicked.connect(self.station_wanted)
+        buttons = QHBoxLayout()
+        for button in (self.acknowledge_button, self.details_button, self._station_button):
+            buttons.addWidget(button)
+        buttons.addStretch(1)
+        words = QVBoxLayout()
+        words.setSpacing(2 * theme.GRID)
+        for widget in (self._place, self.reason_label, self.action_label, self._facts):
+            words.addWidget(widget)
+        words.addStretch(1)
+        words.addLayout(buttons)
+        self._figures = QGridLayout()
+        self._figures.setHorizontalSpacing(2 * theme.GRID)
+        self._figures.setVerticalSpacing(theme.GRID)
+        right = QVBoxLayout()
+        right.addLayout(self._figures)
+        right.addStretch(1)
+        body = QHBoxLayout()
+        body.setSpacing(4 * theme.GRID)
+        body.addLayout(words, 1)
+        body.addLayout(right)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
+        layout.setSpacing(2 * theme.GRID)
+        layout.addWidget(self._head)
+        layout.addLayout(body, 1)
+
+    def show_end(self, state: str, verdict: Verdict | None, fault: Fault | None, failures: int) -> None:
+        """Show how a run ended; `failures` counts how often the unit was outside its limits in a row."""
+        self._state, self._verdict, self._fault, self._failures = state, verdict, fault, failures
+        self.retranslate()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._head.show_state(self._state)
+        fault = self._fault
+        self._place.setVisible(fault is not None)
+        self.acknowledge_button.setVisible(fault is not None)
+        self.details_button.setVisible(self._verdict is not None)
+        self._station_button.setVisible(False)
+        self.acknowledge_button.setText(self.tr("Understood"))
+        self.details_button.setText(self.tr("Details"))
+        self._station_button.setText(self.tr("Open the station page"))
+        if fault is not None:
+            words = word_fault(fault.kind, fault.text)
+            self._place.setText(self.tr("Where: {place}").format(place=words.place))
+            self.reason_label.setText(words.reason)
+            self.action_label.setText(words.mend)
+            self._station_button.setVisible(words.cause == "configuration")
+        elif self._verdict is not None and self._state in ("passed", "failed"):
+            result = self._verdict.result
+            self.reason_label.setText(advice.reason(result))
+            self.action_label.setText(advice.next_action(self._state, result, self._failures))
+        elif self._state == "stopped":
+            self.reason_label.setText(self.tr("The run was stopped; the table is at rest, its axes are off."))
+            self.action_label.setText(advice.next_action("stopped", {}, 0))
+        else:
+            self.reason_label.setText(self.tr("The run did not reach its end."))
+            self.action_label.setText(advice.next_action("incomplete", {}, 0))
+        self.action_label.setVisible(bool(self.action_label.text()))
+        self._say_facts()
+        self._fill_figures()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language or theme."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        elif event.type() == QEvent.Type.PaletteChange:
+            self._head.dress()
+        super().changeEvent(event)
+
+    def _say_facts(self) -> None:
+        self._facts.setVisible(self._verdict is not None)
+        if self._verdict is None:
+            return
+        result = self._verdict.result
+        facts = [
+            str(result["unit"]["serial"]),
+            self.tr("attempt {count}").format(count=result["attempt"]),
+            self.tr("{time} of table time").format(time=word_time(result["duration_s"])),
+        ]
+        registers = result.get("registers")
+        if registers and registers.get("verified"):
+            facts.append(self.tr("registers written and verified"))
+        self._facts.setText("  ·  ".join(facts))
+
+    def _fill_figures(self) -> None:
+        while (item := self._figures.takeAt(0)) is not None:
+            widget = item.widget()
+            if widget is not None:
+                widget.deleteLater()
+        if self._verdict is None or self._fault is not None:
+            return
+        rows = advice.figures(self._verdict.result)
+        if not rows:
+            return
+        headings = (
+            "",
+            self.tr("nearest to its limit"),
+            self.tr("value"),
+            self.tr("sigma"),
+            self.tr("limit"),
+            self.tr("unit"),
+        )
+        for column, heading in enumerate(headings):
+            self._cell(0, column, heading, muted=True)
+        for number, row in enumerate(rows, start=1):
+            self._figures.addWidget(_mark(row.passed), number, 0)
+            for column, text in enumerate((row.name, row.value, row.sigma, row.limit, row.unit), start=1):
+                self._cell(number, column, text)
+
+    def _cell(self, row: int, column: int, text: str, *, muted: bool = False) -> None:
+        label = QLabel(text)
+        if muted:
+            label.setProperty("kind", "muted")
+        side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
+        self._figures.addWidget(label, row, column, side | Qt.AlignmentFlag.AlignVCenter)
+
+    def _details(self) -> None:
+        if self._verdict is not None:
+            self.details_wanted.emit(self._verdict)
+
+
+def _mark(passed: bool) -> QWidget:
+    icon = StateIcon(18)
+    icon.set_kind("good" if passed else "bad")
+    return icon
