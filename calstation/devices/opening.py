@@ -25,7 +25,9 @@ Reason = Literal[
 """No such USB adapter or port, not allowed to this user, in use, settings that the port refuses; host:port misspelt, a
 name that nobody knows, nothing served at the port, no way there."""
 
-_SOCKETS = ("tcp://", "socket://")
+SOCKETS = ("tcp://", "socket://")
+"""How addresses begin."""
+
 _PERMISSION = {errno.EACCES, errno.EPERM}
 _BUSY = {errno.EBUSY, errno.EAGAIN}
 _ABSENT = {errno.ENOENT, errno.ENODEV, errno.ENXIO}
@@ -34,7 +36,7 @@ _REFUSED_SETTINGS = {errno.EINVAL, errno.ENOTTY}
 
 def host_and_port(url: str) -> tuple[str, int] | None:
     """Host and port of ``tcp://host:port`` or ``socket://host:port``, None where it is neither."""
-    for scheme in _SOCKETS:
+    for scheme in SOCKETS:
         if url.startswith(scheme):
             host, _, number = url.removeprefix(scheme).partition("/")[0].rpartition(":")
             if host and number.isdecimal() and 0 < int(number) < 65536:
@@ -55,7 +57,7 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
     The kind of reason, and the system's own words for it ("" where the kind says it all). A port that opens
     now after all counts as "other".
     """
-    if port.startswith(_SOCKETS):
+    if port.startswith(SOCKETS):
         return _why_no_connection(port, timeout)
     try:
         device = resolve(port, "port")

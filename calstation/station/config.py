@@ -8,6 +8,7 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.configuration import StrictModel, load
 from calstation.devices.link import SerialSettings
+from calstation.devices.opening import SOCKETS, host_and_port
 from calstation.records.limits import Limit, check_limit_names
 from calstation.records.meta import SiteSection
 from calstation.station import library
@@ -20,14 +21,23 @@ DEFAULT_PRODUCT = "nav_a"
 class DeviceSection(StrictModel):
     """A device's link at this place: port, and the serial settings where they differ from the profile's.
 
-    port : for a table ``tcp://host:port`` or a serial port, for an IMU a serial port or ``socket://host:port``;
-        a serial port by its name or as ``usb:SERIALNUMBER`` of its adapter
+    port : for a table ``tcp://host:port`` or the serial port of Modbus RTU, for an IMU its serial port; a serial
+        port by its name, as ``usb:SERIALNUMBER`` of its adapter, or ``socket://host:port`` of a serial server
     timeout_s : host time for an answer, the profile's where absent
     """
 
     port: str | None = None
     serial: SerialSettings | None = None
     timeout_s: float | None = Field(default=None, gt=0, le=60)
+
+    @field_validator("port")
+    @classmethod
+    def _address(cls, port: str | None) -> str | None:
+        if port is not None and port.startswith(SOCKETS) and host_and_port(port) is None:
+            raise ValueError(
+                f"'{port}' is no address; write {port.split('://')[0]}://host:port, port 1 to 65535"
+            )
+        return port
 
 
 class TableLinkSection(DeviceSection):
@@ -40,10 +50,20 @@ class TableLinkSection(DeviceSection):
     unit: int | None = Field(default=None, ge=0, le=255)
 
 
+class HandoverSection(StrictModel):
+    """`[handover]` of a station: where the factory's own system collects results.
+
+    folder : must exist; relative to the station file
+    """
+
+    folder: str = Field(min_length=1)
+
+
 class StationConfig(StrictModel):
     """A station file: this place, its table and its ports.
 
     bench : settings of the virtual bench in place of hardware (`calstation.bench.config.BenchConfig`)
+    handover : without it results are handed over in a folder `handover` beside the folder of the runs
     """
 
     name: str
@@ -51,6 +71,7 @@ class StationConfig(StrictModel):
     table: TableLinkSection
     imu: DeviceSection = DeviceSection()
     bench: dict[str, JsonValue] | None = None
+    handover: HandoverSection | None = None
 
     @model_validator(mode="after")
     def _ports(self) -> "StationConfig":
