@@ -14,6 +14,9 @@ BODY, SECTION, VERDICT = 14, 18, 72
 BUTTON, BIG_BUTTON = 44, 64
 """Least height of a button, and of START and STOP, px."""
 
+TOP_BAR = 56
+"""Height of the bar with the tabs, px."""
+
 AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
 """x, y and z wherever they are drawn, safe for colour-blind eyes, in both themes."""
 
@@ -159,16 +162,25 @@ def style_sheet(c: Colours) -> str:
         min-height: {BIG_BUTTON - 2}px; font-size: {SECTION}px; font-weight: 600;
     }}
     QFrame[kind="panel"] {{ background: {c.panel}; border: 1px solid {c.line}; border-radius: 4px; }}
+    QFrame[kind="current"] {{ background: {c.window}; border: none; border-left: 3px solid {c.accent}; }}
     QLabel[kind="section"] {{ font-size: {SECTION}px; font-weight: 600; }}
     QLabel[kind="muted"] {{ color: {c.muted}; }}
     QLabel[kind="error"] {{ color: {c.bad}; }}
-    QTabBar#page_bar::tab, QTabWidget#page_tabs > QTabBar::tab {{
-        min-height: {BUTTON}px; padding: 0 {2 * GRID}px; border: none; border-bottom: 3px solid transparent;
+    QLabel[kind="pill"] {{
+        border: 1px solid {c.line}; border-radius: 4px; padding: 0 {GRID}px; min-height: 28px; color: {c.text};
+    }}
+    QProgressBar {{ border: none; border-radius: 4px; background: {c.line}; }}
+    QProgressBar::chunk {{ border-radius: 4px; background: {c.accent}; }}
+    QTabWidget#page_tabs > QTabBar::tab {{
+        height: {TOP_BAR - 3}px; padding: 0 {2 * GRID}px; border: none; border-bottom: 3px solid transparent;
         color: {c.muted}; font-size: {BODY}px;
     }}
     QTabWidget#page_tabs > QTabBar::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
     QTabWidget#page_tabs > QTabBar::tab:focus {{ color: {c.accent}; }}
-    QTabWidget#page_tabs::pane {{ border: none; border-top: 1px solid {c.line}; }}
+    QTabWidget[kind="views"] > QTabBar::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
+    QTabWidget[kind="views"] > QTabBar::tab:focus {{ color: {c.accent}; }}
+    QTabWidget[kind="views"]::pane {{ border: none; border-top: 1px solid {c.line}; }}
+    QTabWidget#page_tabs::pane {{ border: none; }}
     QToolTip {{ color: {c.text}; background: {c.panel}; border: 1px solid {c.line}; padding: {GRID // 2}px; }}
     """
 
