@@ -1,5 +1,7 @@
 """Where people read: degrees, ppm, µg, °/h and arcseconds; the one place that converts."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calstation.physics.parameters import PARAMETERS, Parameter
@@ -8,6 +10,7 @@ DEGREE = np.pi / 180.0
 ARCSECOND = DEGREE / 3600.0
 DEGREE_PER_HOUR = DEGREE / 3600.0
 STANDARD_GRAVITY = 9.80665
+FIGURE_SPACE, POINT_SPACE = "\u2007", "\u2008"
 MICRO_G = 1e-6 * STANDARD_GRAVITY
 
 #: How a group is shown: unit and its size in SI.
@@ -37,4 +40,16 @@ def number(value: float, sigma: float) -> str:
     if not 0.0 < sigma < float("inf"):
         return f"{value:.6g}"
     exponent = int(f"{sigma:e}".partition("e")[2])
-    return f"{value:.{max(0, min(12, 1 - exponent))}f}"
+    shown = f"{value:.{max(0, min(12, 1 - exponent))}f}"
+    return shown.lstrip("-") if float(shown) == 0.0 else shown
+
+
+def aligned(numbers: Sequence[str]) -> list[str]:
+    """Numbers filled up at their ends with spaces as wide as figures and points, so that points stand in line."""
+    after = [len(text.partition(".")[2]) for text in numbers]
+    points = any("." in text for text in numbers)
+    most = max(after, default=0)
+    return [
+        text + (FIGURE_SPACE * (most - n)) + (POINT_SPACE if points and "." not in text else "")
+        for text, n in zip(numbers, after, strict=True)
+    ]

@@ -1,7 +1,7 @@
 """A state as a shape and a word; its colour only repeats them."""
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPixmap, QPolygonF
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QWidget
 
 from calstation.gui import theme
@@ -60,6 +60,17 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
             painter.setBrush(colour)
             painter.drawEllipse(QRectF(at(0.42, 0.42), at(0.58, 0.58)))
     painter.restore()
+
+
+def state_pixmap(kind: str, size: int = theme.BODY) -> QPixmap:
+    """A state's shape as a picture, for cells and menus; sharp on fine screens."""
+    picture = QPixmap(2 * size, 2 * size)
+    picture.setDevicePixelRatio(2)
+    picture.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(picture)
+    draw_state(painter, kind, QRectF(0, 0, size, size))
+    painter.end()
+    return picture
 
 
 class StateIcon(QWidget):

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
 from calstation.gui import theme
+from calstation.gui.widgets.badge import state_colour, state_pixmap
 
 Index = QModelIndex | QPersistentModelIndex
 
@@ -62,8 +64,15 @@ class ParameterModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.TextAlignmentRole:
             side = Qt.AlignmentFlag.AlignRight if column.number else Qt.AlignmentFlag.AlignLeft
             return side | Qt.AlignmentFlag.AlignVCenter
-        if role == Qt.ItemDataRole.UserRole and column.state is not None:
-            return column.state(self._names[index.row()])
+        if column.state is None:
+            return None
+        state = column.state(self._names[index.row()])
+        if role == Qt.ItemDataRole.UserRole:
+            return state
+        if role == Qt.ItemDataRole.DecorationRole and state:
+            return state_pixmap(state)
+        if role == Qt.ItemDataRole.ForegroundRole and state:
+            return state_colour(state)
         return None
 
     def headerData(
@@ -98,6 +107,23 @@ class ParameterTable(QTableView):
         self.verticalHeader().setDefaultSectionSize(4 * theme.GRID)
         self.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.verticalHeader().setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-        self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        self.horizontalHeader().setStretchLastSection(True)
+        self.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.horizontalHeader().setHighlightSections(False)
+        model.modelReset.connect(self.spread)
+        model.headerDataChanged.connect(self.spread)
+
+    def spread(self) -> None:
+        """Columns as wide as their contents, and what is left of the width shared among them."""
+        header = self.horizontalHeader()
+        self.resizeColumnsToContents()
+        widths = [self.columnWidth(i) for i in range(header.count())]
+        left = self.viewport().width() - sum(widths)
+        if widths and left > 0:
+            share, more = divmod(left, len(widths))
+            for i, width in enumerate(widths):
+                self.setColumnWidth(i, width + share + (i < more))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Share another width."""
+        super().resizeEvent(event)
+        self.spread()
