@@ -178,9 +178,9 @@ def test_a_run_that_is_going_on_waits_and_a_deleted_one_is_forgotten(factory: Fa
 
 def test_lines_of_two_programs_do_not_mix(factory: Factory) -> None:
     """Two stations with runs of their own and one folder."""
-    other = (
-        Factory(factory.runs.parent / "other") if (factory.runs.parent / "other").mkdir() is None else factory
-    )
+    place = factory.runs.parent / "other"
+    place.mkdir()
+    other = Factory(place)
     other.folder = factory.folder
     config = StationConfig.model_validate(
         {**STATION, "bench": {}, "handover": {"folder": str(factory.folder)}}
