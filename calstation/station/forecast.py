@@ -4,7 +4,7 @@ The plans are those of the run and so are the solvers: they get a perfect unit's
 (`estimation.planned`) and answer with the covariance that the run will report.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
@@ -17,7 +17,7 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Finish, Move, RoundEnd, Step
 from calstation.physics.parameters import INDEX, NAMES, PARAMETERS
 from calstation.records.meta import context_from_meta
-from calstation.sequencer.guard import check_limits
+from calstation.sequencer.guard import JOINTS, check_limits
 from calstation.sequencer.preview import move_time, planned, step_time
 from calstation.sequencer.stop_rule import named
 from calstation.sequencer.task import StagePlan
@@ -43,15 +43,27 @@ _FEEDING = 0.95
 
 @dataclass(frozen=True)
 class Violation:
-    """A planned step that the table cannot do: number of the stage's move, from 1, its label, and the sentence.
+    """A planned step that the table cannot do.
 
-    `more` : further moves of the stage with the same sentence
+    Attributes
+    ----------
+    step, label : number of the stage's move, from 1, and what it does
+    kind : rate, acceleration or travel; plan where no way was found at all
+    joint : outer or inner, "" for both
+    value, low, high : what is asked and what is allowed, rad, rad/s or rad/s²
+    text : the refusal's own words
+    more : further moves of the stage that break the same limit
     """
 
     stage: str
     step: int
     label: tuple[str | float, ...]
+    kind: str
     text: str
+    joint: str = ""
+    value: float = 0.0
+    low: float = 0.0
+    high: float = 0.0
     more: int = 0
 
 
@@ -168,28 +180,41 @@ class _Foretelling:
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:
         """Every move of a plan against the table's limits; the plan's seconds, targets aside."""
         seconds, moves = 0.0, 0
-        found: dict[str, Violation] = {}
-        label: tuple[str | float, ...] = ()
+        found: dict[tuple[str, str], Violation] = {}
         try:
             for step, duration in planned(plan.steps(), plan.rule, self._joints, self._settle):
                 seconds += duration
                 if not isinstance(step, Move):
                     continue
-                moves, label = moves + 1, step.label
-                try:
-                    check_limits(self._geometry.limits, step)
-                except ConfigurationError as error:
-                    text = str(error)
-                    seen = found.get(text)
-                    found[text] = (
-                        replace(seen, more=seen.more + 1)
-                        if seen
-                        else Violation(plan.name, moves, label, text)
-                    )
+                moves += 1
+                for new in self._broken(plan.name, moves, step):
+                    key = (new.kind, new.joint)
+                    seen = found.setdefault(key, new)
+                    if seen is not new:
+                        found[key] = replace(seen, more=seen.more + 1)
         except ConfigurationError as error:
-            found[str(error)] = Violation(plan.name, moves + 1, (), str(error))
+            found["plan", ""] = Violation(plan.name, moves + 1, (), "plan", str(error))
         violations.extend(found.values())
         return seconds
+
+    def _broken(self, stage: str, number: int, move: Move) -> Iterator[Violation]:
+        """The limits that the run would refuse a move for."""
+        try:
+            check_limits(self._geometry.limits, move)
+            return
+        except ConfigurationError as error:
+            text = str(error)
+        limits = self._geometry.limits
+        for kind, value, bounds in (
+            ("rate", move.rate, limits.rate),
+            ("acceleration", move.acceleration, limits.acceleration),
+        ):
+            if value > min(bounds) * (1.0 + 1e-9):
+                yield Violation(stage, number, move.label, kind, text, "", value, 0.0, min(bounds))
+        for joint, (name, target) in enumerate(zip(JOINTS, (move.outer, move.inner), strict=True)):
+            if not limits.within(joint, target):
+                span = limits.low[joint], limits.high[joint]
+                yield Violation(stage, number, move.label, "travel", text, name, target, *span)
 
     def _drive(self, plan: StagePlan, solve: bool, expected: float) -> StageForecast:
         """Follow a stage to its end; `expected` is what the whole run may take, s."""

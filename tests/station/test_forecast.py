@@ -84,12 +84,9 @@ def test_a_departure_changes_time_and_sigma(place: Place) -> None:
 def test_every_broken_limit_is_named_with_its_step(place: Place) -> None:
     told = foretold(place, "rate", "six_position", six_position={"rate_dps": 150.0})
     (violation,) = told.violations
-    assert (violation.stage, violation.step, violation.label, violation.more) == (
-        "six_position",
-        1,
-        ("face_up", "+z"),
-        5,
-    )
+    assert (violation.stage, violation.step, violation.label) == ("six_position", 1, ("face_up", "+z"))
+    assert (violation.kind, violation.joint, violation.more) == ("rate", "", 5)
+    assert np.rad2deg([violation.value, violation.high]) == pytest.approx([150.0, 120.0])
     assert "rate 150 °/s is outside the table's 0 to 120 °/s" in violation.text
     assert all(stage.sigma is None for stage in told.stages)
     assert told.duration > 0.0
@@ -97,7 +94,7 @@ def test_every_broken_limit_is_named_with_its_step(place: Place) -> None:
 
 def test_a_plan_that_finds_no_room_says_so(place: Place) -> None:
     (violation,) = foretold(place, "rate", rate={"turns": 50}).violations
-    assert violation.stage == "rate"
+    assert (violation.stage, violation.kind) == ("rate", "plan")
     assert "lower turns in the schedule of rate" in violation.text
 
 
