@@ -4,7 +4,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QSettings, Signal
 
-from calstation.gui import theme
+from calstation.gui import language, theme
 from calstation.gui.engine_link import EngineLink
 from calstation.gui.role import RoleLock
 from calstation.gui.run_status import RunStatus
@@ -60,6 +60,11 @@ class AppContext(QObject):
         theme.apply(name)
         self.settings.setValue("theme", theme.current())
         self.theme_changed.emit()
+
+    def set_language(self, code: str) -> None:
+        """Speak another language."""
+        language.use(code)
+        self.settings.setValue("language", language.current())
 
     def close(self) -> None:
         """End what runs beside the window; a run that is still going stops safely."""

@@ -10,6 +10,12 @@ LANGUAGES = (("en", "English"), ("zh_CN", "中文"))
 
 _FOLDER = Path(__file__).parent / "translations"
 _installed: list[QTranslator] = []
+_current = "en"
+
+
+def current() -> str:
+    """Code of the language in force."""
+    return _current
 
 
 def system_language() -> str:
@@ -19,13 +25,15 @@ def system_language() -> str:
 
 def use(code: str) -> None:
     """Speak a language from now on; every widget hears of it as a LanguageChange event."""
+    global _current
     app = QCoreApplication.instance()
     assert app is not None
+    _current = code if code in dict(LANGUAGES) else "en"
     for translator in _installed:
         app.removeTranslator(translator)
     _installed.clear()
     QLocale.setDefault(QLocale(QLocale.Language.C))
-    if code == "en":
+    if _current == "en":
         return
     own = sorted(_FOLDER.glob(f"*_{code}.qm"))
     theirs = Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)) / f"qtbase_{code}.qm"

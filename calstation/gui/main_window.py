@@ -3,8 +3,8 @@
 import importlib
 import traceback
 
-from PySide6.QtCore import QEvent, Qt
-from PySide6.QtGui import QCloseEvent, QKeySequence, QResizeEvent, QShortcut
+from PySide6.QtCore import QEvent, QObject, QPoint, QSize, Qt
+from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -15,9 +15,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from calstation.errors import CalstationError
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
+from calstation.gui.operator.page import OperatorPage
 from calstation.gui.page import Page
+from calstation.gui.role_panel import RolePanel
+from calstation.gui.run_strip import RunStrip
+from calstation.gui.widgets import icons
 from calstation.station.config import load_station
 
 _PAGES = (
@@ -29,6 +34,8 @@ _PAGES = (
 )
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
 """Height of the strip with STOP above every page, px."""
+
+_SMALLEST = QSize(1280, 720)
 
 
 class _Broken(Page):
@@ -42,52 +49,85 @@ class MainWindow(QMainWindow):
     def __init__(self, app: AppContext) -> None:
         super().__init__()
         self.app = app
+        self._closing = False
         self.setFont(theme.font())
         self.page_tabs = QTabWidget(self)
         self.page_tabs.setObjectName("page_tabs")
-        self.page_tabs.setDocumentMode(True)
+        self.page_tabs.tabBar().setDrawBase(False)
+        self.page_tabs.tabBar().setExpanding(False)
         self.setCentralWidget(self.page_tabs)
-        self._name = QLabel("calstation")
-        self._name.setFont(theme.font(theme.SECTION, bold=True))
-        self._name.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
-        self.page_tabs.setCornerWidget(self._name, Qt.Corner.TopLeftCorner)
+        name = QLabel("calstation")
+        name.setFont(theme.font(theme.SECTION, bold=True))
+        name.setFixedHeight(theme.TOP_BAR)
+        name.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
+        self.page_tabs.setCornerWidget(name, Qt.Corner.TopLeftCorner)
         self.page_tabs.setCornerWidget(self._corner(), Qt.Corner.TopRightCorner)
         self._strip = QWidget(self.page_tabs)
         self._headers = QStackedWidget()
         self.stop_button = QPushButton()
         self.stop_button.setObjectName("stop_button")
-        self.stop_button.setFixedSize(16 * theme.GRID, theme.BIG_BUTTON)
-        self.stop_button.clicked.connect(self.stop)
+        self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
+        self.stop_button.clicked.connect(app.run.stop)
         row = QHBoxLayout(self._strip)
         row.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        row.setSpacing(2 * theme.GRID)
         row.addWidget(self._headers, 1)
         row.addWidget(self.stop_button)
         self.pages: list[Page] = []
-        for folder, name in _PAGES:
+        for folder, kind in _PAGES:
             try:
-                self._add(getattr(importlib.import_module(f"calstation.gui.{folder}.page"), name)(app))
+                self._add(getattr(importlib.import_module(f"calstation.gui.{folder}.page"), kind)(app))
             except Exception:  # noqa: BLE001
                 traceback.print_exc()
                 self._add(_Broken(app))
+        self._role_panel = RolePanel(app.role, self)
         self.page_tabs.currentChanged.connect(self._turn)
-        QShortcut(QKeySequence(Qt.Key.Key_Escape), self, self.stop)
-        self.app.station_changed.connect(self._show_station)
-        self.app.role.changed.connect(self.retranslate)
+        QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
+        app.station_changed.connect(self._show_station)
+        app.role.changed.connect(self.retranslate)
+        app.role.wanted.connect(self._place_role_panel)
+        app.theme_changed.connect(self._dress)
+        app.engine_link.running_changed.connect(self._running_changed)
+        operator = self.operator_page
+        operator.details_wanted.connect(lambda _: self.show_page("engineer_page"))
+        operator.station_wanted.connect(lambda: self.show_page("station_page"))
         self.retranslate()
+        self._dress()
+        self.setMinimumSize(_SMALLEST)
         self.resize(1366, 768)
 
-    def stop(self) -> None:
-        """Stop the run safely; harmless where none is going on."""
-        self.app.run.stop()
+    @property
+    def operator_page(self) -> OperatorPage:
+        """The first page."""
+        page = self.pages[0]
+        assert isinstance(page, OperatorPage)
+        return page
+
+    def show_page(self, name: str) -> None:
+        """Turn to a page by its object name."""
+        for page in self.pages:
+            if page.objectName() == name:
+                self.page_tabs.setCurrentWidget(page)
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
         self.setWindowTitle("calstation")
         self.stop_button.setText(self.tr("STOP"))
-        self._theme_button.setText(self.tr("Light / dark"))
-        self._lock_button.setText(self.tr("Engineer") if self.app.role.engineer else self.tr("Operator"))
+        self.stop_button.setToolTip(
+            self.tr("Stops the run safely; Esc does the same. It is no emergency stop.")
+        )
+        self._theme_button.setToolTip(self.tr("Light or dark"))
+        self._theme_button.setAccessibleName(self.tr("Light or dark"))
+        engineer = self.app.role.engineer
+        self._lock_button.setText(self.tr("Engineer") if engineer else self.tr("Operator"))
+        self._lock_button.setToolTip(
+            self.tr("Lock: back to the operator's role")
+            if engineer
+            else self.tr("Unlock with the engineer's PIN")
+        )
         for index, page in enumerate(self.pages):
             self.page_tabs.setTabText(index, page.title())
+        self._dress()
         self._show_station()
 
     def changeEvent(self, event: QEvent) -> None:
@@ -96,55 +136,108 @@ class MainWindow(QMainWindow):
             self.retranslate()
         super().changeEvent(event)
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Keep the strip across the window, below the tabs."""
-        super().resizeEvent(event)
-        self._place_strip()
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Keep the strip at the top of whatever page is shown."""
+        if event.type() in (QEvent.Type.Resize, QEvent.Type.Move, QEvent.Type.Show):
+            self._place_strip()
+        return super().eventFilter(watched, event)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """End what runs beside the window."""
+        """Ask while a run is going on; otherwise end what runs beside the window."""
+        if self.app.engine_link.running and not self._closing:
+            event.ignore()
+            self.show_page("operator_page")
+            self.operator_page.ask_close(self._stop_and_close, self._close_now)
+            return
         self.app.close()
         super().closeEvent(event)
 
+    def _stop_and_close(self) -> None:
+        self._closing = True
+        self.app.run.stop()
+        self._running_changed(self.app.engine_link.running)
+
+    def _close_now(self) -> None:
+        self._closing = True
+        self.app.engine_link.give_up()
+
+    def _running_changed(self, running: bool) -> None:
+        if self._closing and not running:
+            self.close()
+
     def _corner(self) -> QWidget:
         corner = QWidget()
+        corner.setFixedHeight(theme.TOP_BAR)
         row = QHBoxLayout(corner)
         row.setContentsMargins(0, 0, 2 * theme.GRID, 0)
+        row.setSpacing(theme.GRID)
+        row.addStrut(theme.TOP_BAR)
         self._station = QLabel()
+        self._station.setObjectName("station_label")
+        self._station.setProperty("kind", "pill")
         self.language_combo = language.language_combo()
-        self.language_combo.activated.connect(self._choose_language)
+        self.language_combo.setProperty("kind", "tall")
+        self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
+        self.language_combo.currentIndexChanged.connect(self._choose_language)
         self._theme_button = QPushButton()
+        self._theme_button.setObjectName("theme_button")
+        self._theme_button.setFixedWidth(theme.BUTTON)
         self._theme_button.clicked.connect(self._other_theme)
         self._lock_button = QPushButton()
         self._lock_button.setObjectName("role_button")
+        self._lock_button.clicked.connect(self._lock_pressed)
         for widget in (self._station, self.language_combo, self._theme_button, self._lock_button):
-            row.addWidget(widget)
+            row.addWidget(widget, 0, Qt.AlignmentFlag.AlignVCenter)
         return corner
 
     def _add(self, page: Page) -> None:
         page.setContentsMargins(0, _STRIP, 0, 0)
+        page.installEventFilter(self)
         self.pages.append(page)
         self.page_tabs.addTab(page, page.title())
-        self._headers.addWidget(page.header or QLabel())
+        self._headers.addWidget(page.header or RunStrip(self.app.run))
 
     def _turn(self, index: int) -> None:
         self._headers.setCurrentIndex(index)
-        self._strip.raise_()
+        self._place_strip()
 
     def _place_strip(self) -> None:
-        top = self.page_tabs.tabBar().geometry().bottom() + 1
-        corner = self.page_tabs.cornerWidget(Qt.Corner.TopRightCorner)
-        top = max(top, corner.geometry().bottom() + 1)
-        self._strip.setGeometry(0, top, self.page_tabs.width(), _STRIP)
-        self._strip.raise_()
+        page = self.page_tabs.currentWidget()
+        if page is not None:
+            top = page.mapTo(self.page_tabs, QPoint(0, 0))
+            self._strip.setGeometry(top.x(), top.y(), page.width(), _STRIP)
+            self._strip.raise_()
+
+    def _place_role_panel(self) -> None:
+        corner = self._lock_button.mapTo(self, self._lock_button.rect().bottomRight())
+        self._role_panel.move(corner.x() - self._role_panel.width(), corner.y() + theme.GRID // 2)
+
+    def _lock_pressed(self) -> None:
+        if self.app.role.engineer:
+            self.app.role.lock()
+        elif self._role_panel.isVisible():
+            self._role_panel.hide()
+        else:
+            self.app.role.ask()
 
     def _choose_language(self) -> None:
-        language.use(str(self.language_combo.currentData()))
-        self.app.settings.setValue("language", self.language_combo.currentData())
+        self.app.set_language(str(self.language_combo.currentData()))
 
     def _other_theme(self) -> None:
         self.app.set_theme("light" if theme.current() == "dark" else "dark")
 
+    def _dress(self) -> None:
+        self._theme_button.setIcon(icons.half_disc())
+        self._theme_button.setIconSize(QSize(24, 24))
+        self._lock_button.setIcon(icons.padlock(closed=not self.app.role.engineer))
+        self._lock_button.setIconSize(QSize(24, 24))
+
     def _show_station(self) -> None:
-        _, station = load_station(self.app.station_path)
-        self._station.setText(self.tr("virtual bench") if station.bench is not None else station.name)
+        try:
+            _, station = load_station(self.app.station_path)
+        except CalstationError:  # said where it can be mended, on the operator's and the station's page
+            self._station.setText(self.tr("no station"))
+            return
+        virtual = station.bench is not None
+        self._station.setText(self.tr("virtual bench") if virtual else station.name)
+        self._station.setToolTip(self.tr("Table and unit are software: nothing moves.") if virtual else "")

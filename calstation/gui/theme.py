@@ -143,7 +143,9 @@ def palette(c: Colours) -> QPalette:
 def style_sheet(c: Colours) -> str:
     """What a palette cannot say: heights, and the fills of START and STOP."""
     return f"""
-    QPushButton, QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox {{ min-height: {BUTTON - 2 * GRID}px; }}
+    QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox {{ min-height: {BUTTON - 2 * GRID}px; }}
+    QLineEdit {{ padding: 0 {GRID // 2}px; }}
+    QLineEdit[kind="tall"], QComboBox[kind="tall"] {{ min-height: {BUTTON - 2}px; }}
     QPushButton {{
         min-height: {BUTTON - 2}px; padding: 0 {2 * GRID}px; border: 1px solid {c.line}; border-radius: 4px;
         background: {c.panel};

@@ -40,7 +40,7 @@ class RunHeader(QWidget):
             (self.product_combo, "product_combo", self._captions[2], 3),
         ):
             widget.setObjectName(name)
-            widget.setFixedHeight(theme.BUTTON)
+            widget.setProperty("kind", "tall")
             caption.setBuddy(widget)
             column = QVBoxLayout()
             column.setSpacing(0)

@@ -60,13 +60,13 @@ class OperatorPage(Page):
         self.setObjectName("operator_page")
         self._outline: Outline | None = None
         self._problem = ""
-        self._shown = ""
+        self._shown: tuple[object, ...] = ()
         self.header = self._fields = RunHeader()
         self._stages = StageList(app.run)
         self._loading, self._verdict = Loading(), VerdictPanel()
         self._table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
         self._preparation = Preparation(app.run)
-        self.notice = NoticeBar()
+        self.closing, self.notice = NoticeBar(), NoticeBar()
         self._lower = _stack(self._preparation, self._convergence)
         self._views = _stack(self._loading, self._live(), self._verdict)
         self._progress = QProgressBar()
@@ -109,6 +109,7 @@ class OperatorPage(Page):
     def _lay_out(self) -> None:
         right = QVBoxLayout()
         right.setSpacing(theme.GRID)
+        right.addWidget(self.closing)
         right.addWidget(self.notice)
         right.addWidget(self._views, 1)
         body = QHBoxLayout()
@@ -319,8 +320,21 @@ class OperatorPage(Page):
             if run.outline is not None:
                 self._table.set_axes(run.outline.outer_axis, run.outline.inner_axis)
         else:
+            self.closing.dismiss()
             self._traces.stop()
             self._refresh()
+            self._await_next()
+
+    def _await_next(self) -> None:
+        """At the end of a run the scanner may go on at once."""
+        run = self.app.run
+        if run.fault is not None:
+            self._verdict.acknowledge_button.setFocus()
+            return
+        if run.state == "passed" and self._outline is not None and self._outline.virtual:
+            self._fields.set_serial("")
+            self._suggest()
+        self._fields.focus_serial()
 
     def _take(self, event: Event) -> None:
         if isinstance(event, TableMoved):
@@ -331,6 +345,31 @@ class OperatorPage(Page):
             self._convergence.take(self.app.run.done, event.sigma)
         elif isinstance(event, StageSolved):
             self._convergence.take(self.app.run.done, _largest(event))
+
+    # ---- closing the window
+
+    def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
+        """Ask what the window's end means for the run."""
+
+        def stop() -> None:
+            stop_and_close()
+            if self.app.engine_link.running:
+                self.closing.ask(
+                    "stopped",
+                    lambda: self.tr("Stopping safely, then closing"),
+                    lambda: self.tr("The table comes to rest first."),
+                    [Choice("close_now_choice", lambda: self.tr("Close now"), close_now)],
+                )
+
+        self.closing.ask(
+            "caution",
+            lambda: self.tr("A calibration is going on"),
+            lambda: self.tr("Closing stops the table safely; the run can be continued later."),
+            [
+                Choice("close_choice", lambda: self.tr("Stop and close"), stop),
+                Choice("stay_choice", lambda: self.tr("Go on calibrating"), lambda: None, primary=True),
+            ],
+        )
 
     # ---- showing where the run stands
 
@@ -345,22 +384,24 @@ class OperatorPage(Page):
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
         self._lower.setCurrentIndex(0 if all(s.state == "waiting" for s in run.stages) else 1)
         self._ask_prompt()
-        if run.state != self._shown:
-            self._turn_to(run.state)
+        shown = (run.state, run.verdict, run.fault, busy)
+        if shown != self._shown:
+            self._shown = shown
+            self._turn()
 
-    def _turn_to(self, state: str) -> None:
-        """Loading, live or verdict; at the end of a run the scanner may go on at once."""
+    def _turn(self) -> None:
+        """Loading, live or verdict."""
         run = self.app.run
-        self._shown = state
-        if run.going:
-            self._views.setCurrentIndex(1)
-        elif state == "idle":
+        if run.state == "idle":
             self._views.setCurrentIndex(0)
+        elif run.verdict is None and run.fault is None and self.app.engine_link.running:
+            self._views.setCurrentIndex(1)
         else:
-            serial = self._fields.serial
             history = self._history()
-            failures = history.failures(serial) if history is not None else 0
-            self._verdict.show_end(state, run.verdict, run.fault, failures)
+            failures = (
+                history.failures(run.verdict.result["unit"]["serial"]) if history and run.verdict else 0
+            )
+            self._verdict.show_end(run.state, run.verdict, run.fault, failures)
             self._views.setCurrentIndex(2)
 
     def _ask_prompt(self) -> None:
