@@ -1,4 +1,4 @@
-"""Tables whose rows are parameters: a model of columns, and a view that aligns numbers."""
+"""Tables whose rows are parameters: a model of columns, and a view that aligns numbers, groups rows and copies."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtGui import QResizeEvent
+from PySide6.QtGui import QColor, QGuiApplication, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
 from calstation.gui import theme
@@ -19,12 +20,14 @@ class Column:
     """One column: `heading` says its words anew when asked; `text(name)` is a cell of parameter `name`.
 
     number : right-aligned in tabular figures; state(name) : the shape before the word (`badge.KINDS`), or None
+    hint(name) : what a cell says where the pointer rests
     """
 
     heading: Callable[[], str]
     text: Callable[[str], str]
     number: bool = True
     state: Callable[[str], str | None] | None = None
+    hint: Callable[[str], str] | None = None
 
 
 class ParameterModel(QAbstractTableModel):
@@ -34,12 +37,35 @@ class ParameterModel(QAbstractTableModel):
         super().__init__()
         self._columns = tuple(columns)
         self._names: tuple[str, ...] = ()
+        self._shaded: tuple[bool, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters shown."""
+        return self._names
+
+    def set_columns(self, columns: Sequence[Column]) -> None:
+        """Show other columns of the same parameters."""
+        self.beginResetModel()
+        self._columns = tuple(columns)
+        self.endResetModel()
 
     def set_names(self, names: Sequence[str]) -> None:
         """Show these parameters."""
         self.beginResetModel()
         self._names = tuple(names)
+        groups = [name.rpartition("_")[0] for name in self._names]
+        order = list(dict.fromkeys(groups))
+        self._shaded = tuple(order.index(group) % 2 == 1 for group in groups)
         self.endResetModel()
+
+    def tsv(self, rows: Sequence[int]) -> str:
+        """Headings and rows as tab-separated text, the parameters' names first, for a spreadsheet."""
+        lines = [["parameter", *(column.heading() for column in self._columns)]]
+        for row in rows:
+            name = self._names[row]
+            lines.append([name, *(column.text(name) for column in self._columns)])
+        return "\n".join("\t".join(line) for line in lines) + "\n"
 
     def refresh(self) -> None:
         """Ask for every cell and heading again."""
@@ -64,6 +90,10 @@ class ParameterModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.TextAlignmentRole:
             side = Qt.AlignmentFlag.AlignRight if column.number else Qt.AlignmentFlag.AlignLeft
             return side | Qt.AlignmentFlag.AlignVCenter
+        if role == Qt.ItemDataRole.ToolTipRole and column.hint is not None:
+            return column.hint(self._names[index.row()])
+        if role == Qt.ItemDataRole.BackgroundRole and self._shaded[index.row()]:
+            return QColor(theme.colours().window)
         if column.state is None:
             return None
         state = column.state(self._names[index.row()])
@@ -93,7 +123,7 @@ class ParameterModel(QAbstractTableModel):
 
 
 class ParameterTable(QTableView):
-    """Shows a `ParameterModel`."""
+    """Shows a `ParameterModel`; groups of parameters are shaded in turn, and rows are copied as text."""
 
     def __init__(self, model: ParameterModel, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -101,7 +131,6 @@ class ParameterTable(QTableView):
         self.setFont(theme.font())
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.setAlternatingRowColors(True)
         self.setShowGrid(False)
         self.setTabKeyNavigation(False)
         self.verticalHeader().setDefaultSectionSize(4 * theme.GRID)
@@ -127,3 +156,12 @@ class ParameterTable(QTableView):
         """Share another width."""
         super().resizeEvent(event)
         self.spread()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Copy the selected rows, or all where none is, as tab-separated text."""
+        model = self.model()
+        if event.matches(QKeySequence.StandardKey.Copy) and isinstance(model, ParameterModel):
+            rows = sorted({index.row() for index in self.selectionModel().selectedIndexes()})
+            QGuiApplication.clipboard().setText(model.tsv(rows or range(model.rowCount())))
+            return
+        super().keyPressEvent(event)
