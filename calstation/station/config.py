@@ -1,8 +1,9 @@
 """Station and product files: one place and one unit type, checked before anything moves."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, JsonValue, field_validator, model_validator
 
@@ -107,6 +108,9 @@ class ProductConfig(StrictModel):
     bench_grade : grade of a virtual unit of this type
     schedule : parameters of each stage's method; targets : sigmas at which a repeated stage may stop, SI
     end_on_failure : leave out the remaining stages once a limit is missed
+    advice : what to do after the first, second, ... time in a row that a unit is outside its limits; the last
+        stands for all further times
+    attempts_allowed : times in a row that a unit may be outside its limits before it is not calibrated again
     """
 
     name: str
@@ -120,6 +124,10 @@ class ProductConfig(StrictModel):
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
     end_on_failure: bool = False
+    advice: list[Literal["reseat", "repeat", "set_aside"]] = Field(
+        default_factory=lambda: ["reseat", "repeat", "set_aside"], min_length=1
+    )
+    attempts_allowed: int | None = Field(default=None, ge=1)
 
     @field_validator("serial_pattern")
     @classmethod
@@ -157,3 +165,11 @@ def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
     for stage in (*product.stages, *product.schedule):
         method(stage)
     return path, product
+
+
+def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
+    """What a stage's schedule is made of: the product's values, the request's before those."""
+    given: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
+    if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in given:
+        given["targets"] = dict(product.targets)
+    return given

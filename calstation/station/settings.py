@@ -17,8 +17,7 @@ from calstation.devices.table_profile import TableProfile
 from calstation.errors import ConfigurationError
 from calstation.sequencer.stop_rule import named
 from calstation.station import library
-from calstation.station.config import ProductConfig, StationConfig
-from calstation.station.setup import schedule_values
+from calstation.station.config import ProductConfig, StationConfig, schedule_values
 from calstation.station.toml_lines import line_of
 from procedures import method
 
@@ -34,6 +33,8 @@ MODELS: dict[str, type[BaseModel]] = {
 """Kind of file to its model."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+_NAMED = re.compile(r"([a-z_]\w*(?:\.[a-z_]\w*)+)( is missing)?\b")
+"""How a rule over several values begins when it names the one to mend."""
 _TOML_PLACE = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)")
 
 
@@ -134,9 +135,13 @@ def _of_product(product: ProductConfig) -> list[Problem]:
 def _complaints(place: Place, model: type[BaseModel], data: Any) -> list[Problem]:
     """What a model finds wrong with the data at `place`."""
     prefix = "".join(f"{part}." for part in place)
-    return [
-        Problem((*place, *c.place), c.kind, prefix + c.text, 0, c.values) for c in complaints(model, data)
-    ]
+    found = []
+    for c in complaints(model, data):
+        named = _NAMED.match(str(c.values.get("error", "")))
+        where: Place = tuple(named[1].split(".")) if named and not place else (*place, *c.place)
+        kind = "missing" if named and named[2] else c.kind
+        found.append(Problem(where, kind, prefix + c.text, 0, c.values))
+    return found
 
 
 def _unknown_profile(place: Place, kind: str, name: str) -> list[Problem]:

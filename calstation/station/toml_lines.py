@@ -56,6 +56,7 @@ class _Lines:
         path: Path = ()
         for i, key in enumerate(keys):
             path = (*path, key)
+            self.places.setdefault(path, begin)
             if i == len(keys) - 1 and brackets == 2:
                 self._elements[path] = self._elements.get(path, -1) + 1
             if path in self._elements:  # a table below an array of tables belongs to its last element

@@ -1,0 +1,55 @@
+"""What a link is like where the station file does not say: its device's profile says it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.link import SerialSettings
+from calstation.devices.table_profile import load_table_profile
+from calstation.errors import ConfigurationError
+from calstation.station import library
+from calstation.station.config import load_product
+
+
+@dataclass(frozen=True)
+class LinkDefaults:
+    """Settings of a profile.
+
+    Attributes
+    ----------
+    profile : its file's name
+    serial : of its line
+    timeout : host time for an answer, s, None for a device that is never asked
+    unit : Modbus unit number, None where there is none
+    """
+
+    profile: str
+    serial: SerialSettings
+    timeout: float | None
+    unit: int | None
+
+    @property
+    def line(self) -> str:
+        """The serial settings as they are usually written, e.g. ``921600 8N1``."""
+        s = self.serial
+        return f"{s.baud} {s.data_bits}{s.parity}{s.stop_bits:g}"
+
+
+def table_defaults(profile: str) -> LinkDefaults | None:
+    """Of a table profile; None where there is no sound one of that name."""
+    try:
+        modbus = load_table_profile(library.find("tables", profile)).modbus
+    except ConfigurationError:
+        return None
+    return LinkDefaults(profile, modbus.serial, modbus.timeout_s, modbus.unit)
+
+
+def imu_defaults(product: Path | None) -> LinkDefaults | None:
+    """Of the IMU of a product, the default one where None; None where there is no sound one."""
+    try:
+        _, found = load_product(product)
+        profile = load_imu_profile(library.find("imus", found.imu))
+    except ConfigurationError:
+        return None
+    timeout = profile.commands.timeout_s if profile.commands is not None else None
+    return LinkDefaults(found.imu, profile.link, timeout, None)
