@@ -1,11 +1,12 @@
-# Two commands: `make run` calibrates on the virtual bench, `make test` runs the tests. Both set themselves up.
+# Two commands: `make run` opens the window (in the terminal where there is no screen), `make test` runs the tests.
+# Both set themselves up.
 PYTHON ?= python3
 VENV := .venv
 
-.PHONY: run test check benchmarks study clean
+.PHONY: run test check benchmarks study fuzz clean
 
 run: $(VENV)/installed
-	$(VENV)/bin/calstation run
+	$(VENV)/bin/calstation
 
 test: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest -n 2 --dist loadgroup
@@ -22,6 +23,9 @@ benchmarks: $(VENV)/installed-dev
 study: $(VENV)/installed
 	$(VENV)/bin/calstation study
 
+fuzz: $(VENV)/installed-dev
+	mkdir -p .fuzz && cd .fuzz && mkdir -p corpus && ../$(VENV)/bin/python ../tests/fuzz/harness.py -max_total_time=600 corpus
+
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c "import sys; sys.exit('calstation needs Python 3.11 or newer: make PYTHON=python3.11 ...' if sys.version_info < (3, 11) else 0)"
 	$(PYTHON) -m venv $(VENV)
@@ -33,4 +37,4 @@ $(VENV)/installed-dev: $(VENV)/installed
 	touch $@
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .fuzz .import_linter_cache

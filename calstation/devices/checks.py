@@ -1,23 +1,101 @@
-"""Frame checks by name: the CRCs that profiles may ask for."""
+"""Frame checks by name: the CRCs, sums and parities that profiles may ask for, and CRCs by their parameters."""
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Literal
 
+import numba as nb
+import numpy as np
 from fastcrc import crc16, crc32
+from numpy.typing import NDArray
 
-_CHECKS: dict[str, tuple[int, Callable[[bytes], int]]] = {
+CheckFunction = Callable[[bytes], int]
+
+
+def _xor(data: bytes) -> int:
+    return int(np.bitwise_xor.reduce(np.frombuffer(data, np.uint8)))
+
+
+def _fletcher(data: bytes) -> int:
+    """Fletcher's sum modulo 256: the sum of the bytes, then the sum of all its steps."""
+    values = np.frombuffer(data, np.uint8).astype(np.int64)
+    return (int(values.sum()) & 0xFF) << 8 | int(values @ np.arange(len(values), 0, -1)) & 0xFF
+
+
+_CRCS: dict[str, tuple[int, CheckFunction]] = {
     "crc16_ccitt_false": (2, crc16.ibm_3740),
     "crc16_xmodem": (2, crc16.xmodem),
     "crc16_modbus": (2, crc16.modbus),
     "crc32": (4, crc32.iso_hdlc),
     "crc32_mpeg2": (4, crc32.mpeg_2),
 }
+_SUMS: dict[str, tuple[int, CheckFunction]] = {
+    "sum8": (1, lambda data: sum(data) & 0xFF),
+    "sum8_to_zero": (1, lambda data: -sum(data) & 0xFF),
+    "sum16": (2, lambda data: sum(data) & 0xFFFF),
+    "xor8": (1, _xor),
+    "fletcher16": (2, _fletcher),
+}
+_CHECKS = {**_CRCS, **_SUMS}
 
-CRC_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CHECKS.items()}
-"""Bytes that each kind of check takes."""
+CRC_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CRCS.items()}
+"""Bytes that each kind of CRC takes."""
+
+CHECK_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CHECKS.items()}
+"""Bytes that each kind of check takes, sums and parities included."""
 
 
 def check_bytes(kind: str, data: bytes, byte_order: Literal["little", "big"]) -> bytes:
     """The check of `data` as it stands on the wire."""
     width, function = _CHECKS[kind]
     return function(data).to_bytes(width, byte_order)
+
+
+def check_function(kind: str) -> CheckFunction:
+    """The function behind a name."""
+    return _CHECKS[kind][1]
+
+
+@lru_cache
+def parametric_crc(
+    width: int, polynomial: int, initial: int, reflect_in: bool, reflect_out: bool, final_xor: int
+) -> CheckFunction:
+    """A CRC after the Rocksoft model (R. Williams, A Painless Guide to CRC Error Detection, 1993).
+
+    Parameters
+    ----------
+    width : bits, 8 to 32 in whole bytes
+    polynomial : without its leading 1, the highest power first
+    """
+    top, mask = 1 << (width - 1), (1 << width) - 1
+    table = np.empty(256, np.int64)
+    for byte in range(256):
+        value = byte << (width - 8)
+        for _ in range(8):
+            value = (value << 1 ^ polynomial if value & top else value << 1) & mask
+        table[byte] = value
+
+    def crc(data: bytes) -> int:
+        ordered = data.translate(_MIRROR) if reflect_in else data
+        value = int(_divided(np.frombuffer(ordered, np.uint8), table, initial, width))
+        return (_mirrored(value, width) if reflect_out else value) ^ final_xor
+
+    crc(b"\0")  # compiled now, not while data wait
+    return crc
+
+
+@nb.njit(cache=True)
+def _divided(data: NDArray[np.uint8], table: NDArray[np.int64], initial: int, width: int) -> int:
+    """Remainder after `data`, byte by byte."""
+    mask = (1 << width) - 1
+    value = initial
+    for byte in data:
+        value = (value << 8 ^ table[value >> (width - 8) ^ byte]) & mask
+    return value
+
+
+def _mirrored(value: int, bits: int) -> int:
+    return int(f"{value:0{bits}b}"[::-1], 2)
+
+
+_MIRROR = bytes(_mirrored(byte, 8) for byte in range(256))

@@ -4,31 +4,19 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from calstation.configuration import StrictModel, load, suggestion
 from calstation.devices.checks import CRC_WIDTHS
+from calstation.devices.frame_profile import FrameSection, hex_bytes, unknown_field
 from calstation.devices.link import SerialSettings
+from calstation.devices.numbers import number
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
 
-NumberType = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32", "f64"]
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-FIELDS = ("counter", *CHANNELS, "temperature", "status")
-
-
-def numpy_type(kind: NumberType, byte_order: Literal["little", "big"]) -> np.dtype[np.generic]:
-    """The numpy type of a number on the wire."""
-    name = {"u": "u", "i": "i", "f": "f"}[kind[0]]
-    return np.dtype(f"{'<' if byte_order == 'little' else '>'}{name}{int(kind[1:]) // 8}")
-
-
-def hex_bytes(text: str) -> bytes:
-    """Bytes written as hexadecimal text, e.g. "55 AA"; raises ValueError."""
-    try:
-        return bytes.fromhex(text)
-    except ValueError:
-        raise ValueError(f"'{text}' is not hexadecimal; write bytes like \"55 AA\"") from None
+STATUS_WORDS = ("status", "status2", "status3")
+"""Status words, taken together as one of 48 bits, `status` the lowest 16."""
+FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 
 
 class StreamSection(StrictModel):
@@ -51,67 +39,6 @@ class NoiseSection(StrictModel):
     accel_vrw: float = Field(gt=0)
     gyro_bias_instability: float = Field(default=0.0, ge=0)
     accel_bias_instability: float = Field(default=0.0, ge=0)
-
-
-class FrameField(StrictModel):
-    """A number in the frame: value = raw × scale; "spare" bytes are skipped."""
-
-    name: str
-    type: NumberType
-    scale: float = 1.0
-
-    @field_validator("name")
-    @classmethod
-    def _known(cls, name: str) -> str:
-        if name not in FIELDS and not name.startswith("spare"):
-            raise ValueError(
-                f"field '{name}' is unknown{suggestion(name, FIELDS) or '; call unused bytes spare1 ...'}"
-            )
-        return name
-
-
-class CrcSection(StrictModel):
-    """A frame's check at its end, over everything from byte `start` of the frame up to it."""
-
-    kind: str
-    start: int = Field(ge=0)
-
-    @field_validator("kind")
-    @classmethod
-    def _known(cls, kind: str) -> str:
-        if kind not in CRC_WIDTHS:
-            raise ValueError(f"check '{kind}' is unknown; it must be one of {', '.join(CRC_WIDTHS)}")
-        return kind
-
-
-class FrameSection(StrictModel):
-    """`[frame]`: sync bytes, fields in order, check."""
-
-    sync: str
-    byte_order: Literal["little", "big"]
-    fields: list[FrameField]
-    crc: CrcSection
-
-    @field_validator("sync")
-    @classmethod
-    def _sync(cls, sync: str) -> str:
-        if not hex_bytes(sync):
-            raise ValueError('is empty; write the first bytes of a frame like "55 AA"')
-        return sync
-
-    @model_validator(mode="after")
-    def _complete(self) -> "FrameSection":
-        names = [f.name for f in self.fields]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"field '{name}' is there twice; remove one")
-        for name in ("counter", *CHANNELS):
-            if name not in names:
-                raise ValueError(f"field '{name}' is missing; add it in its place")
-        counter = self.fields[names.index("counter")].type
-        if counter not in ("u8", "u16", "u32"):
-            raise ValueError(f"field 'counter' has type '{counter}'; it must be u8, u16 or u32")
-        return self
 
 
 class StatusSection(StrictModel):
@@ -144,7 +71,9 @@ class CommandSection(StrictModel):
     @field_validator("crc")
     @classmethod
     def _known(cls, kind: str) -> str:
-        return CrcSection._known(kind)
+        if kind not in CRC_WIDTHS:
+            raise ValueError(f"check '{kind}' is unknown; it must be one of {', '.join(CRC_WIDTHS)}")
+        return kind
 
 
 class RegisterEntry(StrictModel):
@@ -180,6 +109,10 @@ class RegisterEntry(StrictModel):
         return self
 
 
+_SECTIONS = {"framed": "commands"}
+"""The section that each protocol needs."""
+
+
 class PriorSigma(StrictModel):
     """`[prior.NAME]`: of a parameter or a group, SI."""
 
@@ -190,18 +123,39 @@ class ImuProfile(StrictModel):
     """One type of IMU: all that driver, register transfer and solvers must know of it.
 
     model : text that the unit's own model name must contain
+    protocol : how it takes commands: framed, by `[commands]`; stream, none at all
     """
 
     name: str
     model: str
+    protocol: Literal["framed", "stream"] = "framed"
     link: SerialSettings
     stream: StreamSection
     frame: FrameSection
     status: StatusSection = StatusSection()
-    commands: CommandSection
+    commands: CommandSection | None = None
     noise: NoiseSection
     registers: list[RegisterEntry] = Field(default_factory=list)
     prior: dict[str, PriorSigma] = Field(default_factory=dict)
+
+    @field_validator("frame")
+    @classmethod
+    def _sample(cls, frame: FrameSection) -> FrameSection:
+        for f in frame.fields:
+            if f.name not in FIELDS and not f.name.startswith("spare"):
+                raise ValueError(unknown_field(f.name, FIELDS))
+        for name in ("counter", *CHANNELS):
+            if frame.field(name) is None:
+                raise ValueError(f"field '{name}' is missing; add it in its place")
+        counter = frame.field("counter")
+        if counter is not None and (number(counter.type).kind != "u" or number(counter.type).fraction):
+            raise ValueError(f"field 'counter' has type '{counter.type}'; it must be u8 to u64")
+        words = [f for f in frame.fields if f.name in STATUS_WORDS]
+        for f in words:
+            if not number(f.type).whole or (len(words) > 1 and f.width > 2):
+                allowed = "u8 or u16" if len(words) > 1 else "a whole number"
+                raise ValueError(f"field '{f.name}' has type '{f.type}'; it must be {allowed}")
+        return frame
 
     @field_validator("prior")
     @classmethod
@@ -227,11 +181,37 @@ class ImuProfile(StrictModel):
         return ordered
 
     @model_validator(mode="after")
+    def _section_of_protocol(self) -> "ImuProfile":
+        for protocol, section in _SECTIONS.items():
+            if (self.protocol == protocol) != (getattr(self, section) is not None):
+                raise ValueError(
+                    f'protocol = "{self.protocol}" needs [{section}]; add it'
+                    if self.protocol == protocol
+                    else f'[{section}] does not belong to protocol = "{self.protocol}"; remove it'
+                )
+        if self.protocol == "stream" and self.registers:
+            raise ValueError('registers do not belong to protocol = "stream", which writes none; remove them')
+        return self
+
+    @model_validator(mode="after")
     def _syncs_differ(self) -> "ImuProfile":
-        stream, reply = hex_bytes(self.frame.sync), hex_bytes(self.commands.reply_sync)
+        if self.commands is None:
+            return self
+        stream, reply = self.frame.sync_bytes, hex_bytes(self.commands.reply_sync)
         if stream.startswith(reply) or reply.startswith(stream):
             raise ValueError("frame.sync and commands.reply_sync begin alike; frames could not be told apart")
         return self
+
+    @property
+    def timeout_s(self) -> float:
+        """Host time for an answer, s."""
+        return self.commands.timeout_s if self.commands is not None else 1.0
+
+    def with_timeout(self, seconds: float) -> "ImuProfile":
+        """The profile with another time for an answer, s."""
+        if self.commands is None:
+            return self
+        return self.model_copy(update={"commands": self.commands.model_copy(update={"timeout_s": seconds})})
 
     def prior_sigmas(self) -> dict[str, float]:
         """Prior standard deviations by parameter, SI, for those that the profile states."""

@@ -69,7 +69,7 @@ def try_imu(tell: Tell, order: Order) -> Report:
         try:
             imu = open_imu(setup, at.imu)
         except (DeviceFaultError, ConfigurationError) as exc:
-            found.append(_not_opened(at.imu, settings, imu_profile(setup).commands.timeout_s, exc))
+            found.append(_not_opened(at.imu, settings, imu_profile(setup).timeout_s, exc))
             return Report("imu", tuple(found))
         try:
             found.append(_opened(at.imu))

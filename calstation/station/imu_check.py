@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calstation.devices.framed_imu import FramedImu, ImuRefusalError
 from calstation.devices.frames import FrameDecoder
 from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.interfaces import OtherModelError, SampleBatch
 from calstation.devices.link import PortLostError, SerialLink, SerialSettings
+from calstation.devices.streamed_imu import ImuRefusalError, StreamedImu
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation.context import ImuModel
 from calstation.physics.earth import normal_gravity
@@ -36,7 +36,7 @@ _MOSTLY_CHECKS = 0.3
 
 
 def ask(
-    imu: FramedImu, setup: Setup, at: Endpoints, settings: SerialSettings, tell: Tell
+    imu: StreamedImu, setup: Setup, at: Endpoints, settings: SerialSettings, tell: Tell
 ) -> Iterator[Finding]:
     """Findings of an open IMU, up to the first that makes the rest meaningless."""
     tell(0.3, note="asking")
@@ -75,7 +75,7 @@ def ask(
         yield Finding("lost", "wrong", {"words": str(exc)})
 
 
-def _stream(imu: FramedImu, setup: Setup, at: Endpoints, tell: Tell) -> Iterator[Finding]:
+def _stream(imu: StreamedImu, setup: Setup, at: Endpoints, tell: Tell) -> Iterator[Finding]:
     """Wait until the unit is ready, then watch what it sends."""
     clock, profile = at.clock, setup.imu
     if isinstance(clock, BenchClock):
@@ -148,7 +148,7 @@ def _content(parts: list[SampleBatch], setup: Setup) -> Iterator[Finding]:
     )
 
 
-def _unanswered(imu: FramedImu, setup: Setup, settings: SerialSettings, words: str) -> Finding:
+def _unanswered(imu: StreamedImu, setup: Setup, settings: SerialSettings, words: str) -> Finding:
     """Why no reply came, by the bytes and frames that did."""
     stats, profile = imu.stats, setup.imu
     values: dict[str, Value] = {

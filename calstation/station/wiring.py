@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from calstation.devices.framed_imu import FramedImu
 from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.devices.modbus_table import ModbusTable
+from calstation.devices.open_imu import open_imu as imu_on
+from calstation.devices.streamed_imu import StreamedImu
 from calstation.devices.table_profile import TableProfile
 from calstation.sequencer.ports import Clock
 from calstation.station.bench_host import BenchHost
@@ -20,7 +21,7 @@ class Devices:
     """Open devices and the clock that they live by."""
 
     table: ModbusTable
-    imu: FramedImu
+    imu: StreamedImu
     clock: Clock
 
 
@@ -74,10 +75,10 @@ def open_table(setup: Setup, port: str) -> ModbusTable:
     return ModbusTable(port, table_profile(setup), setup.station.table.serial)
 
 
-def open_imu(setup: Setup, port: str) -> FramedImu:
+def open_imu(setup: Setup, port: str) -> StreamedImu:
     """The IMU on its port, not streaming yet. Raises DeviceFaultError or ConfigurationError."""
-    profile = imu_profile(setup)
-    return FramedImu(SerialLink(port, imu_settings(setup), "IMU"), profile)
+    link = SerialLink(port, imu_settings(setup), "IMU")
+    return imu_on(link, imu_profile(setup), setup.request.serial)
 
 
 def imu_settings(setup: Setup) -> SerialSettings:
@@ -98,5 +99,4 @@ def imu_profile(setup: Setup) -> ImuProfile:
     timeout = setup.station.imu.timeout_s
     if timeout is None:
         return setup.imu
-    commands = setup.imu.commands.model_copy(update={"timeout_s": timeout})
-    return setup.imu.model_copy(update={"commands": commands})
+    return setup.imu.with_timeout(timeout)

@@ -143,7 +143,10 @@ class FakeImu:
 
     def sends(self) -> bytes:
         """The samples that are due."""
-        due = int((time.monotonic() - self._next) * self.rate)
+        now = time.monotonic()
+        if now - self._next > 1.0:  # made long before it is plugged in: it has nothing to make up for
+            self._next = now
+        due = int((now - self._next) * self.rate)
         self._next += due / self.rate if due else 0.0
         return b"".join(self._frame() for _ in range(due))
 

@@ -1,0 +1,291 @@
+"""The frame of a profile (`[frame]`): where packets begin and end, what checks them, where numbers stand."""
+
+from typing import Literal
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from calstation.configuration import StrictModel, suggestion
+from calstation.devices.checks import CHECK_WIDTHS, CheckFunction, check_function, parametric_crc
+from calstation.devices.numbers import ByteOrder, NumberName, WordOrder, check_orders, number
+
+LARGEST_FRAME = 65_536
+
+
+def hex_bytes(text: str) -> bytes:
+    """Bytes written as hexadecimal text, e.g. "55 AA"; raises ValueError."""
+    try:
+        return bytes.fromhex(text)
+    except ValueError:
+        raise ValueError(f"'{text}' is not hexadecimal; write bytes like \"55 AA\"") from None
+
+
+class FrameField(StrictModel):
+    """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped.
+
+    at : byte of the frame, or of its item, where it begins (of a text frame: its column); behind the
+        field before it where absent
+    item : id of the item that carries it, in hexadecimal; only in frames of items
+    word_order : of its 16-bit words, where it is not that of the bytes
+    per_sample : of a counter, what it counts up in a sample; a clock's ticks, for instance
+    prefix : of a text frame, letters that stand before the number
+    """
+
+    name: str
+    type: NumberName
+    scale: float = 1.0
+    offset: float = 0.0
+    at: int | None = Field(default=None, ge=0, lt=LARGEST_FRAME)
+    item: str | None = None
+    word_order: WordOrder | None = None
+    per_sample: float = Field(default=1.0, gt=0)
+    prefix: str = ""
+
+    @field_validator("item")
+    @classmethod
+    def _item(cls, item: str | None) -> str | None:
+        if item is not None:
+            hex_bytes(item)
+        return item
+
+    @model_validator(mode="after")
+    def _orders(self) -> "FrameField":
+        check_orders(self.type, self.word_order)
+        return self
+
+    @property
+    def width(self) -> int:
+        """Bytes that it takes."""
+        return number(self.type).width
+
+
+class CrcSection(StrictModel):
+    """A frame's check, over everything from byte `start` of the frame up to it.
+
+    kind : a name of `checks`, or "crc" with the parameters below (the Rocksoft model's)
+    pad : zero bytes taken into the check behind the last
+    byte_order : of the check on the wire, the frame's where absent; in a text frame it stands in hexadecimal
+    """
+
+    kind: str
+    start: int = Field(ge=0)
+    pad: int = Field(default=0, ge=0, le=64)
+    byte_order: ByteOrder | None = None
+    width: Literal[8, 16, 24, 32] | None = None
+    polynomial: int = Field(default=0, ge=0, lt=1 << 32)
+    initial: int = Field(default=0, ge=0, lt=1 << 32)
+    reflect_in: bool = False
+    reflect_out: bool = False
+    final_xor: int = Field(default=0, ge=0, lt=1 << 32)
+
+    @field_validator("kind")
+    @classmethod
+    def _known(cls, kind: str) -> str:
+        if kind != "crc" and kind not in CHECK_WIDTHS:
+            raise ValueError(
+                f"check '{kind}' is unknown; it must be one of {', '.join(CHECK_WIDTHS)}, or crc with its parameters"
+            )
+        return kind
+
+    @model_validator(mode="after")
+    def _parameters(self) -> "CrcSection":
+        given = self.model_fields_set & {
+            "width", "polynomial", "initial", "reflect_in", "reflect_out", "final_xor"
+        }  # fmt: skip
+        if self.kind != "crc":
+            if given:
+                raise ValueError(f'{sorted(given)[0]} belongs to kind = "crc"; remove it')
+            return self
+        if self.width is None or not self.polynomial:
+            raise ValueError('kind = "crc" needs width and polynomial; add them')
+        for name in ("polynomial", "initial", "final_xor"):
+            if getattr(self, name) >> self.width:
+                raise ValueError(f"{name} = 0x{getattr(self, name):X} has more than {self.width} bits")
+        return self
+
+    @property
+    def size(self) -> int:
+        """Bytes of the check."""
+        return self.width // 8 if self.width else CHECK_WIDTHS[self.kind]
+
+    def function(self) -> CheckFunction:
+        """What computes it, padding included."""
+        function = check_function(self.kind) if self.kind != "crc" else self._parametric()
+        if not self.pad:
+            return function
+        padding = bytes(self.pad)
+        return lambda data: function(data + padding)
+
+    def _parametric(self) -> CheckFunction:
+        assert self.width is not None
+        return parametric_crc(
+            self.width, self.polynomial, self.initial, self.reflect_in, self.reflect_out, self.final_xor
+        )
+
+
+class LengthSection(StrictModel):
+    """`length`: the number in the header that tells a frame's size.
+
+    at, type : where it stands; adds : bytes of the frame that it does not count
+    extended : type of a longer length that follows where all bits of the first are set; what stands behind
+        moves by its bytes
+    """
+
+    at: int = Field(ge=0, lt=64)
+    type: Literal["u8", "u16"]
+    adds: int = Field(ge=0, lt=LARGEST_FRAME)
+    extended: Literal["u16"] | None = None
+
+
+class ItemSection(StrictModel):
+    """`items`: fields that each carry their own id and length, from byte `at` up to the check.
+
+    order : which of id and length comes first; counts_header : the length counts both of them as well
+    """
+
+    at: int = Field(ge=0, lt=64)
+    order: Literal["id length", "length id"]
+    id: Literal["u8", "u16"]
+    length: Literal["u8", "u16"]
+    counts_header: bool
+
+    @property
+    def header(self) -> int:
+        """Bytes of id and length."""
+        return number(self.id).width + number(self.length).width
+
+
+class IdSection(StrictModel):
+    """`id`: the bytes that tell frames of samples from other frames of the same shape."""
+
+    at: int = Field(ge=0, lt=64)
+    value: str
+
+    @field_validator("value")
+    @classmethod
+    def _value(cls, value: str) -> str:
+        hex_bytes(value)
+        return value
+
+
+class FrameSection(StrictModel):
+    """`[frame]`: sync, fields, check, and what a frame that is more than these has besides.
+
+    sync : first bytes in hexadecimal; of a text frame, its first characters
+    tail : constant bytes behind the check
+    max_size : bytes above which a length is noise
+    separator, mark, tail : of a text frame: between numbers, before the check, and the end of the line
+    """
+
+    format: Literal["binary", "text"] = "binary"
+    sync: str
+    byte_order: ByteOrder = "little"
+    fields: list[FrameField]
+    crc: CrcSection
+    tail: str | None = None
+    length: LengthSection | None = None
+    items: ItemSection | None = None
+    id: IdSection | None = None
+    max_size: int = Field(default=2048, ge=2, le=LARGEST_FRAME)
+    separator: str = Field(default=",", min_length=1, max_length=1)
+    mark: str = Field(default="*", min_length=1, max_length=1)
+
+    @field_validator("sync")
+    @classmethod
+    def _sync(cls, sync: str, info: ValidationInfo) -> str:
+        if info.data.get("format") == "text":
+            if not sync or not sync.isascii():
+                raise ValueError(f"'{sync}' must be the first characters of a line, in ASCII")
+        elif not hex_bytes(sync):
+            raise ValueError('is empty; write the first bytes of a frame like "55 AA"')
+        return sync
+
+    @field_validator("tail")
+    @classmethod
+    def _tail(cls, tail: str | None) -> str | None:
+        if tail is not None:
+            hex_bytes(tail)
+        return tail
+
+    @property
+    def sync_bytes(self) -> bytes:
+        """First bytes of every frame."""
+        return self.sync.encode("ascii") if self.format == "text" else hex_bytes(self.sync)
+
+    @property
+    def tail_bytes(self) -> bytes:
+        """Last bytes of every frame, behind the check."""
+        if self.tail is None:
+            return b"\r\n" if self.format == "text" else b""
+        return hex_bytes(self.tail)
+
+    @property
+    def body(self) -> int:
+        """First byte behind sync, length and id, where fields begin that say nothing else."""
+        ends = [len(self.sync_bytes)]
+        if self.length is not None:
+            ends.append(self.length.at + number(self.length.type).width)
+        if self.id is not None:
+            ends.append(self.id.at + len(hex_bytes(self.id.value)))
+        return max(ends)
+
+    def field(self, name: str) -> FrameField | None:
+        """The field of a name, None where there is none."""
+        return next((f for f in self.fields if f.name == name), None)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "FrameSection":
+        names = [f.name for f in self.fields]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"field '{name}' is there twice; remove one")
+        if self.format == "text":
+            self._check_text()
+            return self
+        if "byte_order" not in self.model_fields_set:
+            raise ValueError("byte_order is missing; add it")
+        if self.items is not None:
+            self._check_items(self.items)
+        else:
+            self._check_plain()
+        return self
+
+    def _check_text(self) -> None:
+        for name in ("length", "items", "id"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name} does not belong to a text frame; remove it")
+        if not self.tail_bytes:
+            raise ValueError("tail is empty, but a text frame needs an end of line")
+        for f in self.fields:
+            if f.item is not None or f.word_order is not None:
+                raise ValueError(f"field '{f.name}': item and word_order do not belong to a text frame")
+
+    def _check_items(self, items: ItemSection) -> None:
+        if self.length is None:
+            raise ValueError("items need a length in the header; add length")
+        for f in self.fields:
+            if f.item is None:
+                raise ValueError(f"field '{f.name}' must name the item that carries it; add item")
+            if len(hex_bytes(f.item)) != number(items.id).width:
+                raise ValueError(f"field '{f.name}': item '{f.item}' is not as long as an id")
+
+    def _check_plain(self) -> None:
+        if self.length is not None and self.length.extended and any(f.at is not None for f in self.fields):
+            raise ValueError("length.extended moves the fields, so none may have an at; remove it")
+        place = self.body
+        for f in self.fields:
+            if f.item is not None:
+                raise ValueError(f"field '{f.name}' names an item, but the frame has none; add items")
+            begin = place if f.at is None else f.at
+            if begin < place:
+                raise ValueError(
+                    f"field '{f.name}' at byte {begin} overlaps what stands before it, up to byte {place - 1};"
+                    " list fields in their order and correct at"
+                )
+            place = begin + f.width
+        if place + self.crc.size + len(self.tail_bytes) > self.max_size:
+            raise ValueError(f"the fields take {place} bytes, more than max_size = {self.max_size}")
+
+
+def unknown_field(name: str, known: tuple[str, ...]) -> str:
+    """What is said of a field that means nothing to the station."""
+    return f"field '{name}' is unknown{suggestion(name, known) or '; call unused bytes spare1 ...'}"

@@ -1,0 +1,167 @@
+"""Numbers on the wire: integers of 1 to 8 bytes, floats and Q formats in any byte and word order."""
+
+import re
+import struct
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator
+
+from calstation.physics.arrays import FloatArray, IntArray
+
+ByteOrder = Literal["little", "big"]
+WordOrder = Literal["little", "big", "fraction_first"]
+"""Order of the 16-bit words of a number; `fraction_first`: of a Q format, the fraction before the whole part."""
+
+_INTEGER = re.compile(r"([ui])(8|16|24|32|40|48|56|64)")
+_FLOAT = re.compile(r"f(32|64)")
+_Q = re.compile(r"(u?)q(\d{1,2})\.(\d{1,2})")
+
+
+@dataclass(frozen=True)
+class Number:
+    """What a type's name means.
+
+    Attributes
+    ----------
+    kind : "u" unsigned, "i" signed, "f" IEEE 754
+    width : bytes
+    fraction : binary places behind the point, of a Q format
+    """
+
+    kind: Literal["u", "i", "f"]
+    width: int
+    fraction: int = 0
+
+    @property
+    def whole(self) -> bool:
+        """Whether it counts in whole numbers."""
+        return self.kind != "f" and self.fraction == 0
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest value."""
+        if self.kind == "f":
+            largest = float(np.finfo(np.float32 if self.width == 4 else np.float64).max)
+            return -largest, largest
+        low, high = self.raw_bounds
+        return low * 2.0**-self.fraction, high * 2.0**-self.fraction
+
+    @property
+    def raw_bounds(self) -> tuple[int, int]:
+        """Lowest and highest integer on the wire; of integers and Q formats only."""
+        bits = 8 * self.width
+        return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if self.kind == "i" else (0, (1 << bits) - 1)
+
+    def nearest(self, value: float) -> float:
+        """The value that it holds in place of `value`; raises ValueError where it holds none near it."""
+        if self.kind == "f":
+            if not abs(value) <= self.bounds[1]:
+                raise ValueError(f"{value:g} cannot be held")
+            return float(np.float32(value)) if self.width == 4 else float(value)
+        return self._integer(value) * 2.0**-self.fraction
+
+    def _integer(self, value: float) -> int:
+        if not np.isfinite(value):
+            raise ValueError(f"{value} cannot be held")
+        raw = round(value * 2.0**self.fraction)
+        low, high = self.raw_bounds
+        if not low <= raw <= high:
+            raise ValueError(f"{value:g} lies outside {self.bounds[0]:g} to {self.bounds[1]:g}")
+        return raw
+
+    def pack(self, value: float, byte_order: ByteOrder, word_order: WordOrder | None = None) -> bytes:
+        """`value` as it stands on the wire; raises ValueError where it does not fit."""
+        if self.kind == "f":
+            plain = struct.pack(">f" if self.width == 4 else ">d", self.nearest(value))
+        else:
+            plain = self._integer(value).to_bytes(self.width, "big", signed=self.kind == "i")
+        wire = bytearray(self.width)
+        for place, source in enumerate(self._places(byte_order, word_order)):
+            wire[source] = plain[place]
+        return bytes(wire)
+
+    def unpack(self, wire: bytes, byte_order: ByteOrder, word_order: WordOrder | None = None) -> float:
+        """The value of `width` bytes from the wire."""
+        column = np.frombuffer(wire, np.uint8, self.width)[None, :]
+        return float(self.column(column, byte_order, word_order)[0])
+
+    def column(
+        self, wire: NDArray[np.uint8], byte_order: ByteOrder, word_order: WordOrder | None = None
+    ) -> FloatArray | IntArray:
+        """Values of many numbers at once.
+
+        Parameters
+        ----------
+        wire : their bytes, shape (n, width)
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            int64 for whole numbers (of u64 the lower 63 bits and a sign), float64 otherwise
+        """
+        plain = wire[:, self._places(byte_order, word_order)]
+        if self.kind == "f":
+            real = np.ascontiguousarray(plain).view(">f4" if self.width == 4 else ">f8")
+            with np.errstate(invalid="ignore"):  # a signalling NaN is only a NaN here
+                return np.asarray(real[:, 0].astype(np.float64))
+        padded = np.zeros((len(plain), 8), dtype=np.uint8)
+        padded[:, 8 - self.width :] = plain
+        if self.kind == "i":
+            padded[plain[:, 0] > 127, : 8 - self.width] = 255
+        if self.fraction == 0:
+            return padded.view(">i8")[:, 0].astype(np.int64)
+        whole = padded.view(">u8" if self.kind == "u" else ">i8")[:, 0].astype(np.float64)
+        return np.asarray(whole * 2.0**-self.fraction)
+
+    def _places(self, byte_order: ByteOrder, word_order: WordOrder | None) -> list[int]:
+        """Where on the wire the bytes stand, from the most significant on."""
+        places = list(range(self.width))
+        if word_order == "fraction_first":
+            split = self.fraction // 8
+            whole, fraction = places[split:], places[:split]
+            return [*whole, *fraction] if byte_order == "big" else [*whole[::-1], *fraction[::-1]]
+        if byte_order == "big" and word_order == "little":
+            return [p for k in range(self.width - 2, -1, -2) for p in places[k : k + 2]]
+        if byte_order == "little" and word_order == "big":
+            return [p for k in range(0, self.width, 2) for p in places[k : k + 2][::-1]]
+        return places if byte_order == "big" else places[::-1]
+
+
+def number(name: str) -> Number:
+    """The number of a type's name; raises ValueError for a name that means none."""
+    if match := _INTEGER.fullmatch(name):
+        return Number("u" if match[1] == "u" else "i", int(match[2]) // 8)
+    if match := _FLOAT.fullmatch(name):
+        return Number("f", int(match[1]) // 8)
+    if match := _Q.fullmatch(name):
+        bits, fraction = int(match[2]) + int(match[3]), int(match[3])
+        if bits % 8 == 0 and 8 <= bits <= 64 and fraction > 0:
+            return Number("u" if match[1] else "i", bits // 8, fraction)
+    raise ValueError(
+        f"type '{name}' is unknown; it must be u8 to u64 or i8 to i64 in whole bytes, f32, f64, or a Q format"
+        " of whole bytes, like q12.20 (sign and whole part in 12 bits) or uq16.16"
+    )
+
+
+def check_orders(name: str, word_order: WordOrder | None) -> None:
+    """Can a type have this word order? Raises ValueError where not."""
+    kind = number(name)
+    if word_order == "fraction_first":
+        if kind.fraction == 0 or kind.fraction % 8:
+            raise ValueError(
+                f"word_order = 'fraction_first' does not fit type '{name}'; it is for q16.32 and alike"
+            )
+    elif word_order is not None and kind.width % 2:
+        raise ValueError(f"word_order does not fit type '{name}', which has no 16-bit words; remove it")
+
+
+def _known(name: str) -> str:
+    number(name)
+    return name
+
+
+NumberName = Annotated[str, AfterValidator(_known)]
+"""A type's name in a profile."""

@@ -1,0 +1,315 @@
+"""Kinds of packets in a byte stream: how long one is, whether it is sound, where its numbers stand."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from calstation.devices.frame_profile import FrameField, FrameSection, hex_bytes
+from calstation.devices.numbers import number
+from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+
+Column = FloatArray | IntArray
+
+
+class PacketKind(Protocol):
+    """One kind of packet that a stream may carry.
+
+    Attributes
+    ----------
+    sync : bytes that begin it
+    """
+
+    sync: bytes
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """Bytes of the packet that begins at `place`; None until more have come, 0 where none can begin."""
+
+    def sound(self, packet: bytes) -> bool:
+        """Whether a whole packet passes its check."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Numbers of packets in a row.
+
+    Attributes
+    ----------
+    values : raw numbers by field, 0 or NaN where a packet has none, shape (n,)
+    present : which packets have the field, shape (n,)
+    """
+
+    values: dict[str, Column]
+    present: dict[str, BoolArray]
+
+
+class BinaryFrame:
+    """Frames of a binary format: fixed, of told length, or of items with ids.
+
+    Parameters
+    ----------
+    frame : the profile's section
+    """
+
+    def __init__(self, frame: FrameSection) -> None:
+        self.sync = frame.sync_bytes
+        self._frame = frame
+        self._fields = [f for f in frame.fields if not f.name.startswith("spare")]
+        self._check, self._check_size = frame.crc.function(), frame.crc.size
+        self._check_order = frame.crc.byte_order or frame.byte_order
+        self._tail = frame.tail_bytes
+        self._id = hex_bytes(frame.id.value) if frame.id else b""
+        self._places = _places(frame)
+        #: Bytes of a frame, of the shortest where they differ.
+        self.shortest = self._shortest()
+        self._layouts: dict[tuple[int, bytes], list[tuple[FrameField, int]]] = {}
+
+    def _shortest(self) -> int:
+        behind = self._check_size + len(self._tail)
+        if self._frame.length is None:
+            return _end(self._frame) + behind
+        return max(len(self.sync), self._frame.length.at + number(self._frame.length.type).width) + behind
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `PacketKind`."""
+        length = self._frame.length
+        if length is None:
+            return self.shortest
+        at, width = place + length.at, number(length.type).width
+        if len(buffer) < at + width:
+            return None
+        told = int.from_bytes(buffer[at : at + width], self._frame.byte_order)
+        size = told + length.adds
+        if length.extended and told == (1 << 8 * width) - 1:
+            extra = number(length.extended).width
+            if len(buffer) < at + width + extra:
+                return None
+            told = int.from_bytes(buffer[at + width : at + width + extra], self._frame.byte_order)
+            size = told + length.adds + extra
+        return size if self.shortest <= size <= self._frame.max_size else 0
+
+    def sound(self, packet: bytes) -> bool:
+        """See `PacketKind`; items that do not fill a frame exactly make it unsound."""
+        end = len(packet) - len(self._tail) - self._check_size
+        if not packet.endswith(self._tail):
+            return False
+        check = int.from_bytes(packet[end : end + self._check_size], self._check_order)
+        if self._check(packet[self._frame.crc.start : end]) != check:
+            return False
+        return self._frame.items is None or not self.sampled(packet) or self._walk(packet) is not None
+
+    def sampled(self, packet: bytes) -> bool:
+        """Whether a sound packet is of the samples' id."""
+        at = self._frame.id.at if self._frame.id else 0
+        return packet[at : at + len(self._id)] == self._id
+
+    def columns(self, packets: Sequence[bytes]) -> Columns:
+        """Numbers of sound packets, decoded at once for all that are laid out alike."""
+        count = len(packets)
+        found = Columns(
+            {f.name: _nothing(f, count) for f in self._fields},
+            {f.name: np.zeros(count, dtype=np.bool_) for f in self._fields},
+        )
+        alike: dict[tuple[int, bytes], list[int]] = {}
+        for row, packet in enumerate(packets):
+            alike.setdefault(self._layout_key(packet), []).append(row)
+        for key, rows in alike.items():
+            layout = self._layouts.get(key)
+            if layout is None:
+                layout = self._layout(packets[rows[0]])
+                if len(self._layouts) < _LAYOUTS_KEPT:
+                    self._layouts[key] = layout
+            size = len(packets[rows[0]])
+            chosen = packets if len(rows) == count else [packets[row] for row in rows]
+            table = np.frombuffer(b"".join(chosen), np.uint8).reshape(len(rows), size)
+            where = slice(None) if len(rows) == count else np.asarray(rows)
+            for f, at in layout:
+                numbers = number(f.type).column(
+                    table[:, at : at + f.width], self._frame.byte_order, f.word_order
+                )
+                found.values[f.name][where] = numbers
+                found.present[f.name][where] = True
+        return found
+
+    def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
+        """Packets of one key have their numbers in the same places."""
+        if self._frame.items is None:
+            return len(packet), b""
+        heads = self._walk(packet) or []
+        width = self._frame.items.header
+        return len(packet), b"".join(packet[at - width : at] for _, at, _ in heads)
+
+    def _layout(self, packet: bytes) -> list[tuple[FrameField, int]]:
+        if self._frame.items is None:
+            end = len(packet) - len(self._tail) - self._check_size
+            extra = self._extra(packet)
+            return [(f, at + extra) for f, at in self._places if at + extra + f.width <= end]
+        items: dict[bytes, tuple[int, int]] = {}
+        for name, at, size in self._walk(packet) or []:
+            items.setdefault(name, (at, size))
+        layout = []
+        for f, at in self._places:
+            begin, size = items.get(hex_bytes(f.item or ""), (0, 0))
+            if at + f.width <= size:
+                layout.append((f, begin + at))
+        return layout
+
+    def _extra(self, packet: bytes) -> int:
+        """By how much an extended length moves what follows it."""
+        length = self._frame.length
+        if length is None or not length.extended:
+            return 0
+        width = number(length.type).width
+        long = packet[length.at : length.at + width] == b"\xff" * width
+        return number(length.extended).width if long else 0
+
+    def _walk(self, packet: bytes) -> list[tuple[bytes, int, int]] | None:
+        """Id, place of the data and its size of every item; None where they do not fill the packet exactly."""
+        items = self._frame.items
+        assert items is not None
+        place = items.at + self._extra(packet)
+        end = len(packet) - len(self._tail) - self._check_size
+        widths = (number(items.id).width, number(items.length).width)
+        id_at, length_at = (0, widths[0]) if items.order == "id length" else (widths[1], 0)
+        found = []
+        while place < end:
+            data = place + items.header
+            if data > end:
+                return None
+            told = packet[place + length_at : place + length_at + widths[1]]
+            size = int.from_bytes(told, self._frame.byte_order) - (items.header if items.counts_header else 0)
+            if size < 0 or data + size > end:
+                return None
+            found.append((packet[place + id_at : place + id_at + widths[0]], data, size))
+            place = data + size
+        return found
+
+
+class TextFrame:
+    """Lines of numbers in ASCII, with a check in hexadecimal before their end.
+
+    Parameters
+    ----------
+    frame : the profile's section
+    """
+
+    def __init__(self, frame: FrameSection) -> None:
+        self.sync = frame.sync_bytes
+        self._frame = frame
+        self._fields = [f for f in frame.fields if not f.name.startswith("spare")]
+        self._line = TextLine(self.sync, frame)
+        columns = [f.at for f in frame.fields]
+        for i, at in enumerate(columns):
+            if at is None:
+                columns[i] = 0 if i == 0 else (columns[i - 1] or 0) + 1
+        self._columns = {f.name: at or 0 for f, at in zip(frame.fields, columns, strict=True)}
+        #: Bytes of the shortest line.
+        self.shortest = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `PacketKind`."""
+        return self._line.size(buffer, place)
+
+    def sound(self, packet: bytes) -> bool:
+        """See `PacketKind`."""
+        return self._line.sound(packet)
+
+    def sampled(self, packet: bytes) -> bool:
+        """Whether its header is the samples' and not only begins alike."""
+        return self._line.body(packet)[len(self.sync) :].startswith(self._frame.separator.encode())
+
+    def columns(self, packets: Sequence[bytes]) -> Columns:
+        """Numbers of sound lines; what is no number is NaN and counts as absent."""
+        rows = [
+            self._line.body(p)[len(self.sync) + 1 :].decode("ascii", "replace").split(self._frame.separator)
+            for p in packets
+        ]
+        found = Columns({}, {})
+        for f in self._fields:
+            numbers = np.array([_parsed(row, self._columns[f.name], f.prefix) for row in rows], np.float64)
+            present = np.isfinite(numbers)
+            if number(f.type).whole:
+                present &= np.abs(numbers) < _EXACT
+                numbers = np.where(present, numbers, 0.0)
+                found.values[f.name] = numbers.astype(np.int64)
+            else:
+                found.values[f.name] = numbers
+            found.present[f.name] = present
+        return found
+
+
+class TextLine:
+    """A line with a check: sync ... mark, check in hexadecimal, tail.
+
+    Parameters
+    ----------
+    sync : its first characters
+    frame : check, mark, tail and largest size
+    """
+
+    def __init__(self, sync: bytes, frame: FrameSection) -> None:
+        self.sync = sync
+        self._crc, self._check = frame.crc, frame.crc.function()
+        self._mark, self._tail = frame.mark.encode(), frame.tail_bytes
+        self._max_size = frame.max_size
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `PacketKind`."""
+        end = buffer.find(self._tail, place, place + self._max_size)
+        if end >= 0:
+            return end - place + len(self._tail)
+        return 0 if len(buffer) - place >= self._max_size else None
+
+    def sound(self, packet: bytes) -> bool:
+        """See `PacketKind`."""
+        body, mark, told = packet[: -len(self._tail)].rpartition(self._mark)
+        if not mark:
+            return False
+        check = f"{self._check(body[self._crc.start :]):0{2 * self._crc.size}X}"
+        return told.upper() == check.encode()
+
+    def body(self, packet: bytes) -> bytes:
+        """The line up to the mark."""
+        return packet.rpartition(self._mark)[0]
+
+
+_EXACT = 2.0**53
+"""Whole numbers below are exact as floats."""
+
+_LAYOUTS_KEPT = 256
+"""Layouts remembered: noise that passes a check must not fill the memory."""
+
+
+def _places(frame: FrameSection) -> list[tuple[FrameField, int]]:
+    """Fields that are read, each with its first byte in the frame or in its item."""
+    places = []
+    ends: dict[str, int] = {}
+    for f in frame.fields:
+        key = f.item or ""
+        begin = ends.get(key, 0 if f.item else frame.body) if f.at is None else f.at
+        ends[key] = begin + f.width
+        if not f.name.startswith("spare"):
+            places.append((f, begin))
+    return places
+
+
+def _end(frame: FrameSection) -> int:
+    """First byte behind the last field of a frame without items, spare ones included."""
+    end = frame.body
+    for f in frame.fields:
+        end = (end if f.at is None else f.at) + f.width
+    return end
+
+
+def _nothing(f: FrameField, count: int) -> Column:
+    return np.zeros(count, np.int64) if number(f.type).whole else np.full(count, np.nan)
+
+
+def _parsed(row: list[str], column: int, prefix: str) -> float:
+    if column >= len(row) or not row[column].startswith(prefix):
+        return np.nan
+    try:
+        return float(row[column][len(prefix) :])
+    except ValueError:
+        return np.nan

@@ -1,0 +1,67 @@
+"""Makes a unit's counter, or its clock, into a continuous count of samples."""
+
+import numpy as np
+
+from calstation.devices.frame_profile import FrameSection
+from calstation.estimation.sequence import unwrap_counter
+from calstation.physics.arrays import IntArray
+
+
+class SampleCount:
+    """Counts samples by the frame's counter field.
+
+    Parameters
+    ----------
+    frame : its field `counter`; where that counts more than one in a sample it is a clock
+
+    Attributes
+    ----------
+    gaps : interruptions met so far
+    """
+
+    def __init__(self, frame: FrameSection) -> None:
+        counter = frame.field("counter")
+        assert counter is not None
+        self._bits = 8 * counter.width
+        self._per_sample = counter.per_sample
+        self._last: int | None = None
+        self._last_ticks = 0
+        self.gaps = 0
+
+    def feed(self, raw: IntArray) -> IntArray:
+        """Continuous count of further samples.
+
+        Parameters
+        ----------
+        raw : the counter as received, shape (n,)
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        if not len(raw):
+            return raw
+        is_clock = self._per_sample != 1.0 or self._bits > 32
+        seq = self._of_clock(raw) if is_clock else unwrap_counter(raw, self._last, self._bits)
+        if self._last is not None and seq[0] != self._last + 1:
+            self.gaps += 1
+        self.gaps += int(np.count_nonzero(np.diff(seq) != 1))
+        self._last = int(seq[-1])
+        return seq
+
+    def _of_clock(self, ticks: IntArray) -> IntArray:
+        """Steps of a clock are rounded to samples; a clock that runs back was reset: one sample lost."""
+        first = self._last is None
+        before = int(ticks[0]) if first else self._last_ticks
+        previous = np.concatenate(([before], ticks[:-1]))
+        self._last_ticks = int(ticks[-1])
+        passed = ticks.astype(np.uint64) - previous.astype(np.uint64)
+        if self._bits < 64:
+            passed &= np.uint64((1 << self._bits) - 1)
+        back = passed > np.uint64((1 << (self._bits - 1)) - 1)
+        steps = np.maximum(1, np.rint(passed / self._per_sample)).astype(np.int64)
+        steps = np.where(back, 2, steps)
+        if first:
+            steps[0] = 0
+        start = round(int(ticks[0]) / self._per_sample) if first else self._last or 0
+        return np.asarray(start + np.cumsum(steps))

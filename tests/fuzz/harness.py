@@ -1,0 +1,24 @@
+"""Coverage-guided fuzzing: `python tests/fuzz/harness.py [-max_total_time=SECONDS] [CORPUS]` (libFuzzer's options).
+
+The first byte of an input chooses the target, the rest is what it is given. Needs the extra `fuzz` (atheris).
+"""
+
+import sys
+
+import atheris
+
+with atheris.instrument_imports(include=["calstation", "targets"]):
+    from targets import TARGETS
+
+CHOICE = list(TARGETS.values())
+
+
+def one_input(data: bytes) -> None:
+    """Give one input to the target that it chooses."""
+    if data:
+        CHOICE[data[0] % len(CHOICE)](data[1:])
+
+
+if __name__ == "__main__":
+    atheris.Setup(sys.argv, one_input)
+    atheris.Fuzz()

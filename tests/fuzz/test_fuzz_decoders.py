@@ -1,0 +1,76 @@
+"""Whatever bytes come, no decoder hangs, crashes or keeps more than it may; atheris looks further where it is there."""
+
+import importlib.util
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from targets import TARGETS, decoder
+
+SECONDS = 5
+
+pieces = st.one_of(
+    st.binary(max_size=60),
+    st.sampled_from(
+        [b"\xfa\xff\x36", b"\xfa\xff\x36\xff", b"ue\x80", b"\x55\xaa", b"\x55\x5a\x02\xff", b"\xaf"]
+    ),
+    st.sampled_from(
+        [b"$VNIMU,", b"$VN", b"*", b"\r\n", b"$VNIMU,S1,2,3,4,5,6,7*", b"\x01\x03\xff", b"\xff" * 40]
+    ),
+)
+
+
+@pytest.mark.parametrize("name", TARGETS)
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@given(parts=st.lists(pieces, max_size=30))
+def test_a_decoder_bears_any_bytes(name: str, parts: list[bytes]) -> None:
+    TARGETS[name](b"".join(parts))
+
+
+@pytest.mark.parametrize("name", [n.removeprefix("stream ") for n in TARGETS if n.startswith("stream")])
+@settings(deadline=None, max_examples=30)
+@given(parts=st.lists(pieces, max_size=20), cut=st.integers(1, 50))
+def test_noise_is_decoded_alike_however_it_is_cut(name: str, parts: list[bytes], cut: int) -> None:
+    data = b"".join(parts)
+    whole, _ = decoder(name)
+    cutting, _ = decoder(name)
+    at_once = whole.feed(data)
+    in_pieces = [cutting.feed(data[k : k + cut]) for k in range(0, len(data), cut)]
+    assert b"".join(part.frames.tobytes() for part in in_pieces) == at_once.frames.tobytes()
+    assert [reply for part in in_pieces for reply in part.replies] == list(at_once.replies)
+    assert (cutting.skipped, cutting.crc_errors, cutting._buffer) == (
+        whole.skipped,
+        whole.crc_errors,
+        whole._buffer,
+    )
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("atheris") is None,
+    reason="atheris is not installed: not fuzzed by coverage here",
+)
+def test_atheris_finds_nothing_in_a_short_run(tmp_path: Path) -> None:
+    run = subprocess.run(
+        [
+            sys.executable,
+            str(Path(__file__).with_name("harness.py")),
+            f"-max_total_time={SECONDS}",
+            str(tmp_path),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=240,
+        cwd=tmp_path,
+    )
+    assert run.returncode == 0, run.stderr[-3000:]
+
+
+def test_every_target_is_a_function_of_bytes() -> None:
+    target: Callable[[bytes], None]
+    for target in TARGETS.values():
+        target(b"")
