@@ -91,8 +91,23 @@ class ProductSection(StrictModel):
         return limits
 
 
+class FileSection(StrictModel):
+    """`[run.files.KIND]`: which station, product, table or IMU file a run used.
+
+    version : number among the versions saved on this computer, absent for a shipped file or one edited by other
+        means; sha256 : of its bytes
+    """
+
+    name: str
+    version: int | None = None
+    sha256: str
+
+
 class RunSection(StrictModel):
-    """`[run]`: who measured, with what and when; written by a run, absent from a foreign CSV."""
+    """`[run]`: who measured, with what and when; written by a run, absent from a foreign CSV.
+
+    files : by kind; resumed_from : name of the log whose finished stages this one begins with
+    """
 
     stages: list[str]
     station: str | None = None
@@ -101,6 +116,8 @@ class RunSection(StrictModel):
     attempt: int = Field(default=1, ge=1)
     software: str
     started_utc: str
+    files: dict[str, FileSection] | None = None
+    resumed_from: str | None = None
 
 
 class LogMeta(StrictModel):

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from calstation.sequencer.ports import Clock
 
 CLOCK_WINDOW = 200
 """Ticks over which the least delay between IMU clock and station clock is sought."""
+
+INTERRUPTION = 1.0
+"""Between the last sample of a run and the first after it was resumed, s of counter and IMU time: how long it really
+was, nobody knows where the unit lost its power."""
 
 SLOWEST_POLL = 0.3
 """A poll that took longer, s, was lost and asked again on the way: nobody knows when its angles were true."""
@@ -41,6 +45,15 @@ class Flow:
 
 
 @dataclass(frozen=True)
+class LastSample:
+    """Where a run that is resumed had come to: counter, IMU time (s) and step of its last sample."""
+
+    seq: int
+    time: float
+    step: int
+
+
+@dataclass(frozen=True)
 class _Poll:
     """One poll of the table: station time of the angles, rad, and rates, rad/s."""
 
@@ -62,6 +75,8 @@ class Acquisition:
     latency, less the smallest delay seen between IMU clock and station clock, is its IMU time. The angle
     goes on the nearest sample, carried there by the polled rate; other samples have NaN.
 
+    After `LastSample` of a resumed run, counter, time and steps carry on behind it.
+
     Attributes
     ----------
     stage, step, valid : stamped on the samples of every further drain
@@ -78,6 +93,7 @@ class Acquisition:
         *,
         latency: float = 0.0,
         masks: StatusMasks | None = None,
+        after: LastSample | None = None,
     ) -> None:
         self._imu = imu
         self._clock = clock
@@ -91,8 +107,10 @@ class Acquisition:
         self._delays: deque[float] = deque(maxlen=CLOCK_WINDOW)
         self._taps: list[list[SampleBlock]] = []
         self._last_seq: int | None = None
+        self._after = after
+        self._seq_shift, self._time_shift = 0, 0.0
         self.stage = ""
-        self.step = 0
+        self.step = 0 if after is None else after.step + 1
         self.valid = True
         self.newest: float | None = None
         self.received = 0
@@ -114,6 +132,8 @@ class Acquisition:
         count = len(batch.seq)
         if count == 0:
             return Flow(0, 0, False, False, False)
+        if self._after is not None:
+            batch = self._carried_on(batch, self._after)
         now = self._clock.now()
         missing = self._missing(batch)
         self.received += count
@@ -164,6 +184,14 @@ class Acquisition:
             yield blocks
         finally:
             self._taps.remove(blocks)
+
+    def _carried_on(self, batch: SampleBatch, after: LastSample) -> SampleBatch:
+        """Counter and clock behind those of the run that is resumed."""
+        if self._last_seq is None:
+            lost = round(INTERRUPTION / (2.0 * self._half_period))
+            self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
+            self._time_shift = after.time + INTERRUPTION + 2.0 * self._half_period - float(batch.time[0])
+        return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
 
     def _missing(self, batch: SampleBatch) -> int:
         first = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq

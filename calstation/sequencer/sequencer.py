@@ -10,9 +10,8 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.motion import Finish, Move, Prepare, RoundEnd
-from calstation.physics.parameters import INDEX
 from calstation.sequencer import states
-from calstation.sequencer.acquisition import Acquisition, to_si
+from calstation.sequencer.acquisition import Acquisition, LastSample, to_si
 from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.events import (
     LOSSY,
@@ -20,7 +19,6 @@ from calstation.sequencer.events import (
     Fault,
     Message,
     StageEnded,
-    StageSolved,
     StageStarted,
     StateChanged,
     to_json,
@@ -32,6 +30,7 @@ from calstation.sequencer.preview import plan_time, planned, step_time
 from calstation.sequencer.progress import StageTrack
 from calstation.sequencer.pulse import TICK, Pulse
 from calstation.sequencer.safe_stop import safe_stop
+from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.task import Ended, StagePlan, Task
@@ -45,6 +44,8 @@ class Sequencer:
     `verify(solution)` says after each stage whether to go on; `conclude(solutions)`, called with the axes
     off, checks the limits, writes the registers and says whether the unit passed. It hears `control` itself and
     raises StopRequested where a stop came before the first register was written.
+
+    A resumed run begins with what was `solved` before and carries on behind the last sample, `after`.
     """
 
     def __init__(
@@ -60,6 +61,8 @@ class Sequencer:
         verify: Callable[[Solution], bool],
         conclude: Callable[[tuple[Solution, ...]], bool],
         control: Control | None = None,
+        solved: tuple[Solution, ...] = (),
+        after: LastSample | None = None,
     ) -> None:
         self.control = control or Control()
         self.state = State.IDLE
@@ -72,10 +75,11 @@ class Sequencer:
         self._verify = verify
         self._conclude = conclude
         self._imu = imu
-        self._solutions: list[Solution] = []
+        self._solved_before = len(solved)
+        self._solutions: list[Solution] = list(solved)
         self._track: StageTrack | None = None
         self._acquisition = Acquisition(
-            imu, task.imu, clock, self._take, latency=task.latency, masks=task.masks
+            imu, task.imu, clock, self._take, latency=task.latency, masks=task.masks, after=after
         )
 
     @property
@@ -121,7 +125,7 @@ class Sequencer:
             self._prepare()
             self._wait_for(warm)
         self._go(State.RUNNING)
-        for index, stage in enumerate(self._task.stages):
+        for index, stage in enumerate(self._task.stages, start=self._solved_before):
             if not self._run_stage(stage, index):
                 break
         self._finish()
@@ -189,7 +193,8 @@ class Sequencer:
         """Drive and solve a stage; False where the run should not go on."""
         position = self._runner.position()
         duration = plan_time(stage.steps(), stage.rule, position, self._task.settle)
-        self.emit(StageStarted(stage.name, index, len(self._task.stages), duration))
+        count = self._solved_before + len(self._task.stages)
+        self.emit(StageStarted(stage.name, index, count, duration))
         self._solving.start(stage.name)
         self.control.enough = False
         self._acquisition.stage = stage.name
@@ -201,7 +206,8 @@ class Sequencer:
         self.emit(StageEnded(stage.name, reason, rounds))
         solution = self._solve()
         self._solutions.append(solution)
-        self._tell(solution)
+        for event in told(solution):
+            self.emit(event)
         return self._verify(solution)
 
     def _drive(self, stage: StagePlan, duration: float) -> tuple[str, int]:
@@ -248,31 +254,6 @@ class Sequencer:
                 self._pulse.keep_alive()
                 self._pulse.hear()
         return job.result()
-
-    def _tell(self, solution: Solution) -> None:
-        sigma = solution.belief.sigma
-        consistency = solution.consistency
-        self.emit(
-            StageSolved(
-                solution.stage,
-                {
-                    name: {
-                        "value": float(solution.belief.mean[INDEX[name]]),
-                        "sigma": float(sigma[INDEX[name]]),
-                    }
-                    for name in solution.estimated
-                },
-                {
-                    "nis_mean": consistency.nis_mean,
-                    "nis_low": consistency.nis_low,
-                    "nis_high": consistency.nis_high,
-                    "passed": consistency.passed,
-                    "warning": consistency.warning,
-                },
-            )
-        )
-        for message_id, values in solution.messages:
-            self.emit(Message(message_id, dict(values)))
 
     def _finish(self) -> None:
         """To the load angle, axes off."""

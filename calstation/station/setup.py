@@ -2,13 +2,13 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, JsonValue
+from pydantic import BaseModel
 
 from calstation import __version__
 from calstation.configuration import validate
@@ -18,6 +18,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics.earth import normal_gravity
 from calstation.physics.motion import Step
 from calstation.records.meta import (
+    FileSection,
     ImuSection,
     LogMeta,
     PriorSection,
@@ -30,8 +31,14 @@ from calstation.sequencer.acquisition import StatusMasks
 from calstation.sequencer.preflight import PreflightLimits
 from calstation.sequencer.stop_rule import StopRule, named
 from calstation.sequencer.task import StagePlan, Task
-from calstation.station import library
-from calstation.station.config import ProductConfig, StationConfig, load_product, load_station
+from calstation.station import library, version_store
+from calstation.station.config import (
+    ProductConfig,
+    StationConfig,
+    load_product,
+    load_station,
+    schedule_values,
+)
 from calstation.station.request import RunRequest
 from procedures import method
 
@@ -41,7 +48,10 @@ _PLAUSIBLE = 3.0
 
 @dataclass(frozen=True)
 class Setup:
-    """A checked run: its request, configuration files and profiles; `schedules` by stage, validated."""
+    """A checked run: its request, configuration files and profiles; `schedules` by stage, validated.
+
+    texts, files : of the station, product, table and imu files
+    """
 
     request: RunRequest
     station: StationConfig
@@ -51,6 +61,7 @@ class Setup:
     stages: tuple[str, ...]
     schedules: dict[str, BaseModel]
     texts: dict[str, str]
+    files: dict[str, FileSection] = field(default_factory=dict)
 
     @property
     def after_registers(self) -> bool:
@@ -104,6 +115,7 @@ class Setup:
                 attempt=attempt,
                 software=__version__,
                 started_utc=started.astimezone(UTC).isoformat(timespec="seconds"),
+                files=self.files or None,
             ),
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
             profiles=self.texts,
@@ -208,6 +220,8 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
     imu_path = library.find("imus", product.imu)
     stages = request.stages or tuple(product.stages)
     chosen = request.schedule or {}
+    paths = {"station": station_path, "product": product_path, "table": table_path, "imu": imu_path}
+    texts = {kind: path.read_bytes().decode() for kind, path in paths.items()}
     setup = Setup(
         request=request,
         station=station,
@@ -216,21 +230,20 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
         imu=load_imu_profile(imu_path),
         stages=stages,
         schedules={stage: _schedule(product, stage, chosen.get(stage, {}), product_path) for stage in stages},
-        texts={
-            kind: path.read_text(encoding="utf-8")
-            for kind, path in (
-                ("station", station_path),
-                ("product", product_path),
-                ("table", table_path),
-                ("imu", imu_path),
-            )
-        },
+        texts=texts,
+        files={kind: _file(kind, path, texts[kind]) for kind, path in paths.items()},
     )
     _check_bench(setup, station_path)
     _check_targets("targets", product.targets, product_path)
     for stage, schedule in setup.schedules.items():
         _check_targets(f"schedule.{stage}.targets", getattr(schedule, "targets", {}), product_path)
     return setup, product_path
+
+
+def _file(kind: str, path: Path, text: str) -> FileSection:
+    """Which file it is, and which of its saved versions."""
+    version = version_store.number_of(f"{kind}s", path.stem, text)
+    return FileSection(name=path.stem, version=version, sha256=version_store.sha256(text))
 
 
 def _check_targets(field: str, targets: Iterable[str], product_path: Path) -> None:
@@ -267,14 +280,6 @@ def _schedule(product: ProductConfig, stage: str, instead: Mapping[str, Any], pa
     """A stage's schedule, checked. Raises ConfigurationError naming file, field and mend."""
     given = schedule_values(product, stage, instead)
     return validate(method(stage).schedule, given, f"{path}: schedule.{stage}")
-
-
-def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """What a stage's schedule is made of: the product's values, the request's before those."""
-    given: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
-    if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in given:
-        given["targets"] = dict(product.targets)
-    return given
 
 
 def _stop_rule(schedule: BaseModel) -> StopRule:

@@ -291,7 +291,7 @@ class Scene:
             StatusMasks(ready=1, saturated=2, failed=4),
         )
 
-    def run(self) -> Any:
+    def run(self, **more: Any) -> Any:
         """Run to the end."""
         self.sequencer = Sequencer(
             self.task,
@@ -304,11 +304,13 @@ class Scene:
             verify=lambda solution: True,
             conclude=self._conclude,
             control=self.control,
+            **more,
         )
         return self.sequencer.run()
 
     def _conclude(self, solutions: Any) -> bool:
         self.concluded += 1
+        self.solutions = solutions
         return self.passes
 
     def told(self, kind: type) -> list[Any]:

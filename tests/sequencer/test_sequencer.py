@@ -1,12 +1,22 @@
 """A run among fakes: order of things, pause, stop, faults, repeated steps, stop rules."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.motion import Move
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Fault, Message, StageEnded, StageProgress, StateChanged, StepStarted
+from calstation.sequencer.control import Command, StopRequested
+from calstation.sequencer.events import (
+    Fault,
+    Message,
+    StageEnded,
+    StageProgress,
+    StageStarted,
+    StateChanged,
+    StepStarted,
+)
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
@@ -295,3 +305,41 @@ def test_the_journal_keeps_what_happened() -> None:
     kinds = [event["event"] for event in scene.journal.events]
     assert kinds.index("StageStarted") < kinds.index("StageEnded") < kinds.index("StageSolved")
     assert "TableMoved" not in kinds
+
+
+def test_a_resumed_run_does_only_what_is_left() -> None:
+    scene = Scene()
+    first = scene.solving.finish()
+    scene.run(solved=(first,))
+    (started,) = scene.told(StageStarted)
+    assert (started.index, started.count) == (1, 2)
+    assert scene.solutions[0] is first
+    assert len(scene.solutions) == 2
+
+
+def test_a_resumed_run_with_nothing_left_is_checked_and_concluded() -> None:
+    scene = Scene()
+    scene.task = replace(scene.task, stages=())
+    assert scene.run(solved=(scene.solving.finish(),)).state is State.PASSED
+    assert any(m.id == "checking_mounting" for m in scene.told(Message))
+    assert scene.concluded == 1
+
+
+def test_a_stop_that_comes_before_the_registers_are_written_is_a_stop() -> None:
+    scene = Scene()
+
+    def conclude(solutions: object) -> bool:
+        raise StopRequested
+
+    scene._conclude = conclude  # type: ignore[method-assign]
+    assert scene.run().state is State.STOPPED
+    assert scene.table.told[-2:] == ["stop", "disable"]
+
+
+def test_a_stop_that_nobody_pressed_says_why() -> None:
+    scene = Scene()
+    scene.clock.at(4.0, lambda: scene.control.send(Command.STOP, "listener_lost"))
+    assert scene.run().state is State.STOPPED
+    assert [m.values for m in scene.told(Message) if m.id == "stopped_because"] == [
+        {"reason": "listener_lost"}
+    ]

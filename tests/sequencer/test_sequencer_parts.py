@@ -9,7 +9,7 @@ import pytest
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, INDEX
-from calstation.sequencer.acquisition import Acquisition, StatusMasks, to_si
+from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, LastSample, StatusMasks, to_si
 from calstation.sequencer.preview import move_time, plan_time, planned
 from calstation.sequencer.stop_rule import StopRule, named, reached
 from tests.sequencer.fakes import MODEL, RATE, FakeClock, FakeImu, FakeTable, endless
@@ -105,3 +105,21 @@ def test_status_bits_and_gaps_are_seen() -> None:
 def test_increments_become_rates() -> None:
     assert to_si(replace(MODEL, output="increment"))[0] == pytest.approx(MODEL.gyro_lsb * RATE)
     assert math.isclose(to_si(MODEL)[5], MODEL.accel_lsb)
+
+
+def test_a_resumed_run_carries_on_behind_its_last_sample() -> None:
+    clock = FakeClock()
+    table = FakeTable(clock)
+    blocks: list[SampleBlock] = []
+    after = LastSample(seq=5000, time=123.456, step=7)
+    acquisition = Acquisition(FakeImu(clock, table), MODEL, clock, blocks.append, after=after)
+    for _ in range(3):
+        clock.sleep(0.5)
+        acquisition.drain()
+    seq, time = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("seq", "time"))
+    lost = round(INTERRUPTION * RATE)
+    assert seq[0] == 5000 + lost + 1
+    assert np.all(np.diff(seq) == 1)
+    assert time[0] - 123.456 == pytest.approx(INTERRUPTION + 1.0 / RATE)
+    assert np.allclose(np.diff(time), 1.0 / RATE)
+    assert (acquisition.step, acquisition.gaps) == (8, 0)
