@@ -12,7 +12,7 @@ from calstation.errors import CalstationError, ConfigurationError
 
 app = typer.Typer(
     name="calstation",
-    help="Calibrates inertial measurement units on a two-axis rate table.",
+    help="Calibrates inertial measurement units on a two-axis rate table. Without a command: the window.",
     epilog="--debug with any command shows where an error came from.",
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -105,7 +105,7 @@ def run_app(arguments: list[str]) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a redirected Windows console knows neither ≤ nor °
             stream.reconfigure(errors="replace")
     try:
-        code = app(arguments or ["--help"], standalone_mode=False, obj=debug)
+        code = app(arguments, standalone_mode=False, obj=debug) if arguments else _window(debug=debug)
     except CalstationError as error:
         if debug:
             traceback.print_exc()
@@ -124,6 +124,17 @@ def run_app(arguments: list[str]) -> int:
             traceback.print_exc()
         _complain(f"internal error: {type(error).__name__}: {error} (--debug shows where)")
         return 2 if isinstance(error, OSError) else 3
+    return code if isinstance(code, int) else 0
+
+
+def _window(*, debug: bool) -> int:
+    """The window, or a run in the terminal where there is no screen."""
+    from calstation.cli.window import window_command
+
+    code = window_command()
+    if code is None:
+        _complain("no screen here, so this runs in the terminal as 'calstation run' does (--help shows more)")
+        code = app(["run"], standalone_mode=False, obj=debug)
     return code if isinstance(code, int) else 0
 
 

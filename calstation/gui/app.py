@@ -1,15 +1,19 @@
 """Starts the window: application, style, language, theme."""
 
+import signal
 import sys
 from pathlib import Path
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication, QMainWindow
 
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
 from calstation.gui.main_window import MainWindow
+
+_HEAR_EVERY = 200
+"""Between two chances to hear Ctrl-C, ms."""
 
 
 def create_window(station: Path | None = None) -> QMainWindow:
@@ -27,7 +31,12 @@ def create_window(station: Path | None = None) -> QMainWindow:
 
 
 def main(station: Path | None = None) -> int:
-    """Open the window and return when it is closed."""
+    """Open the window and return when it is closed. Ctrl-C in its terminal stops a run safely, then closes it."""
     window = create_window(station)
+    assert isinstance(window, MainWindow)
+    signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
+    hearing = QTimer(window)  # Python hears signals only between its own lines
+    hearing.timeout.connect(lambda: None)
+    hearing.start(_HEAR_EVERY)
     window.show()
     return QApplication.exec()

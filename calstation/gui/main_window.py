@@ -147,12 +147,13 @@ class MainWindow(QMainWindow):
         if self.app.engine_link.running and not self._closing:
             event.ignore()
             self.show_page("operator_page")
-            self.operator_page.ask_close(self._stop_and_close, self._close_now)
+            self.operator_page.ask_close(self.stop_and_close, self._close_now)
             return
         self.app.close()
         super().closeEvent(event)
 
-    def _stop_and_close(self) -> None:
+    def stop_and_close(self) -> None:
+        """Stop a run that is going on, and close when it has ended."""
         self._closing = True
         self.app.run.stop()
         self._running_changed(self.app.engine_link.running)
