@@ -9,7 +9,7 @@ import numpy as np
 from calstation.devices.checks import CRC_WIDTHS, check_bytes
 from calstation.devices.frame_profile import FrameSection, hex_bytes
 from calstation.devices.imu_profile import CHANNELS, STATUS_WORDS, CommandSection
-from calstation.devices.packets import BinaryFrame, Column, Columns, PacketKind, TextFrame
+from calstation.devices.packets import BinaryFrame, Columns, PacketKind, TextFrame
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
 _REPLY_HEADER = 2  # op, payload length
@@ -53,10 +53,12 @@ class Frames:
     @property
     def complete(self) -> BoolArray:
         """Which frames are samples: those that have the counter and all six channels, shape (n,)."""
-        whole = np.ones(len(self), dtype=np.bool_)
-        for name in ("counter", *CHANNELS):
-            whole &= self.columns.present.get(name, np.zeros(len(self), np.bool_))
-        return whole
+        needed = [self.columns.present.get(name) for name in ("counter", *CHANNELS)]
+        if any(present is None for present in needed):
+            return np.zeros(len(self), np.bool_)
+        # Fields that stand side by side share one array.
+        distinct = {id(present): present for present in needed if present is not None}
+        return np.asarray(np.logical_and.reduce(list(distinct.values())))
 
     @staticmethod
     def join(parts: Sequence["Frames"]) -> "Frames":
@@ -152,27 +154,30 @@ class FrameDecoder:
 
     def samples(self, frames: Frames) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
         """Raw counter (n,), counts (n, 6), temperature in °C (n,) and status word (n,) of those that are samples."""
-        rows = frames.complete
-        counts = np.column_stack([self._scaled(frames, name)[rows] for name in CHANNELS])
-        counter = np.asarray(frames.columns.values["counter"])[rows].astype(np.int64)
-        heat = self._scaled(frames, "temperature")[rows]
+        complete = frames.complete
+        rows = slice(None) if complete.all() else complete
+        values = frames.columns.values
+        if "counter" not in values or not len(frames):
+            return np.empty(0, np.int64), np.empty((0, 6)), np.empty(0), np.empty(0, np.int64)
+        counter = values["counter"][rows].astype(np.int64)
+        counts = np.empty((len(counter), 6))
+        for i, name in enumerate(CHANNELS):
+            f = self._fields[name]
+            counts[:, i] = values[name][rows] * f.scale + f.offset
+        heat = np.full(len(counter), np.nan)
+        if "temperature" in values:
+            f, there = self._fields["temperature"], frames.columns.present["temperature"][rows]
+            heat[there] = values["temperature"][rows][there] * f.scale + f.offset
         status = np.zeros(len(counter), dtype=np.int64)
         for i, name in enumerate(STATUS_WORDS):
-            if name in self._fields:
-                status |= np.asarray(frames.columns.values[name])[rows].astype(np.int64) << 16 * i
+            if name in values:
+                status |= values[name][rows].astype(np.int64) << 16 * i
         return counter, counts, heat, status
 
     @property
     def size(self) -> int:
         """Bytes of a sample frame, of the shortest where they differ."""
         return self._frame.shortest
-
-    def _scaled(self, frames: Frames, name: str) -> FloatArray:
-        if name not in self._fields:
-            return np.full(len(frames), np.nan)
-        f = self._fields[name]
-        values: Column = frames.columns.values[name].astype(np.float64) * f.scale + f.offset
-        return np.asarray(np.where(frames.columns.present[name], values, np.nan))
 
     def _skip(self, count: int) -> None:
         self.skipped += count

@@ -88,6 +88,14 @@ class Number:
         column = np.frombuffer(wire, np.uint8, self.width)[None, :]
         return float(self.column(column, byte_order, word_order)[0])
 
+    def native(
+        self, byte_order: ByteOrder, word_order: WordOrder | None = None
+    ) -> np.dtype[np.generic] | None:
+        """The numpy type that reads it as it stands on the wire, None where none does."""
+        if self.fraction or self.width not in (1, 2, 4, 8) or word_order not in (None, byte_order):
+            return None
+        return np.dtype(f"{'<' if byte_order == 'little' else '>'}{self.kind}{self.width}")
+
     def column(
         self, wire: NDArray[np.uint8], byte_order: ByteOrder, word_order: WordOrder | None = None
     ) -> FloatArray | IntArray:

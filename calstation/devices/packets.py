@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from calstation.devices.frame_profile import FrameField, FrameSection, hex_bytes
-from calstation.devices.numbers import number
+from calstation.devices.numbers import ByteOrder, number
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
 Column = FloatArray | IntArray
@@ -63,7 +63,8 @@ class BinaryFrame:
         self._places = _places(frame)
         #: Bytes of a frame, of the shortest where they differ.
         self.shortest = self._shortest()
-        self._layouts: dict[tuple[int, bytes], list[tuple[FrameField, int]]] = {}
+        self._fixed = frame.length is None
+        self._layouts: dict[tuple[int, bytes], Layout] = {}
 
     def _shortest(self) -> int:
         behind = self._check_size + len(self._tail)
@@ -107,29 +108,29 @@ class BinaryFrame:
     def columns(self, packets: Sequence[bytes]) -> Columns:
         """Numbers of sound packets, decoded at once for all that are laid out alike."""
         count = len(packets)
-        found = Columns(
-            {f.name: _nothing(f, count) for f in self._fields},
-            {f.name: np.zeros(count, dtype=np.bool_) for f in self._fields},
-        )
         alike: dict[tuple[int, bytes], list[int]] = {}
-        for row, packet in enumerate(packets):
-            alike.setdefault(self._layout_key(packet), []).append(row)
+        if self._fixed:
+            alike[self.shortest, b""] = []
+        else:
+            for row, packet in enumerate(packets):
+                alike.setdefault(self._layout_key(packet), []).append(row)
+        everywhere, nowhere = np.ones(count, np.bool_), np.zeros(count, np.bool_)
+        if count and len(alike) == 1:
+            values = self._layout(packets[0], *alike).read(b"".join(packets))
+            present = {f.name: everywhere if f.name in values else nowhere for f in self._fields}
+            return Columns(
+                {f.name: values[f.name] if f.name in values else _nothing(f, count) for f in self._fields},
+                present,
+            )
+        found = Columns(
+            {f.name: _nothing(f, count) for f in self._fields}, {f.name: nowhere.copy() for f in self._fields}
+        )
         for key, rows in alike.items():
-            layout = self._layouts.get(key)
-            if layout is None:
-                layout = self._layout(packets[rows[0]])
-                if len(self._layouts) < _LAYOUTS_KEPT:
-                    self._layouts[key] = layout
-            size = len(packets[rows[0]])
-            chosen = packets if len(rows) == count else [packets[row] for row in rows]
-            table = np.frombuffer(b"".join(chosen), np.uint8).reshape(len(rows), size)
-            where = slice(None) if len(rows) == count else np.asarray(rows)
-            for f, at in layout:
-                numbers = number(f.type).column(
-                    table[:, at : at + f.width], self._frame.byte_order, f.word_order
-                )
-                found.values[f.name][where] = numbers
-                found.present[f.name][where] = True
+            where = np.asarray(rows, dtype=np.intp)
+            layout = self._layout(packets[rows[0]], key) if rows else Layout(0, [], self._frame.byte_order)
+            for name, column in layout.read(b"".join(packets[row] for row in rows)).items():
+                found.values[name][where] = column
+                found.present[name][where] = True
         return found
 
     def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
@@ -140,7 +141,16 @@ class BinaryFrame:
         width = self._frame.items.header
         return len(packet), b"".join(packet[at - width : at] for _, at, _ in heads)
 
-    def _layout(self, packet: bytes) -> list[tuple[FrameField, int]]:
+    def _layout(self, packet: bytes, key: tuple[int, bytes]) -> "Layout":
+        """Where the numbers of packets of a key stand, by one of them."""
+        layout = self._layouts.get(key)
+        if layout is None:
+            layout = Layout(len(packet), self._find(packet), self._frame.byte_order)
+            if len(self._layouts) < _LAYOUTS_KEPT:
+                self._layouts[key] = layout
+        return layout
+
+    def _find(self, packet: bytes) -> list[tuple[FrameField, int]]:
         if self._frame.items is None:
             end = len(packet) - len(self._tail) - self._check_size
             extra = self._extra(packet)
@@ -148,12 +158,12 @@ class BinaryFrame:
         items: dict[bytes, tuple[int, int]] = {}
         for name, at, size in self._walk(packet) or []:
             items.setdefault(name, (at, size))
-        layout = []
+        places = []
         for f, at in self._places:
             begin, size = items.get(hex_bytes(f.item or ""), (0, 0))
             if at + f.width <= size:
-                layout.append((f, begin + at))
-        return layout
+                places.append((f, begin + at))
+        return places
 
     def _extra(self, packet: bytes) -> int:
         """By how much an extended length moves what follows it."""
@@ -183,6 +193,48 @@ class BinaryFrame:
                 return None
             found.append((packet[place + id_at : place + id_at + widths[0]], data, size))
             place = data + size
+        return found
+
+
+class Layout:
+    """Where the numbers of packets of one size stand.
+
+    Parameters
+    ----------
+    size : bytes of each packet
+    places : fields and their first bytes
+    byte_order : of the numbers
+    """
+
+    def __init__(self, size: int, places: list[tuple[FrameField, int]], byte_order: ByteOrder) -> None:
+        self._size = size
+        self._order: ByteOrder = byte_order
+        native = [(f, at, number(f.type).native(byte_order, f.word_order)) for f, at in places]
+        self._plain = np.dtype(
+            {
+                "names": [f.name for f, _, kind in native if kind is not None],
+                "formats": [kind for _, _, kind in native if kind is not None],
+                "offsets": [at for _, at, kind in native if kind is not None],
+                "itemsize": size,
+            }
+        )
+        self._whole = {f.name: number(f.type).whole for f, _, _ in native}
+        self._odd = [(f, at, number(f.type)) for f, at, kind in native if kind is None]
+
+    def read(self, packets: bytes) -> dict[str, Column]:
+        """Numbers by field of packets one after the other."""
+        if not self._size:
+            return {}
+        rows = np.frombuffer(packets, self._plain)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is only a NaN here
+            found: dict[str, Column] = {
+                name: rows[name].astype(np.int64) if self._whole[name] else rows[name].astype(np.float64)
+                for name in self._plain.names or ()
+            }
+        if self._odd:
+            table = np.frombuffer(packets, np.uint8).reshape(-1, self._size)
+            for f, at, kind in self._odd:
+                found[f.name] = kind.column(table[:, at : at + f.width], self._order, f.word_order)
         return found
 
 
