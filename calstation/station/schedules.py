@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, get_args
@@ -10,6 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from calstation.records.meta import context_from_meta
 from calstation.sequencer.stop_rule import named
 from calstation.station.request import RunRequest
 from calstation.station.setup import configured
@@ -61,7 +63,7 @@ class Offer:
 
     Attributes
     ----------
-    product : its file; name : its name; imu, table : names of their profiles
+    product : its file; name : its name
     stages : of the product, in its order; offered : those and the other standard ones
     schedules : complete values of every stage offered, by name
     estimates : parameters of each stage offered
@@ -76,6 +78,7 @@ class Offer:
     stages: tuple[str, ...]
     offered: tuple[str, ...]
     schedules: Mapping[str, Mapping[str, Any]]
+    estimates: Mapping[str, tuple[str, ...]]
     rate: float
     acceleration: float
 
@@ -86,6 +89,7 @@ def offer(station: Path | None, product: Path | None) -> Offer:
     offered = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
     whole, _ = configured(RunRequest("offer", station, product, offered))
     limits = setup.table.geometry().limits
+    context = context_from_meta(setup.meta(datetime.now(UTC), 1, {}))
     return Offer(
         product=path,
         name=setup.product.name,
@@ -94,6 +98,7 @@ def offer(station: Path | None, product: Path | None) -> Offer:
         stages=setup.stages,
         offered=offered,
         schedules={stage: s.model_dump(mode="json") for stage, s in whole.schedules.items()},
+        estimates={stage: method(stage).estimates(context) for stage in offered},
         rate=float(np.rad2deg(min(limits.rate))),
         acceleration=float(np.rad2deg(min(limits.acceleration))),
     )

@@ -1,4 +1,4 @@
-"""What a schedule's form is built from: fields with their ranges, a product's values, and what is wrong with a value."""
+"""What a form is built from: fields with their ranges, a product's values, and what is wrong with a value."""
 
 import pytest
 
