@@ -31,6 +31,7 @@ class AppContext(QObject):
     product_changed = Signal()
     open_log = Signal(object)
     open_run = Signal(object)
+    resume_run = Signal(object)
     theme_changed = Signal()
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:

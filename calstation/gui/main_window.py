@@ -91,6 +91,9 @@ class MainWindow(QMainWindow):
         operator = self.operator_page
         operator.details_wanted.connect(lambda _: self.show_page("engineer_page"))
         operator.station_wanted.connect(lambda: self.show_page("station_page"))
+        app.open_log.connect(lambda _: self.show_page("offline_page"))
+        app.open_run.connect(lambda _: self.show_page("engineer_page"))
+        app.resume_run.connect(lambda _: self.show_page("operator_page"))
         self.retranslate()
         self._dress()
         self.setMinimumSize(_SMALLEST)

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 from calstation.gui import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.gui.wording import word_message, word_stage, word_state
+from calstation.gui.wording import KINDS, word_message, word_stage, word_state
 from calstation.physics.parameters import NAMES
 from calstation.physics.units import aligned, display, number
 from calstation.station.offline_solve import in_sigma
@@ -19,7 +19,6 @@ from calstation.station.resolve import Resolved
 NOTABLE = 3.0
 """A difference of more than so many sigmas is marked."""
 _NONE = "–"
-_KINDS = {"passed": "good", "failed": "bad", "fault": "bad", "stopped": "stopped", "incomplete": "caution"}
 
 
 class Comparison(QWidget):
@@ -33,10 +32,15 @@ class Comparison(QWidget):
         self._marks: dict[str, float] = {}
         self._outside: frozenset[str] = frozenset()
         self._lost: frozenset[str] = frozenset()
-        self._heads = QLabel(), QLabel()
-        self.online_badge, self.offline_badge = StateBadge(), StateBadge()
+        self._heads = QLabel(), QLabel(), QLabel()
+        self.online_badge, self.offline_badge, self.difference_badge = (
+            StateBadge(),
+            StateBadge(),
+            StateBadge(),
+        )
         self.online_badge.setObjectName("online_badge")
         self.offline_badge.setObjectName("offline_badge")
+        self.difference_badge.setObjectName("difference_badge")
         self.note_label = QLabel()
         self.note_label.setObjectName("comparison_label")
         self.note_label.setWordWrap(True)
@@ -45,7 +49,7 @@ class Comparison(QWidget):
         rows.setVerticalSpacing(theme.GRID // 2)
         rows.setColumnStretch(1, 1)
         for row, (head, badge) in enumerate(
-            zip(self._heads, (self.online_badge, self.offline_badge), strict=True)
+            zip(self._heads, (self.online_badge, self.offline_badge, self.difference_badge), strict=True)
         ):
             head.setProperty("kind", "muted")
             rows.addWidget(head, row, 0)
@@ -98,7 +102,8 @@ class Comparison(QWidget):
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
-        for head, text in zip(self._heads, (self.tr("Run"), self.tr("Offline")), strict=True):
+        texts = (self.tr("Run"), self.tr("Offline"), self.tr("Difference"))
+        for head, text in zip(self._heads, texts, strict=True):
             head.setText(text)
         self._nothing.setText(self.tr("Parameters and their sigmas will stand here once a range is solved."))
         self.table.setAccessibleName(self.tr("The run's parameters and those solved offline"))
@@ -161,7 +166,7 @@ class Comparison(QWidget):
                 self.online_badge.show_state("none", self.tr("The log holds no result of a run"))
         else:
             outcome = str(stored["outcome"])
-            self.online_badge.show_state(_KINDS.get(outcome, "none"), word_state(outcome))
+            self.online_badge.show_state(KINDS.get(outcome, "none"), word_state(outcome))
         if self._solved is None:
             self.offline_badge.show_state("none", self.tr("Not solved yet"))
             self.note_label.setText("")
@@ -169,6 +174,10 @@ class Comparison(QWidget):
             self.offline_badge.show_state(*self._verdict(self._solved.result))
             self.note_label.setText("\n".join(self._notes()))
         self.note_label.setVisible(bool(self.note_label.text()))
+        for widget in (self._heads[-1], self.difference_badge):
+            widget.setVisible(bool(self._marks))
+        if self._marks:
+            self.difference_badge.show_state(*self._difference())
 
     def _verdict(self, result: Mapping[str, Any]) -> tuple[str, str]:
         if result["passed"] is None:
@@ -178,16 +187,21 @@ class Comparison(QWidget):
         count = sum(not check["passed"] for check in result["checks"])
         return "bad", self.tr("Outside the limits: {0} of {1} checks").format(count, len(result["checks"]))
 
+    def _difference(self) -> tuple[str, str]:
+        if self.identical:
+            return "good", self.tr("Identical bit for bit")
+        name = max(self._marks, key=lambda n: abs(self._marks[n]))
+        largest = self.tr("At most {0} σ, {1}").format(f"{self._marks[name]:+.2f}", name)
+        beyond = sum(abs(mark) > NOTABLE for mark in self._marks.values())
+        if not beyond:
+            return "none", largest
+        return "caution", self.tr("{0}; beyond 3 σ: {1}").format(largest, beyond)
+
     def _notes(self) -> list[str]:
         assert self._solved is not None
         assert self._overview is not None
         result, facts = self._solved.result, self._overview.facts
         notes = []
-        if self.identical:
-            notes.append(self.tr("Identical bit for bit with the run's own result."))
-        elif self._marks:
-            name = max(self._marks, key=lambda n: abs(self._marks[n]))
-            notes.append(self.tr("Largest difference: {0} σ, {1}.").format(f"{self._marks[name]:+.2f}", name))
         log = result["log"]
         if (log["first_seq"], log["last_seq"]) != (facts.first_seq, facts.last_seq):
             notes.append(

@@ -30,7 +30,7 @@ def reason(result: Mapping[str, Any]) -> str:
         if result["passed"]:
             return QCoreApplication.translate("advice", "Every value is inside its limits.")
         return QCoreApplication.translate("advice", "No stage was solved.")
-    first = _word_check(failed[0], result)
+    first = word_check(failed[0], result)
     more = len(failed) - 1
     if more:
         first += " " + QCoreApplication.translate("advice", "({count} more checks failed.)").format(
@@ -98,7 +98,7 @@ def _figure(
     )
 
 
-def _word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+def word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     """A failed check as a sentence."""
     name, _, kind = check["name"].partition(" ")
     if kind == "consistency":
@@ -117,8 +117,13 @@ def _word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
             limit=_interval(name, check["limit"]),
         )
     return QCoreApplication.translate(
-        "advice", "{name} is known to {value:.2g} {unit} only, wanted are {limit:.2g}."
-    ).format(name=_word_parameter(name), value=value, unit=unit, limit=display(name, check["limit"])[0])
+        "advice", "{name} is known to {value} {unit} only, wanted are {limit}."
+    ).format(
+        name=_word_parameter(name),
+        value=number(value, value),
+        unit=unit,
+        limit=f"{display(name, check['limit'])[0]:.4g}",
+    )
 
 
 def _word_parameter(name: str) -> str:

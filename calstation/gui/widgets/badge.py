@@ -1,7 +1,7 @@
 """A state as a shape and a word; its colour only repeats them."""
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPixmap, QPolygonF
+from PySide6.QtGui import QColor, QIcon, QPainter, QPaintEvent, QPen, QPixmap, QPolygonF
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QWidget
 
 from calstation.gui import theme
@@ -62,15 +62,19 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
     painter.restore()
 
 
-def state_pixmap(kind: str, size: int = theme.BODY) -> QPixmap:
-    """A state's shape as a picture, for cells and menus; sharp on fine screens."""
-    picture = QPixmap(2 * size, 2 * size)
-    picture.setDevicePixelRatio(2)
-    picture.fill(Qt.GlobalColor.transparent)
-    painter = QPainter(picture)
-    draw_state(painter, kind, QRectF(0, 0, size, size))
-    painter.end()
-    return picture
+def state_icon(kind: str, size: int = theme.BODY) -> QIcon:
+    """A state's shape for cells and menus, sharp on fine screens and seen on a selected row."""
+    icon = QIcon()
+    on_selected = QColor(theme.colours().on_accent)
+    for mode, colour in ((QIcon.Mode.Normal, None), (QIcon.Mode.Selected, on_selected)):
+        picture = QPixmap(2 * size, 2 * size)
+        picture.setDevicePixelRatio(2)
+        picture.fill(Qt.GlobalColor.transparent)
+        painter = QPainter(picture)
+        draw_state(painter, kind, QRectF(0, 0, size, size), colour)
+        painter.end()
+        icon.addPixmap(picture, mode)
+    return icon
 
 
 class StateIcon(QWidget):

@@ -9,7 +9,7 @@ from PySide6.QtGui import QColor, QGuiApplication, QKeyEvent, QKeySequence, QRes
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
 from calstation.gui import theme
-from calstation.gui.widgets.badge import state_colour, state_pixmap
+from calstation.gui.widgets.badge import state_colour, state_icon
 
 Index = QModelIndex | QPersistentModelIndex
 
@@ -99,7 +99,7 @@ class ParameterModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.UserRole:
             return state
         if role == Qt.ItemDataRole.DecorationRole and state:
-            return state_pixmap(state)
+            return state_icon(state)
         if role == Qt.ItemDataRole.ForegroundRole and state:
             return state_colour(state)
         return None
@@ -156,11 +156,16 @@ class ParameterTable(QTableView):
         super().resizeEvent(event)
         self.spread()
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Copy the selected rows, or all where none is, as tab-separated text."""
+    def copy(self) -> None:
+        """Put the selected rows, or all where none is, on the clipboard as tab-separated text."""
         model = self.model()
-        if event.matches(QKeySequence.StandardKey.Copy) and isinstance(model, ParameterModel):
-            rows = sorted({index.row() for index in self.selectionModel().selectedIndexes()})
-            QGuiApplication.clipboard().setText(model.tsv(rows or range(model.rowCount())))
+        assert isinstance(model, ParameterModel)
+        rows = sorted({index.row() for index in self.selectionModel().selectedIndexes()})
+        QGuiApplication.clipboard().setText(model.tsv(rows or range(model.rowCount())))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Ctrl+C copies."""
+        if event.matches(QKeySequence.StandardKey.Copy):
+            self.copy()
             return
         super().keyPressEvent(event)
