@@ -18,7 +18,7 @@ from calstation.physics.arrays import BoolArray, FloatArray
 
 
 @compiled
-def _shake(state: FloatArray, transition: FloatArray, root: FloatArray, normals: FloatArray) -> FloatArray:
+def shake(state: FloatArray, transition: FloatArray, root: FloatArray, normals: FloatArray) -> FloatArray:
     """Base velocities at the samples' borders, m/s, shape (n + 1, 3); `state` (2, 3) moves along."""
     velocity = np.empty((normals.shape[0] + 1, 3))
     velocity[0] = state[1]
@@ -89,7 +89,7 @@ class SensorStream:
         """The next `count` samples while the joints follow these profiles."""
         normals = self._random.standard_normal((count, self._columns))
         if self._shaken:
-            velocity = _shake(self._base, self._transition, self._root, normals[:, -6:])
+            velocity = shake(self._base, self._transition, self._root, normals[:, -6:])
         else:
             velocity = np.zeros((count + 1, 3))
         increments = true_increments(

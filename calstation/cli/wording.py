@@ -17,6 +17,11 @@ MESSAGES: dict[str, str] = {
     "azimuth_from_data": "{stage}: azimuth found from the data, not from the station file.",
     "not_settled": "{stage}: {passes} passes did not settle the answer; take its sigmas with care.",
     "turns_assumed_whole": "{stage}: no encoder angles; every turn is taken for whole.",
+    "recording_cut": "{stage}: force jumps at rest in {count} places; nothing is taken from the motions there.",
+    "motions_left_out": "{stage}: in {count} motions the gyros contradict gravity; they are left out.",
+    "no_motion_between_rests": "{stage}: no motion between rests was recorded; gyro matrices are not determined.",
+    "noisier_than_profile": "{stage}: the recording scatters more than the profile's noise (rests {force:.2g} m/s² "
+    "and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
     "registers_written": "Registers written, read back and equal.",
     "stopped_because": "Stopped safely: {reason}.",
@@ -62,6 +67,7 @@ RESOLVED: dict[bool | None, str] = {
 
 STEPS: dict[str, str] = {
     "start": "To the start of the stage",
+    "position": "To outer {1:g}°, inner {2:g}°",
     "into_place": "Bringing axis {1} into place",
     "whole_turns": "Turning about {1} by {2:g}°",
     "turn_about": "Turning about {1} by {2:g}°",

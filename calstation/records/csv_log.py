@@ -22,6 +22,7 @@ from calstation.records.meta import LogMeta
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
+"""Of these `ANGLES` may be absent, both together: a recording made by hand has no table."""
 COLUMNS = (*REQUIRED, "temp_c", "valid")
 _CHUNK_BYTES = 1 << 17
 _MEND = "correct the cell or remove the row"
@@ -117,8 +118,9 @@ def _text_chunks(path: Path) -> Iterator[str]:
 def _header(path: Path, text: str) -> tuple[list[str], str]:
     first, _, rest = text.removeprefix("\ufeff").partition("\n")
     names = [name.strip() for name in next(csv.reader([first]), [])]
+    table = any(name in names for name in ANGLES)
     for name in REQUIRED:
-        if name not in names:
+        if name not in names and (table or name not in ANGLES):
             unknown = [n for n in names if n not in COLUMNS]
             near = suggestion(name, unknown).replace("did you mean", "is it")
             raise InputError(f"{path}: column '{name}' is missing{near or '; add it to the header and rows'}")
@@ -207,7 +209,9 @@ class _Table:
     def blocks(self, seq: IntArray, time: FloatArray, counts: FloatArray) -> Iterator[SampleBlock]:
         """The chunk's samples, one block per run of a stage."""
         n = len(seq)
-        angles = snap_angles(np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES])))
+        angles = np.full((n, 2), np.nan)
+        if ANGLES[0] in self._header:
+            angles = snap_angles(np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES])))
         step = self.integers("step")
         heat = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
         valid = self.integers("valid") != 0 if "valid" in self._header else np.ones(n, np.bool_)

@@ -191,12 +191,28 @@ def _solve_chosen(
         if stage:
             _finish(chain, stage, source, progress, seq)
             waiting.pop(0)
-        if len(waiting) == before:
+        if len(waiting) == before and method(waiting[0]).by_hand:
+            _solve_whole(blocks, chain, waiting.pop(0), source, progress)
+        elif len(waiting) == before:
             there = ", ".join(held) or "no stage"
             raise InsufficientDataError(
                 f"{source}: no samples of stage '{waiting[0]}' in the chosen range, which holds {there}; "
                 "choose other --stages or widen --from and --to"
             )
+
+
+def _solve_whole(
+    blocks: Blocks, chain: StageChain, stage: str, source: str | Path, progress: Watch | None
+) -> None:
+    """Solve all samples as one stage: a recording made by hand names no stages, or others."""
+    chain.start(stage)
+    seq = 0
+    for block in blocks():
+        chain.feed(block)
+        seq = int(block.seq[-1])
+        if progress is not None:
+            progress(stage, seq, 0.0)
+    _finish(chain, stage, source, progress, seq)
 
 
 def _finish(chain: StageChain, stage: str, source: str | Path, progress: Watch | None, seq: int) -> None:

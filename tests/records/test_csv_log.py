@@ -82,6 +82,14 @@ def test_a_missing_column_is_named(tmp_path: Path, column: str) -> None:
         list(open_log(write_csv_log(tmp_path, csv_rows(3), header)).blocks())
 
 
+def test_a_recording_made_by_hand_has_no_table_columns(tmp_path: Path) -> None:
+    header = "seq,time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,stage,step"
+    rows = [row.replace(",0.5,,rate,0", ",,0") for row in csv_rows(5)]
+    columns = joined(list(open_log(write_csv_log(tmp_path, rows, header)).blocks()))
+    assert np.all(np.isnan(columns["angles"]))
+    assert columns["stage"].tolist() == [""] * 5
+
+
 def test_swapped_rows_repeated_logs_and_empty_logs_are_errors(tmp_path: Path) -> None:
     rows = csv_rows(600)
     with pytest.raises(InputError, match="seq falls from"):

@@ -1,0 +1,172 @@
+"""Multi-position: gyros and accelerometers together on a simple rig, or by hand, with no accurate angle anywhere.
+
+From level the inner rail carries the unit around and back with a rest at each position, then the outer rail does,
+once more with the inner one a quarter turn on, so that every body axis has turned about the horizontal, where gravity
+sees it. Rests and motions are found from the data alone; what the rig's angles were is never asked.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from calstation.errors import ConfigurationError
+from calstation.estimation.batch_stage import BatchStage
+from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.method import Method, Solution
+from calstation.estimation.position_fit import MOST_ITERATIONS, PositionFit, fit_positions
+from calstation.estimation.positions import Position, Scatter, positions
+from calstation.estimation.recording_faults import sound_links
+from calstation.estimation.relinearise import nis_consistency, restricted
+from calstation.estimation.stage_data import StageData
+from calstation.estimation.stillness import Link, Stillness, find_stillness
+from calstation.physics.earth import normal_gravity
+from calstation.physics.motion import Dwell, Move, Prompt, Step
+from calstation.physics.parameters import NAMES, PARAMETERS
+from calstation.physics.table import INNER, OUTER, TableGeometry
+
+GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
+ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
+
+
+class Schedule(BaseModel):
+    """Rests in s, angles in degrees, rates in °/s and °/s².
+
+    initial_rest_s : at level before the first motion; rest_s : at each position
+    step_deg : from position to position
+    manual : the rails are moved by hand: the operator is asked, and nothing moves by itself
+    shortest_rest_s : a shorter stillness in the data is a pause in a motion and no position
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    initial_rest_s: float = Field(30.0, ge=2.0, le=3600.0)
+    rest_s: float = Field(8.0, ge=2.0, le=600.0)
+    step_deg: float = Field(45.0, ge=15.0, le=120.0)
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0)
+    acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
+    manual: bool = False
+    shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)
+
+
+def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
+    """Inner rail around and back, outer rail the same, outer rail once more with the inner one a quarter turn on.
+
+    Raises ConfigurationError where the travel holds no position but the first.
+    """
+    level = geometry.level_inner((0.0, 0.0))
+    yield from _to(schedule, (0.0, 0.0), ("start",))
+    yield Dwell(schedule.initial_rest_s)
+    for joint, other in ((INNER, level), (OUTER, 0.0), (OUTER, 0.5 * np.pi)):
+        for angle in _around(geometry, joint, np.deg2rad(schedule.step_deg)):
+            pose = (angle, other) if joint == OUTER else (other, angle)
+            yield from _to(schedule, pose, ("position", *(float(np.rad2deg(a)) for a in pose)))
+            yield Dwell(schedule.rest_s)
+
+
+def _to(schedule: Schedule, pose: tuple[float, float], label: tuple[str | float, ...]) -> Iterator[Step]:
+    if schedule.manual:
+        outer, inner = np.rad2deg(pose)
+        yield Prompt(f"Bring the outer rail to {outer:.0f}° and the inner rail to {inner:.0f}°, then let go")
+    else:
+        rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+        yield Move(*pose, rate, acceleration, label)
+
+
+def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]:
+    """Joint angles (rad) once round and back to 0, or to both ends of a travel that is shorter."""
+    whole = round(2.0 * np.pi / step)
+    for way in (1.0, -1.0):
+        if geometry.limits.within(joint, way * whole * step):
+            yield from (way * k * step for k in (*range(whole + 1), *range(whole - 1, -1, -1)))
+            return
+    low, high = geometry.limits.low[joint], geometry.limits.high[joint]
+    up, down = int((high + 1e-9) // step), int((-low + 1e-9) // step)
+    if up + down < 1:
+        raise ConfigurationError(
+            f"table limits: multi_position needs positions {np.rad2deg(step):.0f}° apart on the "
+            f"{('outer', 'inner')[joint]} axis; widen its travel or lower step_deg in the schedule"
+        )
+    yield from (k * step for k in (*range(up + 1), *range(up - 1, -down - 1, -1), *range(-down + 1, 1)))
+
+
+def estimates(context: SolveContext) -> tuple[str, ...]:
+    """Gyro and accelerometer matrices and biases."""
+    return ESTIMATED
+
+
+def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> BatchStage:
+    """Collects the recording and solves it at its end."""
+    return BatchStage(context, prior, lambda data, c, p: solve(data, c, p, schedule.shortest_rest_s))
+
+
+def solve(data: StageData, context: SolveContext, prior: Belief, shortest: float = 1.0) -> Solution:
+    """Solve from rests and motions. Raises InputError naming what makes a recording worthless."""
+    site = context.site
+    still = find_stillness(data, context.imu, shortest)
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    links = sound_links(data, still, context.imu, gravity, prior, shortest)
+    rests = positions(data, still, context)
+    mask = np.array([name in ESTIMATED for name in NAMES])
+    fit = fit_positions(data, rests, links, context, prior, mask)
+    return Solution(
+        stage="multi_position",
+        belief=restricted(prior, fit.belief, mask),
+        estimated=ESTIMATED,
+        consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
+        gaps=data.gaps,
+        details=_details(data, still, rests, links, fit),
+        messages=_messages(still, links, fit),
+    )
+
+
+def _details(
+    data: StageData, still: Stillness, rests: list[Position], links: tuple[Link, ...], fit: PositionFit
+) -> dict[str, Any]:
+    return {
+        "positions": [
+            {
+                "first_seq": int(data.seq[r.start]),
+                "last_seq": int(data.seq[r.stop - 1]),
+                "force": r.force.tolist(),
+                "up": C[2].tolist(),
+                "residual": residual.tolist(),
+            }
+            for r, C, residual in zip(rests, fit.attitudes, fit.force_residual, strict=True)
+        ],
+        "motions": [
+            {
+                "first_seq": int(data.seq[link.start]),
+                "last_seq": int(data.seq[link.stop - 1]),
+                "from": link.first,
+                "to": link.second,
+                "residual": residual.tolist(),
+            }
+            for link, residual in zip(links, fit.turn_residual, strict=True)
+        ],
+        "cuts": [int(data.seq[k]) for k in still.cuts],
+        "scatter": {"force": fit.scatter.force, "rate": fit.scatter.rate, "turn": fit.scatter.turn},
+        "noise": {"gyro_arw": still.gyro_noise, "accel_vrw": still.accel_noise},
+    }
+
+
+def _messages(
+    still: Stillness, links: tuple[Link, ...], fit: PositionFit
+) -> tuple[tuple[str, dict[str, Any]], ...]:
+    stage = {"stage": "multi_position"}
+    messages: list[tuple[str, dict[str, Any]]] = []
+    if not fit.settled:
+        messages.append(("not_settled", {**stage, "passes": MOST_ITERATIONS}))
+    if still.cuts:
+        messages.append(("recording_cut", {**stage, "count": len(still.cuts)}))
+    if len(links) < len(still.links):
+        messages.append(("motions_left_out", {**stage, "count": len(still.links) - len(links)}))
+    if not links:
+        messages.append(("no_motion_between_rests", stage))
+    if fit.scatter != Scatter():
+        s = fit.scatter
+        messages.append(("noisier_than_profile", {**stage, "force": s.force, "rate": s.rate, "turn": s.turn}))
+    return tuple(messages)
+
+
+METHOD = Method("multi_position", Schedule, plan, solver, estimates, by_hand=True)

@@ -1,0 +1,74 @@
+"""Recordings of the bench's manual rig as solvers take them, and what a user would tell of the unit."""
+
+import numpy as np
+
+from calstation.bench.grades import GRADES, draw_imu
+from calstation.bench.hand_rig import HandRig, around, record
+from calstation.bench.imu_truth import ImuTruth
+from calstation.bench.simulate import Simulated
+from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.method import Solution
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.parameters import COUNT, PARAMETERS
+from procedures import method
+
+QUICK = HandRig(initial_rest=10.0, rest=3.0)
+STEP = np.deg2rad(60.0)
+
+
+def unit(grade: str, seed: int, **options: object) -> ImuTruth:
+    """One unit at 100 Hz."""
+    return draw_imu(grade, np.random.default_rng(seed), sample_rate=100.0, **options)
+
+
+def context_of(imu: ImuTruth, rig: HandRig = QUICK) -> SolveContext:
+    """Site, profile of the unit, no table."""
+    return SolveContext(
+        Site(rig.latitude, 0.0, rig.height, None, rig.gravity),
+        ImuModel(
+            "HAND",
+            imu.sample_rate,
+            imu.output,
+            imu.gyro_lsb,
+            imu.accel_lsb,
+            imu.gyro_arw,
+            imu.accel_vrw,
+            imu.gyro_bias_instability,
+            imu.accel_bias_instability,
+        ),
+        TableModel(),
+    )
+
+
+def prior_of(grade: str, factor: float = 2.0) -> Belief:
+    """Zero mean and `factor` of the grade's sigmas."""
+    sigma = factor * np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
+    return Belief(np.zeros(COUNT), np.diag(sigma**2))
+
+
+def block_of(samples: Simulated) -> SampleBlock:
+    """The samples as one block without a table."""
+    valid = np.ones(len(samples.seq), dtype=bool)
+    return SampleBlock(
+        samples.stage,
+        samples.seq,
+        samples.time,
+        samples.counts,
+        samples.angles,
+        samples.step,
+        valid,
+        samples.temperature,
+    )
+
+
+def recording(imu: ImuTruth, seed: int, rig: HandRig = QUICK, step: float = STEP) -> SampleBlock:
+    """The unit carried once through all positions."""
+    return block_of(record(imu, rig, around(step), seed)[0])
+
+
+def solved(block: SampleBlock, context: SolveContext, prior: Belief, **schedule: object) -> Solution:
+    """The block as a multi_position stage."""
+    chosen = method("multi_position")
+    solver = chosen.solver(context, prior, chosen.schedule(**schedule))
+    solver.feed(block)
+    return solver.finish()

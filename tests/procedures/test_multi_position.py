@@ -1,0 +1,291 @@
+"""Multi-position: recordings made by hand give matrices and biases with honest sigmas, and bad ones are named."""
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import real_recordings as real
+from hand_recordings import QUICK, context_of, prior_of, recording, solved, unit
+from scipy.stats import chi2
+from simulated_stages import block_of, geometry_of
+from simulated_stages import context_of as table_context
+from simulated_stages import prior_of as table_prior
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+from calstation.errors import ConfigurationError, InputError, InsufficientDataError
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.motion import Dwell, Move, Prompt
+from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
+from calstation.physics.table import JointLimits, TableGeometry
+from calstation.station.resolve import resolve
+from procedures import method
+from procedures.multi_position import ESTIMATED, GROUPS
+
+MASK = np.array([name in ESTIMATED for name in NAMES])
+
+
+@pytest.fixture(scope="module")
+def mems():
+    imu = unit("mems", 3)
+    return imu, recording(imu, 3)
+
+
+@pytest.mark.parametrize(("grade", "seeds"), [("mems", 8), ("tactical", 4), ("nav", 4)])
+def test_errors_over_many_hands_agree_with_their_sigmas(grade, seeds):
+    errors, nees = [], []
+    for seed in range(seeds):
+        imu = unit(grade, 100 + seed)
+        found = solved(recording(imu, seed), context_of(imu), prior_of(grade)).belief
+        error = (found.mean - imu.parameters)[MASK]
+        errors.append(error / found.sigma[MASK])
+        nees.append(error @ np.linalg.solve(found.covariance[np.ix_(MASK, MASK)], error))
+    for group in GROUPS:
+        columns = [k for k, name in enumerate(ESTIMATED) if name.rpartition("_")[0] == group]
+        # as wide as if a group's axes told the same: they tell of one gravity
+        low, high = chi2.ppf([0.0005, 0.9995], 1.5 * seeds) / (1.5 * seeds)
+        assert low < np.mean(np.square(np.array(errors)[:, columns])) < high, group
+    low, high = chi2.ppf([0.0005, 0.9995], MASK.sum() * seeds)
+    assert low < np.sum(nees) < high
+
+
+def test_every_parameter_is_known_far_better_than_before(mems):
+    imu, block = mems
+    prior = prior_of("mems")
+    found = solved(block, context_of(imu), prior)
+    assert np.all(found.belief.sigma[MASK] < 0.1 * prior.sigma[MASK])
+    assert np.array_equal(found.belief.mean[~MASK], prior.mean[~MASK])
+    assert found.consistency.passed
+    assert found.messages == ()
+    assert len(found.details["positions"]) == len(found.details["motions"]) + 1
+
+
+def test_a_stream_before_any_calibration_may_have_large_biases(mems):
+    imu, _ = mems
+    far = imu.parameters.copy()
+    far[group_indices("gyro_bias")] = [0.05, -0.08, 0.06]
+    far[group_indices("accel_bias")] = [0.9, -1.2, 0.7]
+    worse = replace(imu, parameters=far)
+    wide = prior_of("mems").sigma
+    wide[group_indices("gyro_bias")], wide[group_indices("accel_bias")] = 0.1, 2.0
+    prior = replace(prior_of("mems"), covariance=np.diag(wide**2))
+    found = solved(recording(worse, 5), context_of(worse), prior).belief
+    assert np.abs((found.mean - far) / found.sigma)[MASK].max() < 4.5
+
+
+def test_a_place_noisier_than_the_profile_says_widens_the_sigmas(mems):
+    imu, _ = mems
+    rough = replace(QUICK, velocity_sigma=8e-3)
+    context = context_of(imu)
+    quiet = replace(
+        context,
+        imu=replace(
+            context.imu, gyro_arw=0.2 * imu.gyro_arw, gyro_bias_instability=0.0, accel_bias_instability=0.0
+        ),
+    )
+    found = solved(recording(imu, 6, rough), quiet, prior_of("mems"))
+    assert np.abs((found.belief.mean - imu.parameters) / found.belief.sigma)[MASK].max() < 5.0
+    assert [key for key, _ in found.messages] == ["noisier_than_profile"]
+    assert found.details["scatter"]["force"] > 1e-3
+    assert found.consistency.passed
+
+
+def test_the_plan_runs_on_a_motorised_table_too():
+    truth = BenchTruth.draw("tactical", 8, sample_rate=100.0, instability=False)
+    chosen = method("multi_position")
+    schedule = chosen.schedule(
+        step_deg=90.0, rest_s=4.0, initial_rest_s=5.0, rate_dps=60.0, acceleration_dps2=60.0
+    )
+    samples = Simulator(truth, 8).run(chosen.plan(geometry_of(truth), schedule), "multi_position")
+    solver = chosen.solver(table_context(truth), table_prior(truth), schedule)
+    solver.feed(block_of(samples))
+    found = solver.finish()
+    assert np.abs((found.belief.mean - truth.parameters) / found.belief.sigma)[MASK].max() < 4.5
+    assert np.all(found.belief.sigma[MASK] < 0.2 * table_prior(truth).sigma[MASK])
+    assert (
+        len(found.details["positions"])
+        == 1 + sum(isinstance(s, Dwell) for s in chosen.plan(geometry_of(truth), schedule)) - 1
+    )
+
+
+def test_the_plan_goes_around_and_back_and_turns_every_body_axis_about_the_horizontal():
+    geometry = TableGeometry(inner_axis=(0.0, 1.0, 0.0))
+    chosen = method("multi_position")
+    steps = list(chosen.plan(geometry, chosen.schedule()))
+    assert isinstance(steps[1], Dwell)
+    assert steps[1].duration == 30.0
+    poses = [(s.outer, s.inner) for s in steps if isinstance(s, Move)]
+    first = [p[1] for p in poses[1:18]]
+    assert first == pytest.approx(np.deg2rad([*range(0, 361, 45), *range(315, -1, -45)]))
+    turned = np.zeros(3)
+    for before, after in itertools.pairwise(poses):
+        axis = np.array([1.0, 0.0, 0.0]) if before[0] != after[0] else np.array([0.0, 1.0, 0.0])
+        if (before[0] != after[0]) != (before[1] != after[1]):
+            body = axis if axis[1] else geometry.body_to_home(0.0, before[1]).T @ axis
+            turned += np.abs(body)
+    assert np.all(turned > 5.0)
+
+
+def test_a_manual_rig_moves_nothing_by_itself():
+    chosen = method("multi_position")
+    steps = list(chosen.plan(TableGeometry(inner_axis=(0.0, 1.0, 0.0)), chosen.schedule(manual=True)))
+    assert {type(s) for s in steps} == {Prompt, Dwell}
+    assert "inner rail to 45°" in next(
+        s.message for s in steps[2:] if isinstance(s, Prompt) and "45" in s.message
+    )
+
+
+def test_the_plan_stays_within_the_travel_or_says_what_is_missing():
+    chosen = method("multi_position")
+    short = JointLimits(low=(-1.7, -3.2), high=(1.7, 3.2))
+    poses = [s for s in chosen.plan(TableGeometry(limits=short), chosen.schedule()) if isinstance(s, Move)]
+    assert all(short.within(0, s.outer) and short.within(1, s.inner) for s in poses)
+    assert {round(np.rad2deg(s.inner)) for s in poses} >= {-180, -90, 0, 90, 180}
+    stuck = JointLimits(low=(-2.0, -0.1), high=(2.0, 0.1))
+    with pytest.raises(ConfigurationError, match="45° apart on the inner axis"):
+        list(chosen.plan(TableGeometry(limits=stuck), chosen.schedule()))
+
+
+def altered(block: SampleBlock, change) -> SampleBlock:
+    counts = block.counts.copy()
+    return replace(block, counts=change(counts))
+
+
+def swap(a: int, b: int):
+    def change(counts):
+        counts[:, [a, b]] = counts[:, [b, a]]
+        return counts
+
+    return change
+
+
+def scale(columns: slice, factor: float):
+    def change(counts):
+        counts[:, columns] *= factor
+        return counts
+
+    return change
+
+
+def freeze(column: int, first: int, last: int):
+    def change(counts):
+        counts[first:last, column] = counts[first, column]
+        return counts
+
+    return change
+
+
+def deaf(counts):
+    """Gyros that show their noise at rest all the time."""
+    counts[:, :3] = np.resize(counts[:800, :3], counts[:, :3].shape)
+    return counts
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (freeze(2, 3000, 9000), "gyro_z is frozen: one value from sample 30"),
+        (freeze(4, 4000, 4500), "accel_y is frozen"),
+        (freeze(0, 0, 10**6), "gyro_x is frozen"),
+        (swap(0, 1), "gyro_x is gyro_y and gyro_y is gyro_x"),
+        (scale(slice(2, 3), -1.0), "gyro_z is −gyro_z"),
+        (swap(3, 5), "the gyro's axes are not the accelerometer's"),
+        (scale(slice(3, 6), 1.0 / 9.80665), "g instead of m/s²"),
+        (scale(slice(3, 6), 2.0), "units wrong by a factor of 2"),
+        (scale(slice(0, 3), 180.0 / np.pi), "°/s instead of rad/s"),
+        (scale(slice(0, 3), 0.5), "rates are multiplied by 2"),
+        (deaf, "the gyros do not see the motions"),
+    ],
+)
+def test_a_bad_recording_is_named_instead_of_answered(mems, change, told):
+    imu, block = mems
+    with pytest.raises(InputError, match=told):
+        solved(altered(block, change), context_of(imu), prior_of("mems"))
+
+
+def test_a_motion_that_contradicts_gravity_is_left_out_and_told(mems):
+    imu, block = mems
+    found = solved(block, context_of(imu), prior_of("mems"))
+    motion = found.details["motions"][7]
+
+    def lose(counts):
+        counts[motion["first_seq"] : motion["last_seq"], :3] = counts[:1, :3]
+        counts[motion["first_seq"] : motion["last_seq"] : 2, :3] += 1.0
+        return counts
+
+    after = solved(altered(block, lose), context_of(imu), prior_of("mems"))
+    assert ("motions_left_out", {"stage": "multi_position", "count": 1}) in after.messages
+    assert np.abs((after.belief.mean - imu.parameters) / after.belief.sigma)[MASK].max() < 4.5
+
+
+def test_no_rest_and_no_motion_are_named(mems):
+    imu, block = mems
+    context, prior = context_of(imu), prior_of("mems")
+    with pytest.raises(InsufficientDataError, match=r"no motion: all \d+ rests lie the same way up"):
+        solved(block.part(0, 900), context, prior)
+    moving = replace(QUICK, initial_rest=0.2, rest=0.3, speed=np.deg2rad(20.0))
+    with pytest.raises(InsufficientDataError, match="no rest of 1 s or more"):
+        solved(recording(imu, 9, moving, step=np.deg2rad(120.0)), context, prior)
+
+
+def test_a_recording_cut_together_takes_nothing_from_its_cuts(mems):
+    imu, block = mems
+    found = solved(block, context_of(imu), prior_of("mems"))
+    positions = found.details["positions"]
+    keep = np.ones(len(block), dtype=bool)
+    for k in (3, 9):  # what lies between these rests and the next was thrown away and the counter mended
+        keep[positions[k]["last_seq"] - 20 : positions[k + 1]["first_seq"] + 20] = False
+    seq = np.arange(int(keep.sum()))
+    spliced = SampleBlock(
+        block.stage,
+        seq,
+        (seq + 1) / imu.sample_rate,
+        *(v[keep] for v in (block.counts, block.angles, block.step, block.valid, block.temperature)),
+    )
+    after = solved(spliced, context_of(imu), prior_of("mems"))
+    assert len(after.details["cuts"]) == 2
+    assert ("recording_cut", {"stage": "multi_position", "count": 2}) in after.messages
+    assert len(after.details["motions"]) == len(found.details["motions"]) - 2
+    assert np.abs((after.belief.mean - imu.parameters) / after.belief.sigma)[MASK].max() < 4.5
+
+
+@pytest.mark.skipif(not real.HAND.exists(), reason="the real recordings are not beside the project")
+def test_the_hand_recording_agrees_with_its_authors():
+    result = resolve(real.HAND, ("multi_position",)).result
+    for name, faces, modulus in (
+        ("accel_scale", (-1.399e-3, -4.007e-3, 2.848e-2), (-1.227e-3, -4.232e-3, 2.861e-2)),
+        ("accel_bias", (-0.0288, -0.2312, -0.1387), (-0.0290, -0.2310, -0.1413)),
+    ):
+        tolerance = 5e-4 if name == "accel_scale" else 5e-3
+        found = np.array([result["parameters"][f"{name}_{a}"]["value"] for a in "xyz"])
+        assert found == pytest.approx(faces, abs=tolerance)
+        assert found == pytest.approx(modulus, abs=tolerance)
+    # its faces are cut together and its turns are about the vertical: nothing in it determines the gyros
+    lost = result["unobservable"]
+    assert all(name in lost for name in ESTIMATED if name.startswith(("gyro_scale", "gyro_misalign")))
+    assert not any(name in lost for name in ESTIMATED if name.endswith(("bias_x", "bias_y", "bias_z")))
+
+
+@pytest.mark.skipif(not real.IMU_TK.exists(), reason="the real recordings are not beside the project")
+def test_the_xsens_recording_agrees_with_its_authors(tmp_path: Path):
+    result = resolve(real.imu_tk(tmp_path), ("multi_position",)).result
+    published = real.imu_tk_published()
+    value, sigma = (
+        np.array([result["parameters"].get(n, {key: 0.0})[key] for n in NAMES]) for key in ("value", "sigma")
+    )
+    assert result["unobservable"] == []
+    assert result["consistency"]["multi_position"]["passed"]
+    for sensor in ("accel", "gyro"):
+        M = np.eye(3) + group_matrix(value, f"{sensor}_scale", f"{sensor}_misalign")
+        width = group_matrix(sigma, f"{sensor}_scale", f"{sensor}_misalign")
+        assert np.all(np.abs(M - published[f"{sensor}_matrix"]) < 3.0 * width + 1e-12)
+    # and closely, whatever the sigmas say
+    accel = np.eye(3) + group_matrix(value, "accel_scale", "accel_misalign")
+    assert accel == pytest.approx(published["accel_matrix"], abs=3e-4)
+    assert group_vector(value, "accel_bias") == pytest.approx(published["accel_bias"], abs=2e-3)
+    gyro = np.eye(3) + group_matrix(value, "gyro_scale", "gyro_misalign")
+    assert gyro == pytest.approx(published["gyro_matrix"], abs=2e-3)
+    # theirs is the bias of the first 50 s, this the mean of all rests: it wandered by this much
+    assert group_vector(value, "gyro_bias") == pytest.approx(published["gyro_bias"], abs=2e-3)
