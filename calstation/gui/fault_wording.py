@@ -130,6 +130,31 @@ _HEADS = ("table: ", "IMU: ", "engine: ", "virtual bench: ")
 _HEAD = re.compile(r"^[^:：]*(: |：)")
 
 
+_TABLE_FAULTS = {
+    "interlock": QT_TRANSLATE_NOOP(
+        "faults",
+        "The safety circuit (interlock) was opened; close the cover, then reset the fault at the table",
+    ),
+    "watchdog": QT_TRANSLATE_NOOP(
+        "faults",
+        "The table's watchdog stopped it, the computer had fallen silent; reset the fault at the table",
+    ),
+    "limit": QT_TRANSLATE_NOOP(
+        "faults",
+        "An axis ran into its limit; see what drove it there, then reset the fault at the table",
+    ),
+    "drive": QT_TRANSLATE_NOOP(
+        "faults",
+        "The drive reports a fault; read its display, remove the cause, reset the fault at the table",
+    ),
+    "stall": QT_TRANSLATE_NOOP(
+        "faults",
+        "An axis is blocked or overloaded; free it, then reset the fault at the table",
+    ),
+}
+"""What the table's own names for its faults mean."""
+
+
 @dataclass(frozen=True)
 class FaultWords:
     """A fault as it is shown: where its cause is, what is wrong, what to do (may be empty)."""
@@ -145,14 +170,22 @@ def word_fault(kind: str, text: str) -> FaultWords:
     if kind == "internal":
         return _internal(text)
     cause = _cause(kind, text)
+    named = re.match(r"table: fault '(\w+)'", text)
+    if named and named[1] in _TABLE_FAULTS:
+        text = _TABLE_FAULTS[named[1]]
+        return _split(cause, QCoreApplication.translate("faults", text))
     said = _HEAD.sub("", _translated(text), count=1) if text.startswith(_HEADS) else _translated(text)
-    reason, *mend = re.split(r"; |；", said, maxsplit=1)
-    return FaultWords(cause, _place(cause), _sentence(reason), _sentence(mend[0] if mend else ""))
+    return _split(cause, said)
 
 
 def known(text: str) -> bool:
     """Whether the sentence can be said in every language."""
     return any(pattern.fullmatch(text) for pattern, _ in _patterns())
+
+
+def _split(cause: str, said: str) -> FaultWords:
+    reason, *mend = re.split(r"; |；", said, maxsplit=1)
+    return FaultWords(cause, _place(cause), _sentence(reason), _sentence(mend[0] if mend else ""))
 
 
 def _internal(text: str) -> FaultWords:

@@ -35,7 +35,7 @@ _TRUST_AFTER = 2.0
 class StageState:
     """One stage as it is shown.
 
-    state : waiting, active, solving, good, bad, stopped
+    state : waiting, active, solving, good, bad, stopped, fault
     fraction : 0..1; duration : of its plan, s of device time; remaining : of it
     took : host seconds from start to solution, once solved
     """
@@ -58,7 +58,8 @@ class RunStatus(QObject):
     state : the sequencer's, or ``starting`` before its first word
     outline : what the run is; None before the first one
     stages : in order
-    said : latest message or step as ("message", id, values) or ("step", kind, label), to be worded when shown
+    said : latest message or step as ("message", id, values) or ("step", kind, label), to be worded when shown;
+        a dwell has the label of the move before it
     prompt : what the operator is asked to do, "" for nothing
     verdict : of the last run; fault : latched until `acknowledge`
     """
@@ -172,7 +173,8 @@ class RunStatus(QObject):
             if stage is not None and stage.state == "active":
                 stage.fraction, stage.remaining = event.fraction, event.remaining
         elif isinstance(event, StepStarted):
-            self.said = ("step", event.kind, event.label)
+            resting = event.kind == "dwell" and self.said is not None and self.said[0] == "step"
+            self.said = ("step", event.kind, self.said[2] if resting and self.said else event.label)
             self.prompt = ""
         elif isinstance(event, StageEnded):
             self._mark(event.stage, "solving")
@@ -184,7 +186,7 @@ class RunStatus(QObject):
             self.fault = event
             self.state = "fault"
             self.prompt = ""
-            self._leave("bad")
+            self._leave("fault")
         elif isinstance(event, Verdict):
             self.verdict = event
             self.prompt = ""
@@ -201,7 +203,7 @@ class RunStatus(QObject):
         if state == "stopped":
             self._leave("stopped")
         elif state == "fault":
-            self._leave("bad")
+            self._leave("fault")
 
     def _start_stage(self, event: StageStarted) -> None:
         now = time.monotonic()

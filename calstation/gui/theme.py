@@ -145,7 +145,9 @@ def style_sheet(c: Colours) -> str:
     return f"""
     QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox {{ min-height: {BUTTON - 2 * GRID}px; }}
     QLineEdit {{ padding: 0 {GRID // 2}px; }}
-    QLineEdit[kind="tall"], QComboBox[kind="tall"] {{ min-height: {BUTTON - 2}px; }}
+    QLineEdit[kind="tall"], QComboBox[kind="tall"] {{
+        min-height: {BUTTON - 2}px; max-height: {BUTTON - 2}px;
+    }}
     QPushButton {{
         min-height: {BUTTON - 2}px; padding: 0 {2 * GRID}px; border: 1px solid {c.line}; border-radius: 4px;
         background: {c.panel};

@@ -154,9 +154,10 @@ def word_message(key: str, values: Mapping[str, Any]) -> str:
 
 
 def word_step(kind: str, label: tuple[str | float, ...]) -> str:
-    """What a step does, in a few words."""
+    """What a step does, in a few words; a dwell after a labelled move says where it rests."""
     if kind == "dwell":
-        return _say(QT_TRANSLATE_NOOP("wording", "Resting"))
+        resting = _say(QT_TRANSLATE_NOOP("wording", "Resting"))
+        return f"{word_step('move', label)}  ·  {resting}" if label else resting
     if not label:
         return _say(QT_TRANSLATE_NOOP("wording", "Moving"))
     template = _STEPS.get(str(label[0]))

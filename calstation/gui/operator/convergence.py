@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, Qt
-from PySide6.QtGui import QColor, QPen, QResizeEvent
+from PySide6.QtGui import QColor, QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui import theme
@@ -42,7 +42,7 @@ class Convergence(QFrame):
         self._plot.getViewBox().setMouseEnabled(x=False, y=False)
         self._target = pg.InfiniteLine(0.0, angle=0)
         self._plot.addItem(self._target)
-        self._labels = LineLabels(29 * theme.GRID)
+        self._labels = LineLabels(38 * theme.GRID)
         row = QHBoxLayout()
         row.setSpacing(0)
         row.addWidget(self._plot, 1)
@@ -129,11 +129,9 @@ class Convergence(QFrame):
 
     def _dress(self) -> None:
         c = theme.colours()
-        dashed = QPen(QColor(c.text), 1, Qt.PenStyle.DashLine)
-        dashed.setCosmetic(True)
-        self._target.setPen(dashed)
+        self._target.setPen(pg.mkPen(c.text, width=1, style=Qt.PenStyle.DashLine))
         for curve in self._curves.values():
-            curve.setPen(QPen(QColor(c.muted), 1))
+            curve.setPen(pg.mkPen(c.muted, width=1))
         self._name_lines()
 
     def _name_lines(self) -> None:

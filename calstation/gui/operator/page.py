@@ -380,7 +380,6 @@ class OperatorPage(Page):
         fields.set_start(self._why_no_start())
         fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
         self._badge.show_state(KINDS.get(run.state, "none"), word_state(run.state))
-        self._message.setText(self._message_text())
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
         self._lower.setCurrentIndex(0 if all(s.state == "waiting" for s in run.stages) else 1)
         self._ask_prompt()
@@ -388,6 +387,7 @@ class OperatorPage(Page):
         if shown != self._shown:
             self._shown = shown
             self._turn()
+        self._message.setText(self._message_text())
 
     def _turn(self) -> None:
         """Loading, live or verdict."""
@@ -448,6 +448,8 @@ class OperatorPage(Page):
             return self.tr("Stopping safely: the table comes to rest, then its axes are switched off.")
         if run.state == "paused":
             return self.tr("Paused; the table is at rest. Resume repeats the step in hand.")
+        if not run.going:
+            return self._verdict.action_label.text()
         if run.said is None:
             return ""
         what, key, values = run.said

@@ -28,6 +28,7 @@ _SHAPES = {
     "good": "good",
     "bad": "bad",
     "stopped": "stopped",
+    "fault": "caution",
 }
 _KIND, _NAME, _STATE, _TIME, _FRACTION = (Qt.ItemDataRole.UserRole + i for i in range(5))
 
@@ -62,9 +63,9 @@ class _Row(QStyledItemDelegate):
         painter.setFont(theme.font(bold=kind == "active"))
         half = inner.height() / 2
         right = Qt.AlignmentFlag.AlignRight
-        painter.drawText(
-            inner.adjusted(0, 6, 0, -half), right | Qt.AlignmentFlag.AlignBottom, index.data(_STATE)
-        )
+        above = inner.adjusted(0, 6, 0, -half) if index.data(_TIME) else inner
+        where = Qt.AlignmentFlag.AlignBottom if index.data(_TIME) else centre
+        painter.drawText(above, right | where, index.data(_STATE))
         painter.setPen(QColor(c.muted))
         painter.setFont(theme.font())
         painter.drawText(inner.adjusted(0, half, 0, -6), right | Qt.AlignmentFlag.AlignTop, index.data(_TIME))
@@ -100,9 +101,9 @@ class StageList(QFrame):
         self._note = QLabel()
         self._note.setProperty("kind", "muted")
         self._note.setWordWrap(True)
-        self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
+        self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(1, 1, 1, 1)
+        layout.setContentsMargins(1, 1, 1, theme.GRID)
         layout.setSpacing(0)
         layout.addWidget(self._title)
         layout.addWidget(self.list, 1)
@@ -166,16 +167,19 @@ class StageList(QFrame):
             "good": self.tr("ok"),
             "bad": self.tr("not ok"),
             "stopped": self.tr("stopped"),
+            "fault": self.tr("fault"),
         }[stage.state]
 
     def _time(self, stage: StageState, planning: bool) -> str:
         if stage.took is not None:
             return word_time(stage.took)
-        if stage.state in ("bad", "stopped", "solving"):
+        if stage.state not in ("waiting", "active"):
             return ""
+        if not planning and not self._run.going:
+            return self.tr("not run")
         pace = 1.0 if planning else self._run.pace
-        if pace is None or not (planning or self._run.going):
-            return "" if stage.state != "waiting" else "–"
+        if pace is None:
+            return ""
         return word_time(self._run.left(stage) / pace)
 
     def _say_left(self, stages: list[StageState], planning: bool) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QTimer
-from PySide6.QtGui import QColor, QPen
+from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
     QButtonGroup,
     QFrame,
@@ -47,7 +47,7 @@ class _Plot(QWidget):
         self.plot.getViewBox().setDefaultPadding(0.02)
         self.curves = []
         for colour in theme.AXIS_COLOURS.values():
-            curve = pg.PlotCurveItem(pen=QPen(QColor(colour), 1), skipFiniteCheck=True)
+            curve = pg.PlotCurveItem(pen=pg.mkPen(colour, width=1), skipFiniteCheck=True)
             self.plot.addItem(curve)
             self.curves.append(curve)
         self._labels = LineLabels(5 * theme.GRID)
@@ -103,9 +103,8 @@ class Traces(QFrame):
         self.hold_button = QPushButton()
         self.hold_button.setCheckable(True)
         self.hold_button.toggled.connect(self._hold)
-        buttons = QHBoxLayout()
+        buttons = QVBoxLayout()
         buttons.setSpacing(theme.GRID)
-        buttons.addStretch(1)
         for number in range(len(WINDOWS)):
             button = QPushButton()
             button.setCheckable(True)
@@ -113,6 +112,7 @@ class Traces(QFrame):
             self._spans.addButton(button, number)
             buttons.addWidget(button)
         self._spans.idClicked.connect(self._choose_span)
+        buttons.addStretch(1)
         buttons.addWidget(self.hold_button)
         grid = QGridLayout()
         grid.setSpacing(0)
@@ -122,9 +122,9 @@ class Traces(QFrame):
             grid.addWidget(plot, 2 * row + 1, 0)
             grid.setRowStretch(2 * row + 1, 1)
             plot.plot.getViewBox().sigRangeChangedManually.connect(self._zoomed)
-        layout = QVBoxLayout(self)
+        layout = QHBoxLayout(self)
         layout.setContentsMargins(theme.GRID, theme.GRID, theme.GRID, theme.GRID)
-        layout.setSpacing(0)
+        layout.setSpacing(theme.GRID)
         layout.addLayout(grid, 1)
         layout.addLayout(buttons)
         self._timer = QTimer(self)
