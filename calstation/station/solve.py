@@ -82,7 +82,7 @@ class StageChain:
         """
         assert self._solver is not None, "start a stage before finishing it"
         try:
-            solution = self._solver.finish(progress)
+            solution = self._solver.finish() if progress is None else self._solver.finish(progress)
         except np.linalg.LinAlgError as exc:
             raise InputError(
                 f"stage '{self._stage}': the solution diverged ({exc}); check site.azimuth_deg, the axes in"
