@@ -1,6 +1,8 @@
 """What every page is given: the workshop, the engine, the role, the settings and where things lie."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import QObject, QSettings, Signal
 
@@ -24,11 +26,13 @@ class AppContext(QObject):
     settings : language, theme, recent files; nothing that changes a result
     station_path : the station file, None for the default, the virtual bench
     product_path : the product file chosen on the operator page
+    stages, schedule : what an engineer chose to run in place of the product's; None for all of it as it stands
     runs_folder : where logs and results go and history looks
     """
 
     station_changed = Signal()
     product_changed = Signal()
+    choice_changed = Signal()
     open_log = Signal(object)
     open_run = Signal(object)
     resume_run = Signal(object)
@@ -43,6 +47,8 @@ class AppContext(QObject):
         self.role = RoleLock(self)
         self.station_path = station
         self.product_path: Path | None = None
+        self.stages: tuple[str, ...] | None = None
+        self.schedule: Mapping[str, Mapping[str, Any]] | None = None
         self.runs_folder = runs_folder or Path("runs")
 
     def set_station(self, path: Path | None) -> None:
@@ -55,6 +61,14 @@ class AppContext(QObject):
         if path != self.product_path:
             self.product_path = path
             self.product_changed.emit()
+
+    def choose(
+        self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None
+    ) -> None:
+        """Run these stages with these departures from the product's schedule from now on; None for the product's."""
+        if (stages, schedule) != (self.stages, self.schedule):
+            self.stages, self.schedule = stages, schedule
+            self.choice_changed.emit()
 
     def set_theme(self, name: str) -> None:
         """Change between light and dark."""

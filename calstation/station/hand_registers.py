@@ -1,16 +1,13 @@
 """Registers by hand: read from the unit, set beside what a result wants, written on an engineer's explicit word.
 
-The only place outside a run that writes to a unit. Who wrote what stands in a journal beside the runs, and so does the
-intention with the old values, on disk before the first register is written.
+Who wrote what stands in the unit's journal beside the runs (`register_journal`), and so does the intention with the
+old values, on disk before the first register is written.
 """
 
-import json
-import os
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +15,16 @@ import numpy as np
 
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import transfer
-from calstation.errors import ConfigurationError, DeviceFaultError, InputError
-from calstation.records.atomic import sync_folder
+from calstation.devices.transfer import Closing, Entry, transfer
+from calstation.errors import InputError
 from calstation.records.log import open_log
+from calstation.station import register_journal
 from calstation.station.clock import BenchClock
 from calstation.station.compose import compose
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup, configured
 from calstation.station.wiring import endpoints, open_imu
 from calstation.station.worker import Tell
-
-JOURNAL = "register_writes.jsonl"
-"""Name of the journal in the folder of the runs: one JSON object a line, never rewritten."""
 
 _SHARES = (0.1, 0.4, 0.6)
 """Told when the link is open, the unit named, the old registers read."""
@@ -57,7 +51,7 @@ class UnitRegisters:
     ----------
     serial, model, firmware : as it answered
     registers : by rising address
-    commits : times that this station is known to have committed this unit's registers to flash
+    commits : flash cycles that this folder's runs and hands are known to have cost the unit
     virtual : the unit is a virtual bench's
     """
 
@@ -76,10 +70,14 @@ class UnitRegisters:
 
 @dataclass(frozen=True)
 class Wanted:
-    """The registers that a result asks for: SI by parameter, and the unit it was found on."""
+    """The registers that a result asks for, of the unit it was found on.
+
+    before : those that its run found and replaced; empty where it wrote none
+    """
 
     serial: str
     registers: tuple[Register, ...]
+    before: tuple[Register, ...] = ()
 
     @property
     def values(self) -> dict[str, float]:
@@ -118,11 +116,22 @@ def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any])
     named = [name for name in entries.parameters if name in found]
     complete = dict.fromkeys(entries.parameters, 0.0) | {name: found[name] for name in named}
     rounded = entries.rounded(complete)
-    return Wanted(str(result["unit"]["serial"]), _rows(entries, {name: rounded[name] for name in named}))
+    old = (result.get("registers") or {}).get("old") or {}
+    return Wanted(
+        str(result["unit"]["serial"]),
+        _rows(entries, {name: rounded[name] for name in named}),
+        _rows(entries, old),
+    )
 
 
 def write_unit(
-    tell: Tell, request: RunRequest, serial: str, values: Mapping[str, float], engineer: str, runs: Path
+    tell: Tell,
+    request: RunRequest,
+    serial: str,
+    values: Mapping[str, float],
+    source: str,
+    engineer: str,
+    runs: Path,
 ) -> UnitRegisters:
     """Work for the workshop, never to be killed: write registers, read back, commit, restart, read again.
 
@@ -130,6 +139,7 @@ def write_unit(
     ----------
     serial : of the unit that is meant; another one in the fixture is refused
     values : SI by parameter; registers of other parameters keep theirs
+    source : the log that the values come from
     engineer : who says so
     runs : folder of the runs, where the journal is
 
@@ -141,56 +151,15 @@ def write_unit(
         where the journal cannot be written; nothing was written then.
     """
     setup, _ = configured(request)
-    runs.mkdir(parents=True, exist_ok=True)
-    about = {"serial": serial, "engineer": engineer, "station": setup.station.name}
+
+    def begin(old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
+        tell(_SHARES[2])
+        return register_journal.begin(runs, serial, old, new, by=engineer, why="hand", source=source)
+
     with _unit(tell, setup) as (imu, identity):
-        if identity.serial != serial:
-            raise DeviceFaultError(
-                f"IMU: unit '{identity.serial}' is in the fixture, the values are for '{serial}';"
-                " nothing was written; change the unit or open its own result"
-            )
-
-        def on_old(old: Mapping[str, float]) -> None:
-            tell(_SHARES[2])
-            _note(runs, {"event": "intended", **about, "old": dict(old), "new": dict(values)})
-
-        try:
-            done = transfer(imu, _map(setup), values, on_old)
-        except DeviceFaultError as error:
-            _note(runs, {"event": "failed", **about, "error": str(error)})
-            raise
-        _note(runs, {"event": "written", **about, "new": done.new, "verified": done.verified})
-    return _held(setup, identity, done.new, runs)
-
-
-def known_commits(runs: Path, serial: str) -> int:
-    """How often this station committed a unit's registers: by its runs in `runs` and by hand."""
-    count = 0
-    for entry in journal(runs):
-        count += entry.get("event") == "written" and entry.get("serial") == serial
-    for path in runs.glob("*.json"):
-        try:
-            result = json.loads(path.read_text(encoding="utf-8"))
-            written = (result.get("registers") or {}).get("new") is not None
-            count += written and result["unit"]["serial"] == serial
-        except (OSError, ValueError, KeyError, AttributeError, TypeError):
-            continue
-    return count
-
-
-def journal(runs: Path) -> list[dict[str, Any]]:
-    """What was written by hand so far, oldest first; a line torn by a power cut is left out."""
-    try:
-        lines = (runs / JOURNAL).read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return []
-    entries = []
-    for line in lines:
-        try:
-            entries.append(json.loads(line))
-        except ValueError:
-            continue
-    return entries
+        done = transfer(imu, _map(setup), serial, values, begin)
+        done.entry.close(Closing.DONE)
+    return _held(setup, identity, done.found, runs)
 
 
 @contextmanager
@@ -215,7 +184,7 @@ def _held(setup: Setup, identity: ImuIdentity, values: Mapping[str, float], runs
         identity.model,
         identity.firmware,
         _rows(_map(setup), values),
-        known_commits(runs, identity.serial),
+        register_journal.cycles(runs, identity.serial),
         setup.station.bench is not None,
     )
 
@@ -234,22 +203,3 @@ def _rows(entries: RegisterMap, values: Mapping[str, float]) -> tuple[Register, 
                 raw = struct.pack(">f", stored).hex().upper()
                 rows.append(Register(entry.address + i, name, values[name], raw))
     return tuple(rows)
-
-
-def _note(runs: Path, entry: Mapping[str, Any]) -> None:
-    """Add a line to the journal, on disk when this returns."""
-    line = json.dumps({"utc": datetime.now(UTC).isoformat(timespec="seconds"), **entry}, ensure_ascii=False)
-    path = runs / JOURNAL
-    new = not path.exists()
-    try:
-        with path.open("a", encoding="utf-8") as stream:
-            stream.write(line + "\n")
-            stream.flush()
-            os.fsync(stream.fileno())
-    except OSError as exc:
-        raise ConfigurationError(
-            f"{path}: cannot be written ({exc.strerror or exc}), so no register was; make room or choose"
-            " another folder for the runs"
-        ) from exc
-    if new:
-        sync_folder(runs)

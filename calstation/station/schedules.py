@@ -17,6 +17,9 @@ from calstation.station.request import RunRequest
 from calstation.station.setup import configured
 from procedures import DEFAULT_STAGES, method
 
+_VIRTUAL = "SN-000001"
+"""What a virtual unit is called where its bench does not say."""
+
 Kind = Literal["number", "count", "targets"]
 """A float, a whole number, or sigmas by parameter or group."""
 
@@ -69,6 +72,7 @@ class Offer:
     estimates : parameters of each stage offered
     rate, acceleration : most that both joints do, °/s and °/s²
     virtual : the station is a virtual bench; station : its name
+    serial_pattern : regular expression for a whole serial number; serial : of the virtual bench's unit, else ""
     """
 
     product: Path
@@ -81,6 +85,8 @@ class Offer:
     estimates: Mapping[str, tuple[str, ...]]
     rate: float
     acceleration: float
+    serial_pattern: str
+    serial: str
 
 
 def offer(station: Path | None, product: Path | None) -> Offer:
@@ -101,6 +107,8 @@ def offer(station: Path | None, product: Path | None) -> Offer:
         estimates={stage: method(stage).estimates(context) for stage in offered},
         rate=float(np.rad2deg(min(limits.rate))),
         acceleration=float(np.rad2deg(min(limits.acceleration))),
+        serial_pattern=setup.product.serial_pattern,
+        serial="" if setup.station.bench is None else str(setup.station.bench.get("serial", _VIRTUAL)),
     )
 
 

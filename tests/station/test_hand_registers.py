@@ -1,6 +1,5 @@
 """Registers by hand on the bench's own IMU: read, set beside a result, written, journaled."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,14 +9,8 @@ import pytest
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.station import library
 from calstation.station.compose import compose
-from calstation.station.hand_registers import (
-    JOURNAL,
-    journal,
-    known_commits,
-    read_unit,
-    wanted_registers,
-    write_unit,
-)
+from calstation.station.hand_registers import read_unit, wanted_registers, write_unit
+from calstation.station.register_journal import FOLDER, history
 from tests.station.conftest import Place
 
 SERIAL = "SN-000042"
@@ -53,49 +46,38 @@ def test_what_is_written_is_what_the_unit_then_holds(unit: Place) -> None:
     assert wanted.registers[0].value == np.float32(1e-6)
     assert bytes.fromhex(wanted.registers[0].raw) == np.array([1e-6], ">f4").tobytes()
 
-    after = write_unit(tell, unit.request(), SERIAL, wanted.values, "wang", runs)
+    after = write_unit(tell, unit.request(), SERIAL, wanted.values, "x.h5", "wang", runs)
     again = read_unit(tell, unit.request(), runs)
     assert again.values == after.values == before.values | wanted.values
     assert again.commits == 1
-    intended, written = journal(runs)
-    assert (intended["event"], intended["engineer"], intended["old"]) == ("intended", "wang", before.values)
-    assert intended["new"] == wanted.values
-    assert (written["event"], written["verified"], written["new"]) == ("written", True, after.values)
+    (entry,) = history(runs, SERIAL)
+    assert (entry.by, entry.why, entry.source, entry.closing) == ("wang", "hand", "x.h5", "done")
+    assert entry.old == before.values
+    assert entry.new == after.values
 
 
 def test_another_unit_than_meant_is_refused(unit: Place) -> None:
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match=r"'SN-000042' is in the fixture.*nothing was written"):
-        write_unit(tell, unit.request(), "SN-000043", {"gyro_bias_x": 1e-6}, "wang", runs)
-    assert journal(runs) == []
+        write_unit(tell, unit.request(), "SN-000043", {"gyro_bias_x": 1e-6}, "x.h5", "wang", runs)
+    assert history(runs, "SN-000043") == []
 
 
-def test_a_value_that_does_not_fit_is_refused_and_noted(unit: Place) -> None:
+def test_a_value_that_does_not_fit_is_refused(unit: Place) -> None:
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match="does not fit register 0"):
-        write_unit(tell, unit.request(), SERIAL, {"gyro_bias_x": 7.0}, "wang", runs)
-    assert [entry["event"] for entry in journal(runs)] == ["intended", "failed"]
+        write_unit(tell, unit.request(), SERIAL, {"gyro_bias_x": 7.0}, "x.h5", "wang", runs)
     assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] != 7.0
 
 
 def test_no_journal_no_write(unit: Place) -> None:
     runs = unit.folder / "runs"
-    (runs / JOURNAL).mkdir(parents=True)
-    with pytest.raises(ConfigurationError, match="so no register was"):
-        write_unit(tell, unit.request(), SERIAL, {"gyro_bias_x": 1e-6}, "wang", runs)
+    runs.mkdir()
+    (runs / FOLDER).write_text("a file where the folder should be", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="nothing further was written to the unit"):
+        write_unit(tell, unit.request(), SERIAL, {"gyro_bias_x": 1e-6}, "x.h5", "wang", runs)
+    (runs / FOLDER).unlink()
     assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] == 0.0
-
-
-def test_commits_are_counted_over_runs_and_hand_writes(place: Place) -> None:
-    runs = place.folder / "runs"
-    assert place.run("six_position").outcome == "passed"
-    assert known_commits(runs, SERIAL) == 1
-    assert known_commits(runs, "SN-000043") == 0
-    (runs / "torn.json").write_text("{", encoding="utf-8")
-    (runs / JOURNAL).write_text(
-        json.dumps({"event": "written", "serial": SERIAL}) + '\n{"event": "wri', encoding="utf-8"
-    )
-    assert known_commits(runs, SERIAL) == 2
 
 
 def test_a_result_behind_the_registers_is_put_together_with_them(

@@ -1,16 +1,471 @@
-"""The engineer page."""
+"""The engineer page: choose and preview on the left and first view, look closely at a result on the others."""
 
+import re
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLabel, QPushButton, QTabWidget, QVBoxLayout, QWidget
+
+from calstation.errors import CalstationError
+from calstation.gui import theme
 from calstation.gui.context import AppContext
+from calstation.gui.engineer.choice_panel import ChoicePanel
+from calstation.gui.engineer.header import EngineerHeader
+from calstation.gui.engineer.innovations_view import InnovationsView
+from calstation.gui.engineer.lazy import LazyView
+from calstation.gui.engineer.observability_view import ObservabilityView
+from calstation.gui.engineer.preview import PreviewView
+from calstation.gui.engineer.registers_view import RegistersView
+from calstation.gui.engineer.residuals_view import ResidualsView
+from calstation.gui.engineer.result_view import ResultView
 from calstation.gui.page import Page
+from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.gui.wording import word_stage, word_state
+from calstation.sequencer.events import Event, Verdict
+from calstation.station.diagnostics import Diagnostics, diagnose
+from calstation.station.finished import Finished, finished
+from calstation.station.forecast import forecast
+from calstation.station.hand_registers import UnitRegisters, Wanted, read_unit, wanted_registers, write_unit
+from calstation.station.product_schedule import save_schedule
+from calstation.station.request import RunRequest
+from calstation.station.schedules import Offer, offer
+
+_LEFT = 46 * theme.GRID
+_WAITING_SERIAL = "-"
+"""Stands for the unit where none is named yet."""
 
 
 class EngineerPage(Page):
-    """The engineer page."""
+    """Parts, schedules, preview and START; parameters, innovations, residuals, observability, registers."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("engineer_page")
+        self._offer: Offer | None = None
+        self._problem = ""
+        self._finished: Finished | None = None
+        self._path: Path | None = None
+        self._looked: Path | None = None
+        self._writing = False
+        self.header = self._fields = EngineerHeader(app.run)
+        self._fields.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
+        self.choice = ChoicePanel()
+        self.notice = NoticeBar()
+        self._source, self.open_button = QLabel(), QPushButton()
+        self.open_button.setObjectName("open_result_button")
+        self.preview, self.result = PreviewView(), ResultView()
+        self.innovations, self.residuals = InnovationsView(), ResidualsView()
+        self.observability, self.registers = ObservabilityView(), RegistersView()
+        self._loading, self._wanting = JobWatch(self), JobWatch(self)
+        self._saving, self._diagnosing = JobWatch(self), JobWatch(self)
+        self._lazy = {
+            "result": LazyView(self.result),
+            "innovations": LazyView(self.innovations, self._diagnosing),
+            "residuals": LazyView(self.residuals, self._diagnosing),
+            "observability": LazyView(self.observability),
+        }
+        self.views = QTabWidget()
+        self.views.setObjectName("engineer_views")
+        self.views.setProperty("kind", "views")
+        self.views.setDocumentMode(True)
+        for view in (self.preview, *self._lazy.values(), self.registers):
+            self.views.addTab(view, "")
+        self._lay_out()
+        self._connect()
+        self.retranslate()
+        self._read_offer()
 
     def title(self) -> str:
         """The page's name on its tab."""
         return self.tr("Engineer")
+
+    def _lay_out(self) -> None:
+        corner = QWidget()
+        row = QHBoxLayout(corner)
+        row.setContentsMargins(0, 0, 0, theme.GRID // 2)
+        row.setSpacing(theme.GRID)
+        row.addWidget(self._source, 1, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        row.addWidget(self.open_button)
+        self._source.setProperty("kind", "muted")
+        right = QVBoxLayout()
+        right.setSpacing(theme.GRID)
+        right.addWidget(self.notice)
+        right.addWidget(self.views, 1)
+        self.views.setCornerWidget(corner, Qt.Corner.TopRightCorner)
+        self.choice.setFixedWidth(_LEFT)
+        body = QHBoxLayout(self)
+        body.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
+        body.setSpacing(2 * theme.GRID)
+        body.addWidget(self.choice)
+        body.addLayout(right, 1)
+
+    def _connect(self) -> None:
+        app = self.app
+        self.choice.changed.connect(self._choice_changed)
+        self.choice.unlock_wanted.connect(app.role.ask)
+        self.choice.save_wanted.connect(self._save)
+        self._fields.start_pressed.connect(self._start)
+        self._fields.edited.connect(self._allow)
+        self.preview.wanted.connect(self._preview)
+        self.preview.watch.done.connect(lambda told: self._show_observability(told=told))
+        self.open_button.clicked.connect(self._ask_file)
+        self._loading.done.connect(self._loaded)
+        self._loading.failed.connect(self._not_loaded)
+        self._wanting.done.connect(self._show_wanted)
+        self._wanting.failed.connect(self.registers.complain)
+        self._saving.done.connect(self._saved)
+        self._saving.failed.connect(self._not_saved)
+        self._diagnosing.done.connect(self._diagnosed)
+        self._diagnosing.failed.connect(self._not_diagnosed)
+        self._diagnosing.cancelled.connect(lambda: self._not_diagnosed(""))
+        self.registers.read_wanted.connect(self._read_registers)
+        self.registers.write_wanted.connect(self._write_registers)
+        self.registers.watch.done.connect(self._registers_told)
+        self.views.currentChanged.connect(lambda _: self._look())
+        app.engine_link.event.connect(self._take)
+        app.engine_link.running_changed.connect(lambda _: self._allow())
+        app.run.changed.connect(self._allow)
+        app.role.changed.connect(lambda _: self._allow())
+        app.station_changed.connect(self._read_offer)
+        app.product_changed.connect(self._read_offer)
+        app.open_run.connect(self._open_run)
+
+    # ---- what is chosen
+
+    def _read_offer(self) -> None:
+        """Read station and product again; what is wrong with them keeps everything from working, and says so."""
+        app = self.app
+        try:
+            self._offer = offer(app.station_path, app.product_path)
+            self._problem = ""
+        except CalstationError as error:
+            self._offer = None
+            self._problem = str(error)
+        self.choice.setEnabled(self._offer is not None)
+        if self._offer is not None:
+            self.choice.show_offer(self._offer)
+            if not self._fields.serial:
+                self._fields.serial_edit.setText(self._offer.serial)
+        self._allow()
+
+    def _choice_changed(self) -> None:
+        self.preview.outdate()
+        found = self._offer
+        if found is not None:
+            stages, schedule = self.choice.parts.stages, self.choice.schedule
+            whole = not stages or (stages == found.stages and not schedule)
+            self.app.choose(None, None) if whole else self.app.choose(stages, schedule)
+        self._allow()
+
+    def _request(self) -> RunRequest:
+        app, fields = self.app, self._fields
+        return RunRequest(
+            fields.serial or _WAITING_SERIAL,
+            app.station_path,
+            app.product_path,
+            self.choice.parts.stages,
+            app.runs_folder,
+            fields.engineer or None,
+            schedule=self.choice.schedule,
+        )
+
+    def _preview(self) -> None:
+        self.preview.watch.watch(self.app.workshop.submit(forecast, self._request()))
+        self.preview.begin()
+
+    def _save(self) -> None:
+        assert self._offer is not None
+        stage = self.choice.parts.current
+        changes = self.choice.form(stage).departures
+        product = self._offer.name
+        self.notice.ask(
+            "caution",
+            lambda: self.tr("Save the schedule of {0} to the product {1}?").format(
+                word_stage(stage), product
+            ),
+            lambda: self.tr(
+                "Every later run of this product uses it. The present version is kept; this one is saved under the "
+                "name {0}."
+            ).format(self._fields.engineer),
+            (
+                Choice("cancel_save_button", lambda: self.tr("Cancel"), lambda: None),
+                Choice(
+                    "confirm_save_button",
+                    lambda: self.tr("Save to product"),
+                    lambda: self._save_now({stage: changes}),
+                    primary=True,
+                ),
+            ),
+        )
+
+    def _save_now(self, changes: dict[str, Any]) -> None:
+        assert self._offer is not None
+        job = self.app.workshop.submit(
+            save_schedule, self._offer.product, changes, self._fields.engineer, cancellable=False
+        )
+        self._saving.watch(job)
+        self._allow()
+
+    def _saved(self, saved: Any) -> None:
+        path, version = saved
+        name = self._offer.name if self._offer is not None else path.stem
+        self.notice.ask(
+            "good", lambda: self.tr("{0}: version {1} saved").format(name, version.number), lambda: str(path)
+        )
+        if path == self.app.product_path:
+            self.app.product_changed.emit()
+        else:
+            self.app.set_product(path)
+
+    def _not_saved(self, error: str) -> None:
+        self.notice.ask("bad", lambda: self.tr("The product was not saved"), lambda: error)
+        self._allow()
+
+    # ---- START
+
+    def _start(self) -> None:
+        assert self._offer is not None
+        self.notice.dismiss()
+        self.app.settings.setValue("engineer_name", self._fields.engineer)
+        if self._offer.virtual:
+            self._run()
+            return
+        station = self._offer.station
+        self.notice.ask(
+            "caution",
+            lambda: self.tr("The table of '{0}' is going to move").format(station),
+            lambda: self.tr("Is everybody clear of it, and the unit tight?"),
+            (
+                Choice("clear_choice", lambda: self.tr("All clear, start"), self._run),
+                Choice("cancel_choice", lambda: self.tr("Cancel"), lambda: None, primary=True),
+            ),
+        )
+
+    def _run(self) -> None:
+        self.app.engine_link.start(self._request())
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event, Verdict):
+            self.open(Path(event.result_file))
+
+    # ---- a finished run
+
+    def open(self, path: Path) -> None:
+        """Look at a result or a log."""
+        self._path = path
+        self._loading.watch(self.app.workshop.submit(finished, path, self.app.runs_folder))
+        self._say_source()
+
+    def _open_run(self, run: Any) -> None:
+        """What another page wants looked at: a path, or a run of the history."""
+        self.open(run if isinstance(run, Path) else run.result or run.log)
+
+    def _ask_file(self) -> None:
+        dialog = QFileDialog(self, self.tr("Open a result or a log"), str(self.app.runs_folder))
+        dialog.setNameFilters(
+            [self.tr("Results and logs (*.json *.h5 *.csv *.csv.gz)"), self.tr("All files (*)")]
+        )
+        dialog.fileSelected.connect(lambda name: self.open(Path(name)))
+        dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        dialog.open()
+
+    def _loaded(self, run: Finished) -> None:
+        self._finished, self._looked = run, None
+        if run.result["parameters"]:
+            self.result.show_run(run)
+            self._lazy["result"].show_view()
+        else:
+            self._lazy["result"].show_empty(self._why_no_answer(run))
+        self._show_observability(run=run)
+        for name in ("innovations", "residuals"):
+            self._lazy[name].show_empty()
+        self.registers.show_wanted(None)
+        if run.result["parameters"] and self._offer is not None:
+            job = self.app.workshop.submit(wanted_registers, self._request(), dict(run.result))
+            self._wanting.watch(job)
+        if self.views.currentIndex() == 0 and not self.app.engine_link.running:
+            self.views.setCurrentIndex(1)
+        self._say_source()
+        self._look()
+        self._allow()
+
+    def _not_loaded(self, error: str) -> None:
+        self._path = None
+        self.notice.ask("bad", lambda: self.tr("This file cannot be opened"), lambda: error)
+        self._say_source()
+
+    def _why_no_answer(self, run: Finished) -> str:
+        said = self.tr("The run ended without an answer: {0}").format(word_state(str(run.result["outcome"])))
+        error = run.result.get("error")
+        return f"{said}. {error}" if error else said
+
+    def _show_observability(self, run: Finished | None = None, told: Any = None) -> None:
+        """That of a run; before any, what a preview expects."""
+        if run is not None:
+            self.observability.show_stages(run.result.get("observability") or {})
+        elif self._finished is None and told is not None:
+            self.observability.show_stages({s.stage: s.observability for s in told.stages})
+        else:
+            return
+        self._lazy["observability"].show_view()
+
+    def _look(self) -> None:
+        """Make innovations and residuals once somebody looks at them."""
+        view = self.views.currentWidget()
+        run = self._finished
+        if run is None or view not in (self._lazy["innovations"], self._lazy["residuals"]):
+            return
+        if run.log is None:
+            self._not_diagnosed(self.tr("Its log is not there any more."))
+        elif run.log != self._looked and not run.result["stages"]:
+            self._not_diagnosed(self._why_no_answer(run))
+        elif run.log != self._looked:
+            self._looked = run.log
+            log = run.result["log"]
+            stages = tuple(run.result["stages"])
+            self._diagnosing.watch(
+                self.app.workshop.submit(diagnose, run.log, stages, log["first_seq"], log["last_seq"])
+            )
+            for name in ("innovations", "residuals"):
+                self._lazy[name].show_work()
+
+    def _diagnosed(self, found: Diagnostics) -> None:
+        self.innovations.show_diagnostics(found)
+        self.residuals.show_diagnostics(found)
+        for name in ("innovations", "residuals"):
+            self._lazy[name].show_view()
+
+    def _not_diagnosed(self, error: str) -> None:
+        self._looked = None
+        for name in ("innovations", "residuals"):
+            self._lazy[name].show_empty(error)
+
+    def _say_source(self) -> None:
+        if self._loading.busy and self._path is not None:
+            self._source.setText(self.tr("Opening {0}").format(self._path.name))
+        elif self._finished is None:
+            self._source.setText("")
+        else:
+            result = self._finished.result
+            started = str(result.get("started_utc") or "").replace("T", " ")[:16]
+            parts = (str(result["unit"]["serial"]), started, word_state(str(result["outcome"])))
+            self._source.setText("  ·  ".join(part for part in parts if part))
+
+    # ---- registers
+
+    def _show_wanted(self, wanted: Wanted) -> None:
+        self.registers.show_wanted(wanted)
+        self._allow()
+
+    def _read_registers(self) -> None:
+        job = self.app.workshop.submit(read_unit, self._request(), self.app.runs_folder, cancellable=False)
+        self.registers.watch.watch(job)
+        self.registers.begin()
+        self._allow()
+
+    def _write_registers(self, values: Any) -> None:
+        assert self._finished is not None
+        result = self._finished.result
+        job = self.app.workshop.submit(
+            write_unit,
+            self._request(),
+            str(result["unit"]["serial"]),
+            dict(values),
+            Path(result["log"]["file"]).name,
+            self._fields.engineer,
+            self.app.runs_folder,
+            cancellable=False,
+        )
+        self._writing = True
+        self.registers.watch.watch(job)
+        self.registers.begin()
+        self._allow()
+
+    def _registers_told(self, unit: UnitRegisters) -> None:
+        self.registers.show_unit(unit, written=self._writing)
+        self._writing = False
+        self._allow()
+
+    # ---- what may be done now, and why not
+
+    def _allow(self) -> None:
+        running = self.app.engine_link.running
+        busy = self.tr("A calibration is going on; press STOP first.") if running else ""
+        role = (
+            ""
+            if self.app.role.engineer
+            else self.tr("Only an engineer may change this; enter the PIN first.")
+        )
+        name = "" if self._fields.engineer else self.tr("Enter your name first; it stands in the record.")
+        device = self.tr("The unit is being asked.") if self.registers.watch.busy else ""
+        self._fields.set_running(busy)
+        self._fields.set_start(
+            self._problem or busy or device or self._why_no_choice() or self._why_no_unit()
+        )
+        self.choice.lock(busy, role, name or self._why_not_save())
+        self.preview.set_why_not(self._problem or self._why_no_choice())
+        self.registers.engineer = self._fields.engineer
+        self.registers.set_why_not(
+            self._problem or busy or device,
+            role or self._problem or busy or device or name or self._why_not_write(),
+        )
+
+    def _why_no_choice(self) -> str:
+        if not self.choice.parts.stages:
+            return self.tr("Choose at least one stage.")
+        if self.choice.unsound:
+            return self.tr("Mend the schedule of {0} first.").format(
+                ", ".join(word_stage(stage) for stage in self.choice.unsound)
+            )
+        return ""
+
+    def _why_no_unit(self) -> str:
+        if not self._fields.serial:
+            return self.tr("Enter the unit's serial number.")
+        if self._offer is not None and not re.fullmatch(self._offer.serial_pattern, self._fields.serial):
+            return self.tr("The serial number does not fit this product ({0}).").format(
+                self._offer.serial_pattern
+            )
+        if self.app.run.fault is not None:
+            return self.tr("Read the fault on the Operator page and press Understood first.")
+        return ""
+
+    def _why_not_save(self) -> str:
+        form = self.choice.form(self.choice.parts.current) if self._offer is not None else None
+        if form is None or self._saving.busy:
+            return self.tr("Being saved.")
+        if not form.sound:
+            return self.tr("Mend the values marked first.")
+        return "" if form.departures else self.tr("This stage's values are the product's.")
+
+    def _why_not_write(self) -> str:
+        view = self.registers
+        if view.wanted is None:
+            return self.tr("Open a result or finish a run first: its values are what is written.")
+        if view.unit is None:
+            return self.tr("Read the unit first, so that what changes can be seen.")
+        if view.unit.serial != view.wanted.serial:
+            return self.tr("Unit {0} is in the fixture, the result is of {1}.").format(
+                view.unit.serial, view.wanted.serial
+            )
+        return "" if view.changes else self.tr("The unit holds these values already.")
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        for index, text in enumerate(
+            (
+                self.tr("Preview"),
+                self.tr("Parameters"),
+                self.tr("Innovations"),
+                self.tr("Residuals"),
+                self.tr("Observability"),
+                self.tr("Registers"),
+            )
+        ):
+            self.views.setTabText(index, text)
+        self.open_button.setText(self.tr("Open"))
+        self.open_button.setToolTip(self.tr("Look at an earlier result or log"))
+        self._say_source()
+        self._allow()

@@ -1,0 +1,250 @@
+"""The unit's registers, old against new, and an explicit write that says what it will change."""
+
+from collections.abc import Callable
+
+from PySide6.QtCore import QEvent, Signal
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from calstation.gui import theme
+from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.widgets.empty_state import EmptyState
+from calstation.gui.widgets.job_row import JobRow
+from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
+from calstation.physics.units import aligned, display
+from calstation.station.hand_registers import Register, UnitRegisters, Wanted
+
+_NONE = "–"
+
+
+class RegistersView(QWidget):
+    """`read_wanted` and `write_wanted(values)` ask the page to have it done by the workshop."""
+
+    read_wanted = Signal()
+    write_wanted = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.unit: UnitRegisters | None = None
+        self.wanted: Wanted | None = None
+        self._old: dict[str, Register] = {}
+        self._new: dict[str, Register] = {}
+        self._cells: dict[str, dict[str, str]] = {}
+        self._error = ""
+        self._written = False
+        self.engineer = ""
+        self.watch = JobWatch(self)
+        self._row = JobRow(self.watch)
+        self.notice = NoticeBar()
+        self._empty = EmptyState()
+        self._badge = StateBadge()
+        self._about = QLabel()
+        self._about.setWordWrap(True)
+        self.read_button, self.write_button = QPushButton(), QPushButton()
+        self.read_button.setObjectName("read_registers_button")
+        self.write_button.setObjectName("write_registers_button")
+        self.read_button.clicked.connect(self.read_wanted)
+        self.write_button.clicked.connect(self._ask)
+        self.model = ParameterModel(
+            (
+                Column(lambda: self.tr("Address"), self._text("address")),
+                Column(lambda: self.tr("Unit"), self._text("unit"), number=False),
+                Column(lambda: self.tr("Old"), self._text("old")),
+                Column(lambda: self.tr("stored as"), self._text("old_raw")),
+                Column(lambda: self.tr("New"), self._text("new")),
+                Column(lambda: self.tr("stored as"), self._text("new_raw")),
+                Column(lambda: self.tr("Change"), self._text("change"), state=self._state),
+            )
+        )
+        self.table = ParameterTable(self.model)
+        self.table.setObjectName("register_table")
+        self._lay_out()
+        self.watch.failed.connect(self.complain)
+        self.watch.cancelled.connect(self._say)
+        self.retranslate()
+
+    def _lay_out(self) -> None:
+        head = QHBoxLayout()
+        head.setSpacing(2 * theme.GRID)
+        head.addWidget(self._badge)
+        head.addWidget(self._about, 1)
+        head.addWidget(self._row, 1)
+        head.addWidget(self.read_button)
+        head.addWidget(self.write_button)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, theme.GRID, 0, 0)
+        column.setSpacing(theme.GRID)
+        column.addLayout(head)
+        column.addWidget(self.notice)
+        column.addWidget(self.table, 1)
+        column.addWidget(self._empty, 1)
+
+    @property
+    def changes(self) -> list[str]:
+        """Parameters whose register would hold something else."""
+        return [n for n, new in self._new.items() if n in self._old and self._old[n].raw != new.raw]
+
+    def show_wanted(self, wanted: Wanted | None) -> None:
+        """What the loaded result asks for."""
+        self.wanted = wanted
+        self._written = False
+        self._error = ""
+        if wanted is None or self.unit is None or self.unit.serial != wanted.serial:
+            self.unit = None
+        self._fill()
+
+    def show_unit(self, unit: UnitRegisters, *, written: bool = False) -> None:
+        """What the unit holds; `written` just now, on the engineer's word."""
+        self.unit, self._written, self._error = unit, written, ""
+        self._fill()
+
+    def begin(self) -> None:
+        """The unit is being asked."""
+        self._error = ""
+        self.notice.dismiss()
+        self._say()
+
+    def set_why_not(self, read: str, write: str) -> None:
+        """Why the unit cannot be read or written now, "" where it can."""
+        self.read_button.setEnabled(not read)
+        self.read_button.setToolTip(read)
+        self.write_button.setEnabled(not write)
+        self.write_button.setToolTip(write)
+        if write:
+            self.notice.dismiss()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self.read_button.setText(self.tr("Read the unit"))
+        self.write_button.setText(self.tr("Write to the unit"))
+        self.table.setAccessibleName(self.tr("Registers, old against new"))
+        self._empty.say(
+            self.tr("Registers, old against new"),
+            self.tr(
+                "Open a result or finish a run to see what it would write, and read the unit in the fixture to see "
+                "what it holds. Nothing is written without being asked for."
+            ),
+        )
+        self.notice.retranslate()
+        self.model.refresh()
+        self._say()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)
+
+    def _fill(self) -> None:
+        before = self.unit.registers if self.unit is not None else self.wanted.before if self.wanted else ()
+        self._old = {register.parameter: register for register in before}
+        self._new = {} if self.wanted is None else {r.parameter: r for r in self.wanted.registers}
+        names = sorted({**self._old, **self._new}, key=self._address)
+        self._cells = {name: self._cells_of(name) for name in names}
+        for column in ("old", "new", "change"):
+            there = [name for name in names if column in self._cells[name]]
+            texts = aligned([self._cells[name][column] for name in there])
+            for name, text in zip(there, texts, strict=True):
+                self._cells[name][column] = text
+        self.model.set_names(names)
+        self.table.setVisible(bool(names))
+        self._empty.setVisible(not names)
+        self._say()
+
+    def _address(self, name: str) -> int:
+        return (self._old.get(name) or self._new[name]).address
+
+    def _cells_of(self, name: str) -> dict[str, str]:
+        old, new = self._old.get(name), self._new.get(name)
+        cells = {"address": str(self._address(name)), "unit": display(name, 0.0)[1]}
+        if old is not None:
+            cells |= {"old": f"{display(name, old.value)[0]:.4f}", "old_raw": old.raw}
+        if new is not None:
+            cells |= {"new": f"{display(name, new.value)[0]:.4f}", "new_raw": new.raw}
+        if old is not None and new is not None:
+            difference = display(name, new.value - old.value)[0]
+            cells["change"] = "0" if old.raw == new.raw else f"{difference:+.4f}"
+        return cells
+
+    def _text(self, column: str) -> Callable[[str], str]:
+        return lambda name: self._cells[name].get(column, _NONE)
+
+    def _state(self, name: str) -> str | None:
+        return "caution" if name in self.changes else None
+
+    def complain(self, error: str) -> None:
+        """Say what could not be done."""
+        self._error = error
+        self._say()
+
+    def _ask(self) -> None:
+        """State exactly what will change, and wait for the word."""
+        assert self.wanted is not None
+        assert self.unit is not None
+        wanted, unit, changes = self.wanted, self.unit, self.changes
+        self.notice.ask(
+            "caution",
+            lambda: self.tr("Write {0} registers of unit {1}?").format(len(wanted.registers), unit.serial),
+            lambda: self.tr(
+                "{0} of them change, exactly as the table shows below ({1}); all others keep their values. "
+                "The unit commits them to flash and restarts: flash write number {2} known here. "
+                "It stands in the journal under the name {3}."
+            ).format(len(changes), self._addresses(changes), unit.commits + 1, self.engineer),
+            (
+                Choice("cancel_write_button", lambda: self.tr("Cancel"), lambda: None, primary=True),
+                Choice(
+                    "confirm_write_button",
+                    lambda: self.tr("Write {0} registers").format(len(wanted.registers)),
+                    lambda: self.write_wanted.emit(wanted.values),
+                ),
+            ),
+        )
+
+    def _addresses(self, names: list[str]) -> str:
+        """Addresses as ranges."""
+        places = sorted(self._address(name) for name in names)
+        spans: list[list[int]] = []
+        for place in places:
+            if spans and place == spans[-1][1] + 1:
+                spans[-1][1] = place
+            else:
+                spans.append([place, place])
+        return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in spans)
+
+    def _say(self) -> None:
+        busy = self.watch.busy
+        self._row.setVisible(busy)
+        for widget in (self._about, self.read_button, self.write_button):
+            widget.setVisible(not busy)
+        self._badge.setVisible(not busy and bool(self._badge_of()))
+        if shown := self._badge_of():
+            self._badge.show_state(*shown)
+        theme.set_kind(self._about, "error" if self._error else "")
+        self._about.setText(self._error or self._sentence())
+
+    def _badge_of(self) -> tuple[str, str] | None:
+        if self._error:
+            return "bad", self.tr("not done")
+        if self._written:
+            return "good", self.tr("written and read back")
+        if self.unit is not None and self._new:
+            count = len(self.changes)
+            return ("caution", self.tr("{0} differ").format(count)) if count else ("good", self.tr("equal"))
+        return None
+
+    def _sentence(self) -> str:
+        parts = []
+        if self.unit is not None:
+            parts.append(
+                self.tr("Unit {0}, {1}, firmware {2}; flash writes known here: {3}.").format(
+                    self.unit.serial, self.unit.model, self.unit.firmware, self.unit.commits
+                )
+            )
+            if self.unit.virtual:
+                parts.append(self.tr("A virtual unit starts afresh with every bench."))
+        elif self._old:
+            parts.append(self.tr("Old: as the run found them. Read the unit to see what it holds now."))
+        elif self._new:
+            parts.append(self.tr("Read the unit to see what it holds now."))
+        return " ".join(parts)

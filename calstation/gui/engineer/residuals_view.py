@@ -1,0 +1,163 @@
+"""What is left at every rest after compensation: gravity's length and the earth's rate, measured less expected."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QPointF
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from calstation.gui import theme
+from calstation.gui.engineer.bands import Band, Bands
+from calstation.gui.widgets.plot import ThemedPlot
+from calstation.gui.wording import word_stage
+from calstation.physics.arrays import FloatArray
+from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
+from calstation.station.diagnostics import Diagnostics, StageDiagnostics
+
+_LEFT = 9 * theme.GRID
+_FACE = np.cos(np.deg2rad(30.0))
+"""A rest closer than this to a face goes by the face's name."""
+_NEAR = 12.0
+"""How close the pointer must be to a rest, px."""
+
+
+class ResidualsView(QWidget):
+    """Three plots over the rests of all stages; where the pointer is, the rest is named."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._diagnostics: Diagnostics | None = None
+        self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
+        self._places: list[tuple[StageDiagnostics, int]] = []
+        self._about, self._pointed = QLabel(), QLabel()
+        self._about.setProperty("kind", "muted")
+        self._pointed.setObjectName("rest_label")
+        self.plots = tuple(ThemedPlot() for _ in range(3))
+        self._bands = tuple(Bands(plot, named=number == 0) for number, plot in enumerate(self.plots))
+        head = QHBoxLayout()
+        head.addWidget(self._about, 1)
+        head.addWidget(self._pointed)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, theme.GRID, 0, 0)
+        column.setSpacing(theme.GRID // 2)
+        column.addLayout(head)
+        for number, plot in enumerate(self.plots):
+            plot.getAxis("left").setWidth(_LEFT)
+            plot.showGrid(y=True, alpha=0.2)
+            plot.setMouseEnabled(x=True, y=False)
+            if number < 2:
+                plot.getAxis("bottom").setStyle(showValues=False)
+                plot.getAxis("bottom").setHeight(4)
+            if number:
+                plot.setXLink(self.plots[0])
+            plot.scene().sigMouseMoved.connect(lambda at, of=plot: self._point(of, at))
+            column.addWidget(plot, 1)
+        self.retranslate()
+
+    def show_diagnostics(self, diagnostics: Diagnostics) -> None:
+        """Show these."""
+        self._diagnostics = diagnostics
+        self._draw()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._about.setText(
+            self.tr(
+                "Measured less expected at every rest, with ±1 σ of its noise; nothing here needs an attitude."
+            )
+        )
+        self._pointed.setText("")
+        for plot, text in zip(
+            self.plots,
+            (self.tr("gravity, µg"), self.tr("vertical rate, °/h"), self.tr("horizontal rate, °/h")),
+            strict=True,
+        ):
+            plot.setLabel("left", text)
+            plot.getAxis("left").label.setFont(theme.font())
+        self.plots[2].setLabel("bottom", self.tr("rest, by the axis that is up"))
+        self._draw()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language or theme."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        elif event.type() == QEvent.Type.PaletteChange:
+            self._draw()
+        super().changeEvent(event)
+
+    def _draw(self) -> None:
+        for plot, item in self._items:
+            plot.removeItem(item)
+        self._items.clear()
+        self._places = []
+        if self._diagnostics is None:
+            return
+        stages = [stage for stage in self._diagnostics.stages if len(stage.rests)]
+        bands: list[Band] = []
+        for stage in stages:
+            begin = len(self._places)
+            self._places += [(stage, k) for k in range(len(stage.rests))]
+            bands.append((word_stage(stage.stage), begin - 0.5, len(self._places) - 0.5))
+        for band in self._bands:
+            band.show(bands)
+        columns = self._columns(stages)
+        for plot, (values, sigmas) in zip(self.plots, columns, strict=True):
+            self._draw_column(plot, values, sigmas)
+        ticks = [(k, face(stage.rests.up[i])) for k, (stage, i) in enumerate(self._places)]
+        every = max(1, len(ticks) // 60)
+        self.plots[2].getAxis("bottom").setTicks([ticks[::every]])
+        self.plots[0].setXRange(-0.5, max(len(ticks) - 0.5, 0.5), padding=0.01)
+
+    def _columns(self, stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, FloatArray]]:
+        """Values and sigmas of each plot, in the units people read."""
+        rests = [stage.rests for stage in stages]
+        none = np.empty(0)
+        force = np.concatenate([none, *(r.force for r in rests)]) / MICRO_G
+        force_sigma = np.concatenate([none, *(r.force_sigma for r in rests)]) / MICRO_G
+        vertical = np.concatenate([none, *(r.vertical_rate for r in rests)]) / DEGREE_PER_HOUR
+        horizontal = np.concatenate([none, *(r.horizontal_rate for r in rests)]) / DEGREE_PER_HOUR
+        rate_sigma = np.concatenate([none, *(r.rate_sigma for r in rests)]) / DEGREE_PER_HOUR
+        return [(force, force_sigma), (vertical, rate_sigma), (horizontal, rate_sigma)]
+
+    def _draw_column(self, plot: ThemedPlot, values: FloatArray, sigmas: FloatArray) -> None:
+        c = theme.colours()
+        place = np.arange(len(values), dtype=np.float64)
+        bars = pg.ErrorBarItem(x=place, y=values, height=2.0 * sigmas, beam=0.25, pen=pg.mkPen(c.muted))
+        dots = pg.ScatterPlotItem(place, values, size=7, pen=None, brush=pg.mkBrush(c.accent))
+        zero = pg.InfiniteLine(0.0, 0, pen=pg.mkPen(c.text))
+        for item in (zero, bars, dots):
+            plot.addItem(item, ignoreBounds=item is not dots)
+            self._items.append((plot, item))
+        reach = float(np.max(np.abs(values) + sigmas, initial=0.0)) * 1.1 or 1.0
+        plot.setYRange(-reach, reach, padding=0.0)
+
+    def _point(self, plot: ThemedPlot, at: QPointF) -> None:
+        """Name the rest under the pointer."""
+        view = plot.getPlotItem().getViewBox()
+        if not self._places or not view.sceneBoundingRect().contains(at):
+            return
+        k = min(max(round(view.mapSceneToView(at).x()), 0), len(self._places) - 1)
+        stage, i = self._places[k]
+        rests = stage.rests
+        x, y, z = (float(v) for v in rests.up[i])
+        said = self.tr("{0}, rest {1}, up = ({2:+.2f}, {3:+.2f}, {4:+.2f})").format(
+            word_stage(stage.stage), i + 1, x, y, z
+        )
+        if np.isfinite(rests.angles[i]).all():
+            outer, inner = np.rad2deg(rests.angles[i])
+            said += self.tr(", outer {0:.1f}°, inner {1:.1f}°").format(float(outer), float(inner))
+        said += self.tr(": {0:+.2f} µg, {1:+.4f} °/h up, {2:+.4f} °/h level").format(
+            float(rests.force[i] / MICRO_G),
+            float(rests.vertical_rate[i] / DEGREE_PER_HOUR),
+            float(rests.horizontal_rate[i] / DEGREE_PER_HOUR),
+        )
+        self._pointed.setText(said)
+
+
+def face(up: FloatArray) -> str:
+    """The axis that points up, "" where none does by 30°."""
+    axis = int(np.argmax(np.abs(up)))
+    if abs(up[axis]) < _FACE:
+        return ""
+    return ("+" if up[axis] > 0.0 else "−") + "xyz"[axis]
