@@ -109,6 +109,12 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     ]
 
 
+def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> list[str]:
+    """Parameters with a limit that no stage estimated: part of a calibration is judged by that part alone."""
+    estimated = estimated_stage(solutions)
+    return [p.name for p in PARAMETERS if (p.name in limits or p.group in limits) and p.name not in estimated]
+
+
 def check_limits(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution]) -> list[Check]:
     """Compare a chain's answer with its product's limits.
 

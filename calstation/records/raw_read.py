@@ -2,7 +2,7 @@
 
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,11 @@ def read_contents(path: Path) -> RawLogContents:
             last.get("outcome"),
             last.get("sha256"),
         )
+
+
+def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
+    """The stages that a log's events say were solved, in order."""
+    return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
 def raw_blocks(path: Path) -> Iterator[SampleBlock]:

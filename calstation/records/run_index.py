@@ -34,7 +34,7 @@ from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.records.raw_log import SUFFIX
 
-_VERSION = 1
+_VERSION = 2
 """Of the tables; an index of another version is made again."""
 
 FILE = "history.sqlite"
@@ -54,7 +54,9 @@ class RunRecord:
     ----------
     started_utc : ISO 8601; outcome : passed, failed, stopped, fault or incomplete; duration : s of station time
     log : raw log; result : result JSON, None where there is none
+    stages : those that were solved
     error : what ended a faulty run; resumed_from : name of the log that this run continued, None for a fresh one
+    closed : somebody decided that it is not to be resumed
     """
 
     serial: str
@@ -70,6 +72,7 @@ class RunRecord:
     duration: float
     error: str | None = None
     resumed_from: str | None = None
+    closed: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ _runs = Table(
     Column("duration", Float, nullable=False),
     Column("error", String),
     Column("resumed_from", String),
+    Column("closed", Boolean, nullable=False),
     Column("solved", String, nullable=False),
 )
 
@@ -152,9 +156,13 @@ class RunIndex:
             query = query.where(_runs.c.outcome == outcome)
         return self._records(query)
 
-    def of(self, serial: str, outcomes: tuple[str, ...], before: str | None = None) -> list[IndexedRun]:
+    def of(
+        self, serial: str, outcomes: tuple[str, ...] | None = None, before: str | None = None
+    ) -> list[IndexedRun]:
         """A unit's runs of these outcomes that started before `before` (ISO 8601), latest first."""
-        query = select(_runs).where(_runs.c.serial == serial, _runs.c.outcome.in_(outcomes))
+        query = select(_runs).where(_runs.c.serial == serial)
+        if outcomes is not None:
+            query = query.where(_runs.c.outcome.in_(outcomes))
         if before is not None:
             query = query.where(_runs.c.started_utc < before)
         query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())
@@ -189,6 +197,7 @@ class RunIndex:
             duration=row.duration,
             error=row.error,
             resumed_from=row.resumed_from,
+            closed=row.closed,
         )
 
     def _records(self, query: Select[Any]) -> list[RunRecord]:
@@ -263,5 +272,6 @@ def _row(run: IndexedRun) -> dict[str, Any]:
         "duration": record.duration,
         "error": record.error,
         "resumed_from": record.resumed_from,
+        "closed": record.closed,
         "solved": json.dumps(dict(run.values)),
     }

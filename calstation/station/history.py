@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from calstation.errors import InputError
-from calstation.records.meta import LogMeta
 from calstation.records.raw_log import STILL_WRITTEN, SUFFIX
-from calstation.records.raw_read import read_contents
+from calstation.records.raw_read import RawLogContents, read_contents, solved_stages
 from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
 from calstation.station.result import SCHEMA
 from calstation.station.worker import Tell
@@ -62,6 +61,10 @@ class History:
         """
         return self._ask(lambda: self._index.find(search, outcome, limit))
 
+    def of(self, serial: str) -> list[RunRecord]:
+        """All runs of a unit, the latest first."""
+        return [run.record for run in self._ask(lambda: self._index.of(serial))]
+
     def passed_before(self, serial: str) -> RunRecord | None:
         """The unit's latest run that passed."""
         found = self._ask(lambda: self._index.of(serial, ("passed",)))
@@ -86,6 +89,10 @@ class History:
         for run in self._ask(lambda: self._index.of(serial, _SOLVED, before)):
             values = {**run.values, **values}
         return values
+
+    def solved(self, serial: str) -> list[IndexedRun]:
+        """The unit's solved runs with their values, the oldest first."""
+        return self._ask(lambda: self._index.of(serial, _SOLVED))[::-1]
 
     def _ask(self, question: Callable[[], T]) -> T:
         answer = question()
@@ -131,7 +138,7 @@ def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     except (OSError, ValueError, KeyError, TypeError, InputError):
         return None
     if contents.outcome is None:
-        return _from_meta(folder, name, stamp, contents.meta)
+        return _from_log(folder, name, stamp, contents)
     for result in reversed(contents.results):
         if _is_run(result, name):
             return _from_result(folder, name, stamp, result, None)
@@ -159,19 +166,21 @@ def _from_result(
         product=result.get("product"),
         station=result.get("station"),
         operator=result.get("operator"),
-        stages=tuple(result["stages"]),
+        stages=tuple(result.get("finished_stages") or result["stages"]),
         log=folder / f"{name}{SUFFIX}",
         result=beside,
         duration=float(result.get("duration_s") or 0.0),
         error=result.get("error"),
         resumed_from=result.get("resumed_from"),
+        closed="closed_utc" in result,
     )
     values = {parameter: float(row["value"]) for parameter, row in result["parameters"].items()}
     return IndexedRun(name, stamp, record, values)
 
 
-def _from_meta(folder: Path, name: str, stamp: str, meta: LogMeta) -> IndexedRun:
+def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:
     """A run that died and has not been given its result yet."""
+    meta = contents.meta
     run = meta.run
     record = RunRecord(
         serial=meta.imu.serial,
@@ -181,9 +190,10 @@ def _from_meta(folder: Path, name: str, stamp: str, meta: LogMeta) -> IndexedRun
         product=meta.product.name if meta.product else None,
         station=run.station if run else None,
         operator=run.operator if run else None,
-        stages=(),
+        stages=solved_stages(contents.events),
         log=folder / f"{name}{SUFFIX}",
         result=None,
         duration=0.0,
+        resumed_from=run.resumed_from if run else None,
     )
     return IndexedRun(name, stamp, record, {})

@@ -1,11 +1,17 @@
-"""Finds runs that did not reach their end and gives each the result that it could not write itself."""
+"""Gives runs that died the result that they could not write themselves, and closes those that nobody will resume."""
 
+import json
 import time
+from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.records.log import Log, open_log
 from calstation.records.raw_log import STILL_WRITTEN, SUFFIX
+from calstation.records.raw_read import solved_stages
+from calstation.station.handover import expect
 from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.solve import StageChain
 
@@ -13,27 +19,67 @@ from calstation.station.solve import StageChain
 def settle_incomplete(folder: Path) -> list[Path]:
     """Write the result ``incomplete`` beside every log in `folder` whose run died; returns those logs.
 
-    A log that cannot be read at all is left as it is.
+    Their results wait for the next hand-over, and their runs can still be resumed. A log that cannot be read at
+    all is left as it is.
     """
     found = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
-        beside = path.with_suffix(".json")
-        if beside.exists() or time.time() - path.stat().st_mtime < STILL_WRITTEN:
+        if path.with_suffix(".json").exists() or _still_written(path):
             continue
         try:
             log = open_log(path)
             if log.outcome is None:
-                _settle(log, beside)
+                _settle(log)
                 found.append(path)
         except InputError:
             continue
     return found
 
 
-def _settle(log: Log, beside: Path) -> None:
+def close_incomplete(path: Path, operator: str | None = None) -> Path:
+    """Decide that a run is not to be resumed; returns its result file, which says who and when.
+
+    Raises ConfigurationError where the run is still going, or the place cannot be written, InputError where the
+    log cannot be read.
+    """
+    if _still_written(path) and not path.with_suffix(".json").exists():
+        raise ConfigurationError(f"{path}: its run may still be going; wait some seconds and try again")
+    log = open_log(path)
+    beside = path.with_suffix(".json")
+    if not beside.exists():
+        if log.outcome is None:
+            _settle(log)
+        elif log.results:
+            write_json(beside, log.results[-1])
+        else:
+            raise InputError(f"{path}: no run that could be resumed")
+    result: dict[str, Any] = json.loads(beside.read_text(encoding="utf-8"))
+    closed = {"closed_utc": datetime.now(UTC).isoformat(timespec="seconds"), "closed_by": operator}
+    write_json(beside, {**result, **closed})
+    return beside
+
+
+def _still_written(path: Path) -> bool:
+    try:
+        return time.time() - path.stat().st_mtime < STILL_WRITTEN
+    except OSError as exc:
+        raise InputError(f"{path}: cannot be read ({exc.strerror or exc})") from exc
+
+
+def _settle(log: Log) -> None:
     prior = StageChain(log.meta).prior
     facts = log.facts()
     seconds = max(0, facts.last_seq - facts.first_seq + 1) / log.meta.imu.sample_rate_hz
-    ending = Ending("incomplete", str(log.path), facts, seconds)
+    finished = solved_stages(log.events)
+    ending = Ending(
+        "incomplete",
+        str(log.path),
+        facts,
+        seconds,
+        advice="resume" if finished else "repeat",
+        finished_stages=finished,
+    )
     result = build_result(log.meta, prior, (), judge(log.meta, prior, ()), ending)
-    write_json(beside, result)
+    with suppress(OSError):  # the result is there all the same
+        expect(log.path.parent, log.path.stem)
+    write_json(log.path.with_suffix(".json"), result)

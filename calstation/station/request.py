@@ -18,6 +18,9 @@ class RunRequest:
     out : folder for log and result
     operator : who asked, None where not said
     speed, seed : of the virtual bench; None for the station file's
+    resume : log of a run that did not reach its end, to be carried on behind its last finished stage, beside it
+        and with its stages and schedule; `stages`, `schedule`, `out` and `seed` do not count then
+    beyond_attempts : an engineer allows a unit whose attempts are used up
     schedule : parameters of stages' methods in place of the product's, by stage; None for the product's
     """
 
@@ -30,3 +33,5 @@ class RunRequest:
     speed: float | None = None
     seed: int | None = None
     schedule: Mapping[str, Mapping[str, Any]] | None = None
+    resume: Path | None = None
+    beyond_attempts: bool = False

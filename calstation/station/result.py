@@ -15,8 +15,9 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.context import Belief
 from calstation.estimation.method import Consistency, Solution
 from calstation.physics.parameters import INDEX, PARAMETERS
+from calstation.records.atomic import write_atomic
 from calstation.records.facts import LogFacts
-from calstation.records.limits import Check, check_limits, estimated_stage, unobservable
+from calstation.records.limits import Check, check_limits, estimated_stage, not_compared, unobservable
 from calstation.records.meta import LogMeta
 
 SCHEMA = "calstation.result/1"
@@ -24,10 +25,14 @@ SCHEMA = "calstation.result/1"
 
 @dataclass(frozen=True)
 class Judgement:
-    """Checks of a chain's answer against its product's limits; `passed` is None where there are no limits."""
+    """Checks of a chain's answer against its product's limits; `passed` is None where there are no limits.
+
+    not_compared : parameters that have a limit and were not estimated; they do not fail the unit
+    """
 
     checks: tuple[Check, ...]
     passed: bool | None
+    not_compared: tuple[str, ...] = ()
 
 
 def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
@@ -36,7 +41,8 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     checks = tuple(check_limits(limits, prior, solutions))
     if not limits:
         return Judgement(checks, None)
-    return Judgement(checks, bool(checks) and all(check.passed for check in checks))
+    passed = bool(checks) and all(check.passed for check in checks)
+    return Judgement(checks, passed, tuple(not_compared(limits, solutions)))
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,8 @@ class Ending:
     """What a result says about how it came to be: `outcome`, log, registers and time.
 
     log_file : path as text; first_seq, last_seq : range solved, None for all of the log
+    stop_reason : who or what stopped a stopped run; advice : what to do next, see `station.advice`
+    finished_stages : of an incomplete run, those that were solved before it died
     """
 
     outcome: str
@@ -54,6 +62,9 @@ class Ending:
     last_seq: int | None = None
     registers: Mapping[str, Any] | None = None
     error: str | None = None
+    stop_reason: str | None = None
+    advice: str | None = None
+    finished_stages: tuple[str, ...] | None = None
 
 
 def build_result(
@@ -69,15 +80,18 @@ def build_result(
         "parameters": _parameters(solutions),
         "unobservable": unobservable(prior, solutions),
         "checks": [check.to_json() for check in judgement.checks],
+        "not_compared": list(judgement.not_compared),
         "consistency": {s.stage: consistency_json(s.consistency) for s in solutions},
         "observability": {s.stage: dict(s.observability) for s in solutions if s.observability},
         "details": {s.stage: dict(s.details) for s in solutions if s.details},
         "outcome": ending.outcome,
+        "advice": ending.advice,
         "attempt": run.attempt if run else 1,
         "operator": run.operator if run else None,
         "station": run.station if run else None,
         "product": meta.product.name if meta.product else None,
         "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
+        "configuration": _files(meta),
         "temperature_c": _temperature(facts),
         "registers": ending.registers,
         "log": {
@@ -93,10 +107,21 @@ def build_result(
         "started_utc": run.started_utc if run else None,
         "duration_s": ending.duration,
     }
-    if ending.error is not None:
-        result["error"] = ending.error
+    more = {
+        "error": ending.error,
+        "stop_reason": ending.stop_reason,
+        "finished_stages": ending.finished_stages,
+        "resumed_from": run.resumed_from if run else None,
+    }
+    result.update({key: value for key, value in more.items() if value is not None})
     plain: dict[str, Any] = _plain(result)
     return plain
+
+
+def _files(meta: LogMeta) -> dict[str, dict[str, Any]]:
+    """Name, version and digest of each file that the run used, by kind."""
+    files = (meta.run.files if meta.run else None) or {}
+    return {kind: file.model_dump() for kind, file in files.items()}
 
 
 def _plain(value: Any) -> Any:
@@ -149,11 +174,13 @@ def _temperature(facts: LogFacts) -> dict[str, float] | None:
 
 
 def write_json(path: Path, result: Mapping[str, Any]) -> None:
-    """Write a result file. Raises ConfigurationError where the place cannot be written."""
+    """Write a result file, whole or not at all. Raises ConfigurationError where the place cannot be written."""
+    text = json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     try:
-        path.write_text(
-            json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8"
-        )
+        if path.exists() and not path.is_file():
+            path.write_text(text, encoding="utf-8")  # a pipe or a device, which cannot be replaced
+        else:
+            write_atomic(path, text)
     except OSError as exc:
         raise ConfigurationError(
             f"{path}: cannot be written ({exc.strerror or exc}); choose another folder"

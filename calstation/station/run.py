@@ -1,31 +1,33 @@
 """One run from request to verdict: log, sequencer, limits, registers, result."""
 
 import re
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import transfer
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
-from calstation.physics.parameters import NAMES
-from calstation.records.limits import estimated_stage
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.sequencer.control import Control
+from calstation.sequencer.acquisition import LastSample
+from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.events import Event, Fault, Message, Verdict, to_json
 from calstation.sequencer.ports import Emit
 from calstation.sequencer.sequencer import Sequencer
+from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
 from calstation.sequencer.task import Ended
-from calstation.station.compose import compose
+from calstation.station.advice import advice, check_attempts
+from calstation.station.conclusion import Conclusion
+from calstation.station.config import load_station
+from calstation.station.handover import HandOver, expect
+from calstation.station.history import History
 from calstation.station.incomplete import settle_incomplete
 from calstation.station.request import RunRequest
 from calstation.station.result import Ending, build_result, judge, write_json
+from calstation.station.resume import Continuation
 from calstation.station.setup import Setup, prepare
 from calstation.station.solve import StageChain, one_blas_thread
 from calstation.station.wiring import Devices, connected
@@ -38,111 +40,172 @@ _OUTCOMES = {
 }
 
 
+@dataclass(frozen=True)
+class _Place:
+    """What a run knows before its devices: configuration, folder, history, who listens, what it carries on."""
+
+    setup: Setup
+    folder: Path
+    history: History
+    emit: Emit
+    control: Control
+    before: Continuation | None
+    started: datetime
+
+    def meta(self, registers: dict[str, float] | None) -> LogMeta:
+        """The log's configuration. `registers` : of the unit, None where it could not be asked."""
+        if self.before is not None:
+            return self.before.meta(self.setup, self.started, registers)
+        attempt = 1 + self.history.attempts(self.setup.request.serial)
+        return self.setup.meta(self.started, attempt, registers or {})
+
+    def log(self, meta: LogMeta) -> RawLogWriter:
+        """The run's log; from now on its result is expected by the hand-over."""
+        stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
+        log = RawLogWriter(self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta)
+        with suppress(OSError):  # then the result itself has no room either, which is told
+            expect(self.folder, log.path.stem)
+        return log
+
+
 @dataclass
 class _Run:
     """What a run gathers on its way."""
 
-    setup: Setup
+    place: _Place
     meta: LogMeta
     log: RawLogWriter
     chain: StageChain
-    devices: Devices
-    emit: Emit
     registers: dict[str, Any] = field(default_factory=dict)
 
     def verify(self, solution: Solution) -> bool:
         """Go on after a stage? Not where the product ends early and a limit is missed."""
-        if not self.setup.product.end_on_failure:
+        if not self.place.setup.product.end_on_failure:
             return True
         if judge(self.meta, self.chain.prior, tuple(self.chain.solutions)).passed:
             return True
         self.tell(Message("stopped_early", {"stage": solution.stage}))
         return False
 
-    def conclude(self, solutions: tuple[Solution, ...]) -> bool:
-        """Check the limits; write the registers of a unit inside them. Raises DeviceFaultError."""
-        if not judge(self.meta, self.chain.prior, solutions).passed:
-            self.tell(Message("registers_kept"))
-            return False
-        belief = solutions[-1].belief
-        found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
-        if self.setup.after_registers:
-            written = compose(self.meta.registers, found)
-        else:
-            written = {name: found[name] for name in estimated_stage(solutions)}
-        done = transfer(self.devices.imu, RegisterMap(tuple(self.setup.imu.registers)), written, self._old)
-        self.registers = {"old": done.old, "new": done.new, "verified": done.verified}
-        self.tell(Message("registers_written", {"count": len(done.new)}))
-        return True
-
-    def _old(self, old: Mapping[str, float]) -> None:
-        """The unit's registers as they were go to the log before anything is written."""
-        self.registers = {"old": dict(old), "new": None, "verified": False}
-        self.log.event({"event": "OldRegisters", "registers": dict(old)})
-        self.log.flush()
+    def hear(self) -> None:
+        """Take the operator's commands. Raises StopRequested."""
+        self.place.control.take()
+        if self.place.control.stopping:
+            raise StopRequested
 
     def tell(self, event: Event) -> None:
         """To the listener and the log."""
         self.log.event(to_json(event))
-        self.emit(event)
+        self.place.emit(event)
+
+    def carry_on(self) -> LastSample | None:
+        """Begin with what was finished before; None for a fresh run. Raises StopRequested, InputError."""
+        before = self.place.before
+        if before is None:
+            return None
+        self.tell(Message("resumed", {"log": before.log.path.name, "stages": list(before.finished)}))
+
+        def tell(solution: Solution) -> None:
+            for event in told(solution):
+                self.tell(event)
+
+        return before.copy(self.log, self.chain, self.hear, tell)
 
 
 def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     """Run to the end and emit the verdict; a result JSON stands beside the log for every outcome.
 
-    Raises ConfigurationError before anything is opened where the request cannot be run.
+    Raises ConfigurationError or InputError before anything is opened where the request cannot be run.
     """
+    before = None
+    if request.resume is not None:
+        before = Continuation.of(request, request.resume)
+        request = before.request
     setup = prepare(request)
     folder = _folder(request.out)
     for dead in settle_incomplete(folder):
         emit(Message("incomplete_run", {"log": str(dead)}))
-    started = datetime.now(UTC)
-    attempt = 1 + len(list(folder.glob(f"{_stem(request.serial)}_*.h5")))
-    path = folder / f"{_stem(request.serial)}_{started:%Y%m%dT%H%M%S%f}.h5"
-    with one_blas_thread():
-        try:
-            with connected(setup) as devices:
-                meta = setup.meta(started, attempt, devices.imu.read_registers())
-                log = RawLogWriter(path, meta)
-                run = _Run(setup, meta, log, StageChain(meta), devices, emit)
-                _run(run, control)
-        except DeviceFaultError as error:
-            if path.exists():
-                raise
-            _not_connected(setup.meta(started, attempt, {}), path, emit, error)
-
-
-def _run(run: _Run, control: Control) -> None:
-    begin = run.devices.clock.now()
-    sequencer = Sequencer(
-        run.setup.task(run.meta),
-        run.devices.table,
-        run.devices.imu,
-        run.devices.clock,
-        run.log,
-        run.chain,
-        run.emit,
-        verify=run.verify,
-        conclude=run.conclude,
-        control=control,
-    )
+    history = History(folder)
+    history.refresh()
+    failures = history.failures(request.serial)
+    check_attempts(setup.product, request.serial, failures, request.beyond_attempts)
+    place = _Place(setup, folder, history, emit, control, before, datetime.now(UTC))
+    place.meta(None)
+    hand_over = HandOver(folder, load_station(request.station)[0], setup.station, emit)
+    hand_over.start()
     try:
-        ended = sequencer.run()
+        with one_blas_thread():
+            _connect(place)
+    finally:
+        hand_over.finish()
+
+
+def _connect(place: _Place) -> None:
+    """Open the devices and run; a run that finds none has an empty log and the result ``fault``."""
+    run: _Run | None = None
+    try:
+        with connected(place.setup) as devices:
+            meta = place.meta(devices.imu.read_registers())
+            run = _Run(place, meta, place.log(meta), StageChain(meta))
+            _run(run, devices)
+    except DeviceFaultError as error:
+        if run is not None:
+            raise
+        meta = place.meta(None)
+        run = _Run(place, meta, place.log(meta), StageChain(meta))
+        run.tell(Fault(type(error).__name__, str(error), error.exit_code))
+        _close(run, Ended(State.FAULT, (), error), 0.0)
+
+
+def _run(run: _Run, devices: Devices) -> None:
+    begin = devices.clock.now()
+    try:
+        ended = _sequence(run, devices)
     except Exception as mistake:
         error = CalstationError(f"{type(mistake).__name__}: {mistake}")
         with suppress(OSError, RuntimeError, CalstationError):  # what failed may be the log itself
-            _end(run, Ended(State.FAULT, tuple(run.chain.solutions), error), begin)
+            ended = Ended(State.FAULT, tuple(run.chain.solutions), error)
+            _close(run, ended, _elapsed(devices, begin))
         if isinstance(mistake, OSError):
             raise ConfigurationError(
                 f"{run.log.path}: cannot be written any more ({mistake}); make room on its disk"
             ) from mistake
         raise
-    _end(run, ended, begin)
+    _close(run, ended, _elapsed(devices, begin))
 
 
-def _end(run: _Run, ended: Ended, begin: float) -> None:
-    registers = run.registers or None
-    _close(run.log, run.chain, run.meta, ended, _elapsed(run.devices, begin), registers, run.emit)
+def _sequence(run: _Run, devices: Devices) -> Ended:
+    """Carry on what was begun before, then drive and solve what is left."""
+    control = run.place.control
+    try:
+        after = run.carry_on()
+    except StopRequested:
+        return Ended(State.STOPPED, tuple(run.chain.solutions))
+    except CalstationError as error:
+        run.tell(Fault(type(error).__name__, str(error), error.exit_code))
+        return Ended(State.FAULT, tuple(run.chain.solutions), error)
+    solved = tuple(run.chain.solutions)
+    if solved:
+        devices.imu.read()  # what came while they were solved belongs to nothing
+    setup = run.place.setup
+    task = setup.task(run.meta)
+    conclusion = Conclusion(setup, run.meta, run.log, run.chain, devices.imu, run.tell, run.registers)
+    sequencer = Sequencer(
+        replace(task, stages=task.stages[len(solved) :]),
+        devices.table,
+        devices.imu,
+        devices.clock,
+        run.log,
+        run.chain,
+        run.place.emit,
+        verify=run.verify,
+        conclude=conclusion.conclude,
+        prove=conclusion.prove,
+        control=control,
+        solved=solved,
+        after=after,
+    )
+    return sequencer.run()
 
 
 def _elapsed(devices: Devices, begin: float) -> float:
@@ -153,36 +216,31 @@ def _elapsed(devices: Devices, begin: float) -> float:
         return 0.0
 
 
-def _close(
-    log: RawLogWriter,
-    chain: StageChain,
-    meta: LogMeta,
-    ended: Ended,
-    duration: float,
-    registers: dict[str, Any] | None,
-    emit: Emit,
-) -> None:
+def _close(run: _Run, ended: Ended, duration: float) -> None:
     """Write the result into the log and beside it; emit the verdict."""
+    place, log, serial = run.place, run.log, run.meta.imu.serial
     outcome = _OUTCOMES[ended.state]
-    error = None if ended.error is None else str(ended.error)
-    judgement = judge(meta, chain.prior, ended.solutions)
-    ending = Ending(outcome, str(log.path), log.facts(), duration, registers=registers, error=error)
-    result = build_result(meta, chain.prior, ended.solutions, judgement, ending)
+    failures = place.history.failures(serial) + (outcome == "failed")
+    ending = Ending(
+        outcome,
+        str(log.path),
+        log.facts(),
+        duration,
+        registers=run.registers or None,
+        error=None if ended.error is None else str(ended.error),
+        stop_reason=place.control.stop_reason if outcome == "stopped" else None,
+        advice=advice(place.setup.product, outcome, failures, finished=bool(ended.solutions)),
+    )
+    judgement = judge(run.meta, run.chain.prior, ended.solutions)
+    result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending)
     result["passed"] = ended.state is State.PASSED
     log.add_result(result)
     log.close(outcome)
     beside = log.path.with_suffix(".json")
     write_json(beside, result)
-    emit(Verdict(outcome, str(log.path), str(beside), result))
-
-
-def _not_connected(meta: LogMeta, path: Path, emit: Emit, error: DeviceFaultError) -> None:
-    """A run that found no devices: its log is empty, its result a fault."""
-    log = RawLogWriter(path, meta)
-    fault = Fault(type(error).__name__, str(error), error.exit_code)
-    log.event(to_json(fault))
-    emit(fault)
-    _close(log, StageChain(meta), meta, Ended(State.FAULT, (), error), 0.0, None, emit)
+    with suppress(OSError):  # the index only: the next run makes it up
+        place.history.refresh()
+    place.emit(Verdict(outcome, str(log.path), str(beside), result))
 
 
 def _folder(folder: Path) -> Path:
@@ -196,7 +254,3 @@ def _folder(folder: Path) -> Path:
             f"--out {folder}: cannot be written ({exc.strerror or exc}); choose another folder"
         ) from exc
     return folder
-
-
-def _stem(serial: str) -> str:
-    return re.sub(r"[^A-Za-z0-9.-]", "-", serial)
