@@ -114,7 +114,10 @@ def _complain_of_no_rest(
 
 
 def frozen_channels(data: StageData) -> Iterator[tuple[str, int, int]]:
-    """Channels that repeat one value far longer than their noise makes likely: name, first and last sample."""
+    """Channels that repeat one value far longer than their noise makes likely: name, first and last sample.
+
+    Where all channels repeat together and repeat elsewhere too, the recording has no noise to tell by.
+    """
     values = np.column_stack([data.gyro, data.accel])
     for channel, name in enumerate(CHANNELS):
         same = np.concatenate([[False], np.diff(values[:, channel]) == 0.0, [False]])
@@ -126,7 +129,10 @@ def frozen_channels(data: StageData) -> Iterator[tuple[str, int, int]]:
         others = max(len(values) - 1 - length, 0)
         again = (int(same.sum()) - length) / others if others else 0.0
         chance = np.log(len(values)) / -np.log(np.clip(again, 1e-3, 1.0 - 1e-6))
-        if length * data.dt > FREEZE_TIME and length > UNLIKELY * chance:
+        if length * data.dt <= FREEZE_TIME or length <= UNLIKELY * chance:
+            continue
+        others_change = np.delete(np.diff(values[first:last], axis=0) != 0.0, channel, axis=1).mean(axis=0)
+        if max(float(others_change.max()), 1.0 - again) > 0.5:
             yield name, int(first), int(last)
 
 

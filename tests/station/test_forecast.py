@@ -128,3 +128,12 @@ def test_a_move_is_a_trapezoid_or_a_triangle(distance: float, seconds: float) ->
     if distance:
         assert abs(angle[t < seconds - 0.02][-1] - 1.0 - distance) > 1e-6
         assert np.abs(np.diff(angle)).max() <= 0.01 * (1.0 + 1e-9)
+
+
+def test_a_stage_that_finds_its_rests_by_itself_can_be_foretold(place: Place) -> None:
+    told = foretold(place, "multi_position", multi_position={"step_deg": 90.0, "rest_s": 3.0})
+    stage = told.stages[0]
+    assert stage.error == ""
+    assert stage.sigma is not None
+    for name in stage.estimated:
+        assert stage.sigma[INDEX[name]] < 0.2 * told.before[INDEX[name]], name
