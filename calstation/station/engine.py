@@ -16,7 +16,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict, from_json
 from calstation.station.channel import BEAT, Channel
-from calstation.station.interrupts import deaf_to_interrupts
+from calstation.station.own_process import start_apart
 from calstation.station.request import RunRequest
 
 _SLICE = 0.2
@@ -72,8 +72,7 @@ class Engine:
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_engine, args=(there, request), name="calstation engine")
-        with deaf_to_interrupts():
-            process.start()
+        start_apart(process)
         there.close()
         return cls(process, here)
 

@@ -9,7 +9,7 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
 from typing import Any, Literal
 
-from calstation.station.interrupts import deaf_to_interrupts
+from calstation.station.own_process import start_apart
 from calstation.station.worker import READY, internal, serve
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
@@ -223,8 +223,7 @@ class Workshop:
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=serve, args=(there,), name="calstation worker", daemon=True)
-        with deaf_to_interrupts():
-            process.start()
+        start_apart(process)
         there.close()
         self._process, self._connection, self._ready = process, here, False
 

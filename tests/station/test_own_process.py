@@ -1,0 +1,26 @@
+"""A plain script, without a guard around what it does, may start a process of ours."""
+
+import subprocess
+import sys
+
+SCRIPT = """
+import time
+from calstation.station.workshop import Workshop
+
+print("once")
+workshop = Workshop()
+job = workshop.submit(len, "abc")
+while job.state in ("waiting", "running"):
+    job.poll()
+    time.sleep(0.01)
+print(job.state)
+workshop.close()
+"""
+
+
+def test_a_script_without_a_guard_is_not_run_again(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout.split() == ["once", "failed"], done.stderr
+    assert "bootstrapping" not in done.stderr
