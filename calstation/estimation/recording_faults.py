@@ -23,6 +23,8 @@ from calstation.physics.parameters import group_indices
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 FREEZE_TIME = 1.0
 """A channel that repeats one value this long, s, and far longer than its noise makes likely, is frozen."""
+NOISY = 0.05
+"""A recording in which fewer samples repeat the one before has noise in every channel, whatever the unit does."""
 UNLIKELY = 5.0
 """So many times the longest repetition that chance brings."""
 PLAUSIBLE_GRAVITY = (0.75, 1.33)
@@ -132,7 +134,7 @@ def frozen_channels(data: StageData) -> Iterator[tuple[str, int, int]]:
         if length * data.dt <= FREEZE_TIME or length <= UNLIKELY * chance:
             continue
         others_change = np.delete(np.diff(values[first:last], axis=0) != 0.0, channel, axis=1).mean(axis=0)
-        if max(float(others_change.max()), 1.0 - again) > 0.5:
+        if others_change.max() > 0.5 or again < NOISY:
             yield name, int(first), int(last)
 
 
