@@ -1,0 +1,278 @@
+"""A run carried on behind its last finished stage: killed, stopped or faulty before, whole and exact after."""
+
+import json
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import ConfigurationError, InputError
+from calstation.records.log import open_log
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Message, StageSolved, StageStarted, StepStarted, Verdict
+from calstation.station.engine import Engine
+from calstation.station.history import History
+from calstation.station.incomplete import close_incomplete, settle_incomplete
+from calstation.station.request import RunRequest
+from calstation.station.resolve import resolve
+from calstation.station.resume import find_resumable, resumable
+from calstation.station.run import execute
+from tests.station.conftest import QUICK, Place
+
+SHORT = {
+    "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
+    "six_position": {"dwell_s": 2.0, **QUICK},
+}
+STAGES = ("rate", "six_position")
+
+
+def short(place: Place) -> Place:
+    """Stages of seconds, and limits that they can reach."""
+    place.write({"schedule": SHORT, "stages": list(STAGES), "limits": {"gyro_scale": {"within": 0.1}}})
+    return place
+
+
+def stopped_in(place: Place, stage: str, *stages: str) -> Verdict:
+    """A run that was stopped after the first step of a stage."""
+
+    def watch(event: Event) -> None:
+        if isinstance(event, StepStarted) and event.stage == stage:
+            place.control.send(Command.STOP)
+
+    verdict = place.run(*(stages or STAGES), on_event=watch)
+    place.control = Control()
+    place.events = []
+    return verdict
+
+
+def resumed(place: Place, log: str | Path, **more: object) -> Verdict:
+    request = RunRequest(
+        "SN-000042",
+        place.station,
+        place.product,
+        operator="second",
+        resume=Path(log),
+        **more,  # type: ignore[arg-type]
+    )
+    execute(request, place.events.append, place.control)
+    (verdict,) = place.told(Verdict)
+    return verdict
+
+
+def test_a_stopped_run_is_resumed_at_its_last_finished_stage(place: Place) -> None:
+    before = stopped_in(short(place), "six_position")
+    assert before.result["stages"] == ["rate"]
+    assert (before.result["advice"], before.result["stop_reason"]) == ("resume", "operator")
+    (offer,) = resumable(place.folder / "runs")
+    assert offer == find_resumable(lambda *_: None, place.folder / "runs")[0]
+    assert (offer.serial, offer.stages, offer.finished) == ("SN-000042", STAGES, ("rate",))
+    assert (offer.outcome, offer.why, offer.attempt) == ("stopped", "operator", 1)
+
+    verdict = resumed(place, offer.log)
+    result = verdict.result
+    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]] or place.events[-3:]
+    assert result["stages"] == list(STAGES)
+    assert result["resumed_from"] == Path(before.log).name
+    assert (result["attempt"], result["operator"]) == (1, "second")
+    assert result["log"]["gaps"] == 1
+    assert [(s.stage, s.index, s.count) for s in place.told(StageStarted)] == [("six_position", 1, 2)]
+    assert [s.stage for s in place.told(StageSolved)] == list(STAGES)
+    told = [m.id for m in place.told(Message)]
+    assert told.index("resumed") < told.index("identified") < told.index("checking_mounting")
+
+    assert Path(verdict.log).parent == Path(before.log).parent
+    Path(before.log).unlink()
+    again = resolve(Path(verdict.log)).result
+    for key in ("parameters", "consistency", "unobservable", "details"):
+        assert again[key] == result[key]
+    assert resumable(place.folder / "runs") == []
+    assert History(place.folder / "runs").attempts("SN-000042") == 1
+
+
+def test_a_resumed_run_can_be_resumed_again(place: Place) -> None:
+    first = stopped_in(short(place), "six_position")
+    place.control.send(Command.STOP)
+    second = resumed(place, first.log)
+    assert (second.outcome, second.result["stages"]) == ("stopped", [])
+    place.events, place.control = [], Control()
+    (offer,) = resumable(place.folder / "runs")
+    assert offer.log == Path(first.log)
+
+    def stop(event: Event) -> None:
+        place.events.append(event)
+        if isinstance(event, StepStarted) and event.stage == "six_position":
+            place.control.send(Command.STOP)
+
+    request = RunRequest("SN-000042", place.station, place.product, resume=offer.log)
+    execute(request, stop, place.control)
+    (third,) = place.told(Verdict)
+    assert (third.outcome, third.result["stages"]) == ("stopped", ["rate"])
+    place.events, place.control = [], Control()
+    verdict = resumed(place, third.log)
+    assert verdict.outcome == "passed"
+    assert resolve(Path(verdict.log)).result["parameters"] == verdict.result["parameters"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(place: Place) -> None:
+    runs = place.folder / "runs"
+    with Engine.start(place.request()) as engine:
+        deadline = time.monotonic() + 250.0
+        killed = False
+        while not engine.ended:
+            assert time.monotonic() < deadline
+            for event in engine.poll():
+                if isinstance(event, StepStarted) and event.stage == "excitation" and not killed:
+                    assert engine.process.pid is not None
+                    os.kill(engine.process.pid, signal.SIGKILL)
+                    killed = True
+            time.sleep(0.01)
+    assert killed
+    (log,) = runs.glob("*.h5")
+    os.utime(log, (0.0, 0.0))
+    (offer,) = resumable(runs)
+    assert (offer.finished, offer.outcome) == (("rate", "six_position"), "incomplete")
+
+    verdict = resumed(place, offer.log)
+    result = verdict.result
+    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]] or place.events[-3:]
+    incomplete = json.loads(log.with_suffix(".json").read_text("utf-8"))
+    assert (incomplete["outcome"], incomplete["advice"]) == ("incomplete", "resume")
+    assert incomplete["finished_stages"] == ["rate", "six_position"]
+    again = resolve(Path(verdict.log)).result
+    assert again["parameters"] == result["parameters"]
+    assert again["consistency"] == result["consistency"]
+    assert again["log"]["sha256"] == result["log"]["sha256"]
+    handed = sorted(path.name for path in (place.folder / "handover").glob("*.json"))
+    assert handed == sorted([log.with_suffix(".json").name, Path(verdict.result_file).name])
+
+
+def test_where_every_stage_was_finished_only_the_conclusion_is_left(place: Place) -> None:
+    def watch(event: Event) -> None:
+        if isinstance(event, StageSolved) and event.stage == "six_position":
+            place.control.send(Command.STOP)
+
+    before = short(place).run(*STAGES, on_event=watch)
+    assert (before.outcome, before.result["stages"]) == ("stopped", list(STAGES))
+    place.control, place.events = Control(), []
+    verdict = resumed(place, before.log)
+    assert verdict.outcome == "passed"
+    assert verdict.result["parameters"] == before.result["parameters"]
+    assert verdict.result["registers"]["verified"] is True
+    assert place.told(StageStarted) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"limits": {"gyro_scale": {"within": 0.2}}}, r"\[product\] has changed"),
+        ({"schedule": {**SHORT, "rate": {**SHORT["rate"], "turns": 2}}}, None),
+    ],
+)
+def test_what_changed_since_decides(place: Place, change: dict[str, object], told: str | None) -> None:
+    """Limits that changed need a new run; the schedule is the one that the run began with."""
+    before = stopped_in(short(place), "six_position")
+    base = {"schedule": SHORT, "stages": list(STAGES), "limits": {"gyro_scale": {"within": 0.1}}}
+    place.write({**base, **change})
+    if told is None:
+        verdict = resumed(place, before.log)
+        assert verdict.outcome == "passed"
+        assert open_log(Path(verdict.log)).meta.schedule == open_log(Path(before.log)).meta.schedule
+        return
+    with pytest.raises(ConfigurationError, match=told):
+        resumed(place, before.log)
+
+
+def test_a_site_that_changed_needs_a_new_run(place: Place) -> None:
+    before = stopped_in(short(place), "six_position")
+    text = place.station.read_text("utf-8")
+    place.station.write_text(text.replace("34.25", "34.5"), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"\[site\] has changed"):
+        resumed(place, before.log)
+
+
+def test_registers_that_changed_need_a_new_run(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    from calstation.devices.framed_imu import FramedImu
+
+    before = stopped_in(short(place), "six_position")
+    read = FramedImu.read_registers
+    monkeypatch.setattr(FramedImu, "read_registers", lambda self: {**read(self), "gyro_scale_x": 1e-4})
+    verdict = resumed(place, before.log)
+    assert verdict.outcome == "fault"
+    assert "registers" in place.fault().text
+    monkeypatch.undo()
+    (offer,) = resumable(place.folder / "runs")
+    assert offer.log == Path(before.log)
+
+
+@pytest.mark.parametrize("end", ["passed", "nothing finished"])
+def test_what_cannot_be_resumed_says_why(place: Place, end: str) -> None:
+    short(place)
+    log = (place.run("rate") if end == "passed" else stopped_in(place, "rate")).log
+    place.events = []
+    assert resumable(place.folder / "runs") == []
+    with pytest.raises(
+        ConfigurationError, match="reached its end" if end == "passed" else "no stage was finished"
+    ):
+        resumed(place, log)
+
+
+def test_another_unit_cannot_carry_on(place: Place) -> None:
+    log = Path(stopped_in(short(place), "six_position").log)
+    with pytest.raises(ConfigurationError, match="choose its own log"):
+        execute(RunRequest("SN-000043", place.station, place.product, resume=log), print, place.control)
+    with pytest.raises(ConfigurationError, match="only a run's own log"):
+        execute(RunRequest("SN-000042", resume=log.with_suffix(".csv")), print, place.control)
+    with pytest.raises(InputError, match="no such file"):
+        execute(RunRequest("SN-000042", resume=log.with_name("no.h5")), print, place.control)
+
+
+def test_a_log_that_solves_to_something_else_is_not_carried_on(place: Place) -> None:
+    import h5py
+
+    before = stopped_in(short(place), "six_position")
+    with h5py.File(before.log, "r+", libver="latest") as file:
+        text = bytes(file["events"][:]).decode()
+        at = text.index('"value":', text.index('"StageSolved"')) + len('"value": ')
+        digit = at + 4
+        file["events"][digit] = ord("5" if text[digit] != "5" else "6")
+    verdict = resumed(place, before.log)
+    assert verdict.outcome == "fault"
+    assert "does not solve to what the run had found" in place.fault().text
+
+
+def test_a_run_that_is_closed_is_offered_no_more(place: Place) -> None:
+    before = stopped_in(short(place), "six_position")
+    path = close_incomplete(Path(before.log), "li")
+    closed = json.loads(path.read_text("utf-8"))
+    assert closed["closed_by"] == "li"
+    assert {k: v for k, v in closed.items() if not k.startswith("closed")} == before.result
+    assert resumable(place.folder / "runs") == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_a_run_that_died_can_be_closed_once_it_is_surely_dead(place: Place) -> None:
+    with Engine.start(short(place).request(*STAGES)) as engine:
+        while not any(isinstance(event, StepStarted) and event.stage for event in engine.poll()):
+            time.sleep(0.01)
+        assert engine.process.pid is not None
+        os.kill(engine.process.pid, signal.SIGKILL)
+        engine.process.join(30.0)
+    (log,) = (place.folder / "runs").glob("*.h5")
+    os.utime(log)
+    with pytest.raises(ConfigurationError, match="may still be going"):
+        close_incomplete(log)
+    os.utime(log, (0.0, 0.0))
+    result = json.loads(close_incomplete(log).read_text("utf-8"))
+    assert (result["outcome"], result["advice"]) == ("incomplete", "repeat")
+    assert settle_incomplete(log.parent) == []
+
+
+def test_a_verdict_ends_what_came_before_it(place: Place) -> None:
+    stopped_in(short(place), "six_position")
+    assert len(resumable(place.folder / "runs")) == 1
+    assert place.run("rate").outcome == "passed"
+    assert resumable(place.folder / "runs") == []
