@@ -37,6 +37,7 @@ class AppContext(QObject):
     open_run = Signal(object)
     resume_run = Signal(object)
     theme_changed = Signal()
+    runs_folder_changed = Signal()
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
         super().__init__()
@@ -45,11 +46,11 @@ class AppContext(QObject):
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.role = RoleLock(self)
-        self.station_path = station
+        self.station_path = station or self._last_station()
         self.product_path: Path | None = None
         self.stages: tuple[str, ...] | None = None
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
-        self.runs_folder = runs_folder or Path("runs")
+        self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
 
     def set_station(self, path: Path | None) -> None:
         """Use another station file."""
@@ -70,6 +71,12 @@ class AppContext(QObject):
             self.stages, self.schedule = stages, schedule
             self.choice_changed.emit()
 
+    def set_runs_folder(self, folder: Path) -> None:
+        """Put the logs and results of new runs elsewhere; the history looks there too."""
+        self.runs_folder = folder
+        self.settings.setValue("runs_folder", str(folder))
+        self.runs_folder_changed.emit()
+
     def set_theme(self, name: str) -> None:
         """Change between light and dark."""
         theme.apply(name)
@@ -80,6 +87,11 @@ class AppContext(QObject):
         """Speak another language."""
         language.use(code)
         self.settings.setValue("language", language.current())
+
+    def _last_station(self) -> Path | None:
+        """The station chosen last on its page, where it still exists."""
+        name = str(self.settings.value("station", ""))
+        return library.find("stations", name) if name in library.names("stations") else None
 
     def close(self) -> None:
         """End what runs beside the window; a run that is still going stops safely."""

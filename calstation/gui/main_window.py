@@ -2,8 +2,9 @@
 
 import importlib
 import traceback
+from functools import partial
 
-from PySide6.QtCore import QEvent, QObject, QPoint, QSize, Qt
+from PySide6.QtCore import QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
@@ -50,6 +51,7 @@ class MainWindow(QMainWindow):
         super().__init__()
         self.app = app
         self._closing = False
+        self._shown = 0
         self.setFont(theme.font())
         self.page_tabs = QTabWidget(self)
         self.page_tabs.setObjectName("page_tabs")
@@ -89,7 +91,6 @@ class MainWindow(QMainWindow):
         app.theme_changed.connect(self._dress)
         app.engine_link.running_changed.connect(self._running_changed)
         operator = self.operator_page
-        operator.details_wanted.connect(lambda _: self.show_page("engineer_page"))
         operator.station_wanted.connect(lambda: self.show_page("station_page"))
         app.open_log.connect(lambda _: self.show_page("offline_page"))
         app.open_run.connect(lambda _: self.show_page("engineer_page"))
@@ -130,6 +131,8 @@ class MainWindow(QMainWindow):
         )
         for index, page in enumerate(self.pages):
             self.page_tabs.setTabText(index, page.title())
+        with QSignalBlocker(self.language_combo):
+            self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
         self._dress()
         self._show_station()
 
@@ -151,6 +154,9 @@ class MainWindow(QMainWindow):
             event.ignore()
             self.show_page("operator_page")
             self.operator_page.ask_close(self.stop_and_close, self._close_now)
+            return
+        if not self._closing and not self.pages[self._shown].may_leave(self.close):
+            event.ignore()
             return
         self.app.close()
         super().closeEvent(event)
@@ -202,6 +208,11 @@ class MainWindow(QMainWindow):
         self._headers.addWidget(page.header or RunStrip(self.app.run))
 
     def _turn(self, index: int) -> None:
+        left = self.pages[self._shown]
+        if index != self._shown and not left.may_leave(partial(self.page_tabs.setCurrentIndex, index)):
+            self.page_tabs.setCurrentIndex(self._shown)
+            return
+        self._shown = index
         self._headers.setCurrentIndex(index)
         self._place_strip()
 

@@ -1,5 +1,7 @@
 """What the main window asks of a page: its title, and a header beside STOP where it wants one."""
 
+from collections.abc import Callable
+
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QWidget
 
@@ -22,6 +24,10 @@ class Page(QWidget):
     def title(self) -> str:
         """The page's name on its tab, in the language in force."""
         raise NotImplementedError
+
+    def may_leave(self, go: Callable[[], object]) -> bool:
+        """Whether the page may be left now; a page that asks first gives False and calls `go` once it may."""
+        return True
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""

@@ -199,9 +199,14 @@ def _remove(table: Any, place: Place) -> None:
         del table[key]
 
 
+def is_name(name: str) -> bool:
+    """Whether a file may be called so."""
+    return _NAME.fullmatch(name) is not None
+
+
 def new_name(kind: str, name: str) -> str:
     """A name for a new file, checked. Raises ConfigurationError where it cannot be one or is taken."""
-    if not _NAME.fullmatch(name):
+    if not is_name(name):
         raise ConfigurationError(
             f"'{name}' is no file name; use letters, digits, - and _, a letter or digit first"
         )
@@ -218,10 +223,9 @@ def read_text(path: Path) -> str:
         raise ConfigurationError(f"{path}: cannot be read ({exc})") from exc
 
 
-def title(path: Path) -> tuple[str, bool]:
-    """A station file's `name` and whether it is a virtual bench; file name and False where it cannot be read."""
+def is_bench(path: Path) -> bool:
+    """Whether a station file is a virtual bench; False where it cannot be read."""
     try:
-        data = read_toml(path)
+        return "bench" in read_toml(path)
     except ConfigurationError:
-        return path.stem, False
-    return str(data.get("name", path.stem)), "bench" in data
+        return False

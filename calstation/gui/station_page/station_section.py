@@ -1,0 +1,152 @@
+"""The station itself: its name, its table, the virtual bench's settings, and where its results are handed over."""
+
+from pathlib import Path
+
+from PySide6.QtCore import QEvent
+from PySide6.QtWidgets import QFileDialog, QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from calstation.gui import theme
+from calstation.gui.station_page.drafts import Drafts
+from calstation.gui.station_page.fields import Field, Form, Row
+from calstation.gui.station_page.inputs import ChoiceBox, NumberEdit, WordEdit
+from calstation.gui.widgets.badge import StateBadge
+from calstation.station import library, version_store
+
+
+class StationSection(QWidget):
+    """What the station file says of itself, and what the file is."""
+
+    def __init__(self, drafts: Drafts) -> None:
+        super().__init__()
+        self._drafts, self._draft = drafts, drafts.station
+        self._heading = QLabel()
+        self._heading.setProperty("kind", "section")
+        self._browse = QPushButton()
+        self._browse.setObjectName("handover_browse_button")
+        self._browse.clicked.connect(self._choose_folder)
+        self._bench_fields = [
+            Field(
+                self._draft,
+                ("bench", "seed"),
+                NumberEdit(),
+                lambda: self.tr("Seed of the unit and table"),
+                hint=lambda: self.tr("Another seed is another unit with other errors."),
+            ),
+            Field(
+                self._draft,
+                ("bench", "speed"),
+                NumberEdit(),
+                lambda: self.tr("Speed"),
+                unit="×",
+                hint=lambda: self.tr("Multiple of real time; 0 is as fast as this computer can."),
+            ),
+        ]
+        self._form = Form(
+            Field(self._draft, ("name",), WordEdit(), lambda: self.tr("Name, as in every result")),
+            Field(
+                self._draft,
+                ("table", "profile"),
+                ChoiceBox(lambda: [(name, name) for name in library.names("tables")]),
+                lambda: self.tr("Table profile"),
+                hint=lambda: self.tr("Its limits stand under “Table”."),
+            ),
+            Field(
+                self._draft,
+                ("handover", "folder"),
+                WordEdit(),
+                lambda: self.tr("Hand-over folder"),
+                hint=lambda: self.tr(
+                    "Where the factory's own system collects results; empty: beside the runs."
+                ),
+            ),
+            Row(self._browse, str),
+            *self._bench_fields,
+        )
+        left = QVBoxLayout()
+        left.setSpacing(theme.GRID)
+        left.addWidget(self._heading)
+        left.addWidget(self._form, 1)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(3 * theme.GRID)
+        row.addLayout(left)
+        row.addWidget(self._about(), 1)
+        self._draft.changed.connect(self.refresh)
+        self.retranslate()
+
+    def _about(self) -> QWidget:
+        panel = QFrame()
+        panel.setProperty("kind", "panel")
+        self.badge = StateBadge(theme.SECTION)
+        self.badge.setObjectName("station_kind_badge")
+        self._kind, self._file = QLabel(), QLabel()
+        self._file.setProperty("kind", "muted")
+        for label in (self._kind, self._file):
+            label.setWordWrap(True)
+        column = QVBoxLayout(panel)
+        column.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
+        column.setSpacing(2 * theme.GRID)
+        for widget in (self.badge, self._kind, self._file):
+            column.addWidget(widget)
+        column.addStretch(1)
+        return panel
+
+    def lock(self, reason: str) -> None:
+        """Forbid changes, with the reason as tooltip; "" allows them."""
+        self._form.lock(reason)
+        self._browse.setEnabled(not reason)
+        self._browse.setToolTip(reason)
+
+    def refresh(self) -> None:
+        """Show what the draft says."""
+        bench = self._draft.value(("bench",)) is not None
+        for field in self._bench_fields:
+            field.setVisible(bench)
+        if bench:
+            self.badge.show_state("none", self.tr("Virtual bench"))
+            self._kind.setText(
+                self.tr(
+                    "Table and unit are software behind the same protocols as hardware: a whole calibration runs "
+                    "without either. Nothing moves.\n\nFor hardware, press “New from copy” above and copy "
+                    "“example_hardware”."
+                )
+            )
+        else:
+            self.badge.show_state("good", self.tr("Hardware"))
+            self._kind.setText(self.tr("A run moves the table. Test both links before the first one."))
+        self._file.setText(self._about_file())
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._heading.setText(self.tr("Station"))
+        self._browse.setText(self.tr("Choose a folder"))
+        self.refresh()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)
+
+    def _about_file(self) -> str:
+        """Where the file lies, whether it is the site's own, and which version."""
+        draft = self._draft
+        if draft.path is None:
+            return ""
+        if draft.path.is_relative_to(library.shipped_folder()):
+            origin = self.tr("It came with the program; saving a change makes a copy for this site.")
+        else:
+            number = version_store.number_of(draft.kind, draft.name, draft.saved)
+            origin = (
+                self.tr("Version {0} of this site's own file.").format(number)
+                if number is not None
+                else self.tr("This site's own file, not saved from here yet.")
+            )
+        digest = self.tr("SHA-256 {0}, as in every result").format(version_store.sha256(draft.saved)[:12])
+        return f"{draft.path}\n{origin}\n{digest}"
+
+    def _choose_folder(self) -> None:
+        present = str(self._draft.value(("handover", "folder")) or "")
+        folder = QFileDialog.getExistingDirectory(self, self.tr("Hand-over folder"), present)
+        if folder:
+            self._draft.set({("handover", "folder"): str(Path(folder))})
