@@ -33,6 +33,7 @@ class Outline:
     stages : in order
     targets : per group the largest sigma that the product allows at the end of these stages, SI; a group that no
         stage estimates or no limit names is left out
+    attempts_allowed : times in a row that a unit may be outside its limits before it is set aside; None for any
     load_angle : where the table stands while units are changed, degrees
     """
 
@@ -45,6 +46,7 @@ class Outline:
     serial_pattern: str
     stages: tuple[StageOutline, ...]
     targets: Mapping[str, float]
+    attempts_allowed: int | None
     load_angle: tuple[float, float]
 
     @property
@@ -73,6 +75,7 @@ def outline(request: RunRequest) -> Outline:
         serial_pattern=setup.product.serial_pattern,
         stages=tuple(StageOutline(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0)))) for p in plans),
         targets=_targets(setup),
+        attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),
     )
 

@@ -23,38 +23,44 @@ class Figure:
     passed: bool
 
 
-def reason(result: Mapping[str, Any]) -> str:
-    """Why a unit passed or failed, in a sentence or two."""
+def reason(outcome: str, result: Mapping[str, Any]) -> str:
+    """Why a run ended as it did, in a sentence or two."""
+    if outcome == "passed":
+        return QCoreApplication.translate("advice", "Every value is inside its limits.")
+    if outcome == "stopped":
+        return QCoreApplication.translate(
+            "advice", "The run was stopped; the table is at rest, its axes are off."
+        )
+    if outcome != "failed":
+        return QCoreApplication.translate("advice", "The run did not reach its end.")
     failed = [check for check in result["checks"] if not check["passed"]]
     if not failed:
-        if result["passed"]:
-            return QCoreApplication.translate("advice", "Every value is inside its limits.")
         return QCoreApplication.translate("advice", "No stage was solved.")
     first = word_check(failed[0], result)
-    more = len(failed) - 1
-    if more:
-        first += " " + QCoreApplication.translate("advice", "({count} more checks failed.)").format(
-            count=more
-        )
-    return first
+    if len(failed) == 1:
+        return first
+    more = QCoreApplication.translate("advice", "({count} more checks failed.)").format(count=len(failed) - 1)
+    return f"{first} {more}"
 
 
-def next_action(outcome: str, result: Mapping[str, Any], failures: int) -> str:
-    """What to do with the unit now; `failures` says how often it has been outside its limits in a row."""
+def next_action(outcome: str, result: Mapping[str, Any]) -> str:
+    """What to do with the unit now, by the result's own advice."""
+    word = result.get("advice")
     if outcome == "passed":
         return QCoreApplication.translate("advice", "Remove the unit, scan the next.")
+    if word == "reseat":
+        return QCoreApplication.translate(
+            "advice", "Reseat the unit: screws tight, cable free, table undisturbed. Then repeat."
+        )
+    if word == "set_aside":
+        return QCoreApplication.translate("advice", "Set the unit aside and scan the next.")
     if outcome == "failed":
-        if failures > 1:
-            return QCoreApplication.translate(
-                "advice", "Set the unit aside: outside its limits {count} times in a row."
-            ).format(count=failures)
-        failed = [check["name"] for check in result["checks"] if not check["passed"]]
-        if any(name.endswith("consistency") or name.startswith("unobservable") for name in failed):
-            return QCoreApplication.translate(
-                "advice", "Reseat the unit: screws tight, cable free, nothing shaking the table. Then repeat."
-            )
-        return QCoreApplication.translate("advice", "Reseat the unit and repeat once.")
-    return QCoreApplication.translate("advice", "The unit keeps its registers. Press START to begin again.")
+        return QCoreApplication.translate("advice", "Repeat the calibration: press START.")
+    if word == "resume":
+        return QCoreApplication.translate(
+            "advice", "The finished stages are kept: continue behind them, or press START to begin again."
+        )
+    return QCoreApplication.translate("advice", "Press START to begin again.")
 
 
 def figures(result: Mapping[str, Any]) -> list[Figure]:

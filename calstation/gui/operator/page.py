@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from PySide6.QtCore import Signal
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QFrame,
     QHBoxLayout,
@@ -21,8 +22,9 @@ from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.preparation import Preparation
+from calstation.gui.operator.resuming import Resuming
 from calstation.gui.operator.stage_list import StageList
-from calstation.gui.operator.suggestion import suggested_serial
+from calstation.gui.operator.starting import Starting
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
 from calstation.gui.operator.verdict import VerdictPanel
@@ -41,8 +43,7 @@ from calstation.sequencer.events import (
 )
 from calstation.station import library
 from calstation.station.config import DEFAULT_PRODUCT
-from calstation.station.history import History
-from calstation.station.outline import Outline, outline
+from calstation.station.outline import outline
 from calstation.station.request import RunRequest
 
 _STEPS = 1000
@@ -52,14 +53,13 @@ _STEPS = 1000
 class OperatorPage(Page):
     """Everything an operator needs, and nothing that an operator must not touch."""
 
-    details_wanted = Signal(object)
     station_wanted = Signal()
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
-        self._outline: Outline | None = None
         self._problem = ""
+        self._looked = False
         self._shown: tuple[object, ...] = ()
         self.header = self._fields = RunHeader()
         self._stages = StageList(app.run)
@@ -67,6 +67,8 @@ class OperatorPage(Page):
         self._table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
         self._preparation = Preparation(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar()
+        self._starting = Starting(app, self._fields, self.notice)
+        self._resuming = Resuming(app, self._fields, self.notice, self._starting)
         self._lower = _stack(self._preparation, self._convergence)
         self._views = _stack(self._loading, self._live(), self._verdict)
         self._progress = QProgressBar()
@@ -91,6 +93,14 @@ class OperatorPage(Page):
         """Say everything again in the language in force."""
         self._fields.retranslate()
         self._refresh()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Once, at the window's start: offer what was interrupted."""
+        super().showEvent(event)
+        if not self._looked:
+            self._looked = True
+            self._resuming.look()
+            self._fields.focus_serial()
 
     def _live(self) -> QWidget:
         live = QWidget()
@@ -132,13 +142,10 @@ class OperatorPage(Page):
 
     def _connect(self) -> None:
         fields, app = self._fields, self.app
-        fields.serial_entered.connect(self._check_serial)
-        fields.serial_edited.connect(self._serial_edited)
-        fields.start_pressed.connect(self._start)
         fields.pause_pressed.connect(self._pause)
         fields.product_chosen.connect(app.set_product)
-        self._verdict.acknowledged.connect(app.run.acknowledge)
-        self._verdict.details_wanted.connect(self.details_wanted)
+        self._verdict.acknowledged.connect(self._acknowledge)
+        self._verdict.details_wanted.connect(app.open_run)
         self._verdict.station_wanted.connect(self.station_wanted)
         app.engine_link.event.connect(self._take)
         app.engine_link.running_changed.connect(self._running_changed)
@@ -167,13 +174,14 @@ class OperatorPage(Page):
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         try:
-            self._outline = outline(RunRequest("-", app.station_path, app.product_path))
+            planned = outline(RunRequest("-", app.station_path, app.product_path))
             self._problem = ""
         except CalstationError as error:
-            self._outline = None
+            planned = None
             self._problem = str(error)
-        self._stages.plan(self._outline)
-        self._loading.plan(self._outline)
+        self._starting.outline = planned
+        self._stages.plan(planned)
+        self._loading.plan(planned)
         if self._problem:
             problem = self._problem
             self.notice.ask(
@@ -188,119 +196,15 @@ class OperatorPage(Page):
             )
         else:
             self.notice.dismiss()
-            self._suggest()
+            self._starting.suggest()
         self._refresh()
 
-    def _suggest(self) -> None:
-        """On the virtual bench, fill in a number that has not passed yet."""
-        assert self._outline is not None
-        if self._outline.virtual and not self._fields.serial:
-            history = self._history()
-            passed = (lambda s: history.passed_before(s) is not None) if history else (lambda s: False)
-            self._fields.set_serial(suggested_serial(self._outline, passed))
-
-    def _history(self) -> History | None:
-        folder = self.app.runs_folder
-        return History(folder) if folder.is_dir() else None
-
-    # ---- the serial number
-
-    def _serial_edited(self) -> None:
-        self._fields.note_serial("")
-        if not self.app.run.going:
-            self.notice.dismiss()
-
-    def _check_serial(self) -> bool:
-        """Check the number against the product; a good one moves the focus to START, which is pressed separately."""
-        assert self._outline is not None or self._problem
-        if self._outline is None:
-            return False
-        fields, pattern = self._fields, self._outline.serial_pattern
-        if not fields.fits(pattern):
-            fields.note_serial(self.tr("not valid"), wrong=True)
-            serial = fields.serial
-            self.notice.ask(
-                "caution",
-                lambda: (
-                    self.tr("The serial number '{serial}' does not fit this product").format(serial=serial)
-                    if serial
-                    else self.tr("The serial number is missing")
-                ),
-                lambda: self.tr(
-                    "Scan it again, or choose the product that belongs to the unit. Its pattern is {pattern}"
-                ).format(pattern=pattern),
-            )
-            fields.focus_serial()
-            return False
-        history = self._history()
-        before = history.attempts(fields.serial) if history is not None else 0
-        fields.note_serial(self.tr("attempt {count}").format(count=before + 1) if before else "")
-        if self.app.run.state in ("passed", "failed", "stopped", "incomplete"):
-            self.app.run.acknowledge()
-        fields.start_button.setFocus()
-        return True
-
-    # ---- START, and what is asked before
-
-    def _start(self) -> None:
-        if self.app.engine_link.running or not self._check_serial():
-            return
-        assert self._outline is not None
-        serial = self._fields.serial
-        history = self._history()
-        passed = history.passed_before(serial) if history is not None else None
-        asked: list[Callable[[Callable[[], None]], None]] = []
-        if passed is not None:
-            when = passed.started_utc.replace("T", " ")[:16]
-            asked.append(lambda go: self._ask_repeat(serial, when, go))
-        if not self._outline.virtual:
-            asked.append(self._ask_motion)
-        self._ask_in_turn(asked)
-
-    def _ask_in_turn(self, asked: list[Callable[[Callable[[], None]], None]]) -> None:
-        if asked:
-            asked[0](lambda: self._ask_in_turn(asked[1:]))
-        else:
-            self._run()
-
-    def _ask_repeat(self, serial: str, when: str, go: Callable[[], None]) -> None:
-        self.notice.ask(
-            "caution",
-            lambda: self.tr("{serial} has already passed").format(serial=serial),
-            lambda: self.tr("On {when} UTC. Calibrate it once more?").format(when=when),
-            [
-                Choice("repeat_choice", lambda: self.tr("Calibrate again"), go),
-                Choice("cancel_choice", lambda: self.tr("Cancel"), self._fields.focus_serial, primary=True),
-            ],
-        )
-
-    def _ask_motion(self, go: Callable[[], None]) -> None:
-        assert self._outline is not None
-        station = self._outline.station
-        self.notice.ask(
-            "caution",
-            lambda: self.tr("The table of '{station}' is going to move").format(station=station),
-            lambda: self.tr("Is everybody clear of it, and the unit tight?"),
-            [
-                Choice("clear_choice", lambda: self.tr("All clear, start"), go),
-                Choice("cancel_choice", lambda: self.tr("Cancel"), self._fields.focus_serial, primary=True),
-            ],
-        )
-
-    def _run(self) -> None:
-        app = self.app
-        app.engine_link.start(
-            RunRequest(
-                self._fields.serial,
-                app.station_path,
-                app.product_path,
-                None,
-                app.runs_folder,
-                self._fields.operator,
-            )
-        )
-
     # ---- during the run
+
+    def _acknowledge(self) -> None:
+        self.app.run.acknowledge()
+        self._fields.focus_serial()
+        self._resuming.look(self._fields.serial)
 
     def _pause(self) -> None:
         paused = self.app.run.state in ("pausing", "paused")
@@ -331,10 +235,12 @@ class OperatorPage(Page):
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
             return
-        if run.state == "passed" and self._outline is not None and self._outline.virtual:
+        if run.state == "passed" and self._starting.outline is not None and self._starting.outline.virtual:
             self._fields.set_serial("")
-            self._suggest()
+            self._starting.suggest()
         self._fields.focus_serial()
+        if run.state == "stopped":
+            self._resuming.look(self._fields.serial)
 
     def _take(self, event: Event) -> None:
         if isinstance(event, TableMoved):
@@ -397,11 +303,7 @@ class OperatorPage(Page):
         elif run.verdict is None and run.fault is None and self.app.engine_link.running:
             self._views.setCurrentIndex(1)
         else:
-            history = self._history()
-            failures = (
-                history.failures(run.verdict.result["unit"]["serial"]) if history and run.verdict else 0
-            )
-            self._verdict.show_end(run.state, run.verdict, run.fault, failures)
+            self._verdict.show_end(run.state, run.verdict, run.fault)
             self._views.setCurrentIndex(2)
 
     def _ask_prompt(self) -> None:

@@ -1,5 +1,7 @@
 """The verdict: one word that fills the eye, its shape, the reason, what to do next, and the numbers that matter."""
 
+from pathlib import Path
+
 from PySide6.QtCore import QEvent, QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
@@ -77,7 +79,6 @@ class VerdictPanel(QFrame):
         self._state = ""
         self._verdict: Verdict | None = None
         self._fault: Fault | None = None
-        self._failures = 0
         self._head = _Head()
         self.verdict_label = self._head.word
         self._place, self.reason_label, self.action_label = QLabel(), QLabel(), QLabel()
@@ -125,9 +126,9 @@ class VerdictPanel(QFrame):
         layout.addWidget(self._head)
         layout.addLayout(body, 1)
 
-    def show_end(self, state: str, verdict: Verdict | None, fault: Fault | None, failures: int) -> None:
-        """Show how a run ended; `failures` counts how often the unit was outside its limits in a row."""
-        self._state, self._verdict, self._fault, self._failures = state, verdict, fault, failures
+    def show_end(self, state: str, verdict: Verdict | None, fault: Fault | None) -> None:
+        """Show how a run ended."""
+        self._state, self._verdict, self._fault = state, verdict, fault
         self.retranslate()
 
     def retranslate(self) -> None:
@@ -147,16 +148,10 @@ class VerdictPanel(QFrame):
             self.reason_label.setText(words.reason)
             self.action_label.setText(words.mend)
             self._station_button.setVisible(words.cause == "configuration")
-        elif self._verdict is not None and self._state in ("passed", "failed"):
-            result = self._verdict.result
-            self.reason_label.setText(advice.reason(result))
-            self.action_label.setText(advice.next_action(self._state, result, self._failures))
-        elif self._state == "stopped":
-            self.reason_label.setText(self.tr("The run was stopped; the table is at rest, its axes are off."))
-            self.action_label.setText(advice.next_action("stopped", {}, 0))
         else:
-            self.reason_label.setText(self.tr("The run did not reach its end."))
-            self.action_label.setText(advice.next_action("incomplete", {}, 0))
+            result = self._verdict.result if self._verdict is not None else {}
+            self.reason_label.setText(advice.reason(self._state, result))
+            self.action_label.setText(advice.next_action(self._state, result))
         self.action_label.setVisible(bool(self.action_label.text()))
         self._say_facts()
         self._fill_figures()
@@ -218,7 +213,7 @@ class VerdictPanel(QFrame):
 
     def _details(self) -> None:
         if self._verdict is not None:
-            self.details_wanted.emit(self._verdict)
+            self.details_wanted.emit(Path(self._verdict.result_file))
 
 
 def _mark(passed: bool) -> QWidget:

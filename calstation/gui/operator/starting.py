@@ -1,0 +1,161 @@
+"""From a serial number to a run: the number is checked, what must be asked is asked inline, then the engine starts."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from PySide6.QtCore import QObject
+
+from calstation.gui.context import AppContext
+from calstation.gui.operator.header import RunHeader
+from calstation.gui.operator.suggestion import suggested_serial
+from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.station.history import History
+from calstation.station.outline import Outline
+from calstation.station.request import RunRequest
+
+Go = Callable[[], None]
+
+
+class Starting(QObject):
+    """Everything between the scanner's Enter and the engine's first word.
+
+    `outline` is what the next run would be, None while station and product cannot run.
+    """
+
+    def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
+        super().__init__(header)
+        self._app, self._header, self._notice = app, header, notice
+        self.outline: Outline | None = None
+        header.serial_entered.connect(self.check)
+        header.serial_edited.connect(self._edited)
+        header.start_pressed.connect(self.start)
+
+    def history(self) -> History | None:
+        """What was run before; None in a place without runs."""
+        folder = self._app.runs_folder
+        return History(folder) if folder.is_dir() else None
+
+    def suggest(self) -> None:
+        """On the virtual bench, fill an empty field with a number that has not passed yet."""
+        if self.outline is not None and self.outline.virtual and not self._header.serial:
+            history = self.history()
+
+            def passed(serial: str) -> bool:
+                return history is not None and history.passed_before(serial) is not None
+
+            self._header.set_serial(suggested_serial(self.outline, passed))
+
+    def check(self) -> bool:
+        """Check the number; a good one moves the focus to START, which is a separate press."""
+        header = self._header
+        if self.outline is None:
+            return False
+        if not header.fits(self.outline.serial_pattern):
+            self._refuse(header.serial, self.outline.serial_pattern)
+            return False
+        history = self.history()
+        before = history.attempts(header.serial) if history is not None else 0
+        header.note_serial(self.tr("attempt {count}").format(count=before + 1) if before else "")
+        if self._app.run.state in ("passed", "failed", "stopped", "incomplete"):
+            self._app.run.acknowledge()
+        header.start_button.setFocus()
+        return True
+
+    def start(self) -> None:
+        """START was pressed: check, ask what must be asked, run."""
+        if self._app.engine_link.running or not self.check() or self.outline is None:
+            return
+        serial = self._header.serial
+        request = RunRequest(
+            serial,
+            self._app.station_path,
+            self._app.product_path,
+            out=self._app.runs_folder,
+            operator=self._header.operator,
+        )
+        history = self.history()
+        if history is not None:
+            failures = history.failures(serial)
+            allowed = self.outline.attempts_allowed
+            if allowed is not None and failures >= allowed:
+                self._ask_beyond(serial, failures, request)
+                return
+            passed = history.passed_before(serial)
+            if passed is not None:
+                when = passed.started_utc.replace("T", " ")[:16]
+                self._ask_repeat(serial, when, lambda: self.run(request))
+                return
+        self.run(request)
+
+    def run(self, request: RunRequest) -> None:
+        """Run it; a real table is asked for first."""
+        if self.outline is not None and self.outline.virtual:
+            self._app.engine_link.start(request)
+        else:
+            self._ask_motion(lambda: self._app.engine_link.start(request))
+
+    def _edited(self) -> None:
+        self._header.note_serial("")
+        if self.outline is not None and not self._app.run.going:
+            self._notice.dismiss()
+
+    def _refuse(self, serial: str, pattern: str) -> None:
+        self._header.note_serial(self.tr("not valid"), wrong=True)
+        self._notice.ask(
+            "caution",
+            lambda: (
+                self.tr("The serial number '{serial}' does not fit this product").format(serial=serial)
+                if serial
+                else self.tr("The serial number is missing")
+            ),
+            lambda: self.tr(
+                "Scan it again, or choose the product that belongs to the unit. Its pattern is {pattern}"
+            ).format(pattern=pattern),
+        )
+        self._header.focus_serial()
+
+    def _ask_repeat(self, serial: str, when: str, go: Go) -> None:
+        self._notice.ask(
+            "caution",
+            lambda: self.tr("{serial} has already passed").format(serial=serial),
+            lambda: self.tr("On {when} UTC. Calibrate it once more?").format(when=when),
+            [
+                Choice("repeat_choice", lambda: self.tr("Calibrate again"), go),
+                self._cancel(),
+            ],
+        )
+
+    def _ask_beyond(self, serial: str, failures: int, request: RunRequest) -> None:
+        """A unit that has failed too often is the engineer's matter."""
+        engineer = self._app.role.engineer
+        allow = Choice(
+            "beyond_choice",
+            lambda: self.tr("Allow one more"),
+            lambda: self.run(replace(request, beyond_attempts=True)),
+        )
+        unlock = Choice("unlock_choice", lambda: self.tr("Engineer …"), self._app.role.ask)
+        self._notice.ask(
+            "bad",
+            lambda: self.tr("Set {serial} aside").format(serial=serial),
+            lambda: (
+                self.tr("It was outside its limits {count} times in a row. ").format(count=failures)
+                + (
+                    self.tr("Allow one more attempt?")
+                    if engineer
+                    else self.tr("An engineer can allow one more attempt.")
+                )
+            ),
+            [allow if engineer else unlock, self._cancel()],
+        )
+
+    def _ask_motion(self, go: Go) -> None:
+        station = self.outline.station if self.outline is not None else ""
+        self._notice.ask(
+            "caution",
+            lambda: self.tr("The table of '{station}' is going to move").format(station=station),
+            lambda: self.tr("Is everybody clear of it, and the unit tight?"),
+            [Choice("clear_choice", lambda: self.tr("All clear, start"), go), self._cancel()],
+        )
+
+    def _cancel(self) -> Choice:
+        return Choice("cancel_choice", lambda: self.tr("Cancel"), self._header.focus_serial, primary=True)
