@@ -1,16 +1,214 @@
-"""The history page."""
+"""The history page: finished and incomplete runs, found by serial number, outcome and time."""
 
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt, QUrl
+from PySide6.QtGui import QDesktopServices, QKeySequence, QShortcut, QShowEvent
+from PySide6.QtWidgets import QPushButton, QSplitter, QStackedWidget, QVBoxLayout
+
+from calstation.gui import theme
 from calstation.gui.context import AppContext
+from calstation.gui.history.details import RunDetails
+from calstation.gui.history.filters import Filters
+from calstation.gui.history.run_table import RunTable
+from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.page import Page
+from calstation.gui.widgets.empty_state import EmptyState
+from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.records.run_index import RunRecord
+from calstation.sequencer.events import Event, Verdict
+from calstation.station.closing import close_run
+from calstation.station.history import History, refresh_history
+from calstation.station.resume import Resumable, find_resumable
+
+MOST = 1000
+"""Runs listed at a time."""
+_TABLE_SHARE, _DETAILS_SHARE = 15, 8
 
 
 class HistoryPage(Page):
-    """The history page."""
+    """The runs of the window's runs folder."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("history_page")
+        self._refresher, self._offers, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
+        self._resumable: frozenset[Path] = frozenset()
+        self.filters, self.table, self.details = Filters(), RunTable(), RunDetails()
+        self.notice = NoticeBar()
+        self.notice.setObjectName("history_notice")
+        self._nothing = EmptyState()
+        self._clear_button = QPushButton()
+        self._clear_button.setObjectName("history_clear_button")
+        self._nothing.add(self._clear_button)
+        self._split = QSplitter(Qt.Orientation.Horizontal)
+        self._split.setChildrenCollapsible(False)
+        self._split.setHandleWidth(2 * theme.GRID)
+        self._split.addWidget(self.table)
+        self._split.addWidget(self.details)
+        self._split.setStretchFactor(0, _TABLE_SHARE)
+        self._split.setStretchFactor(1, _DETAILS_SHARE)
+        self._split.setSizes([_TABLE_SHARE * 100, _DETAILS_SHARE * 100])
+        self._stack = QStackedWidget()
+        self._stack.addWidget(self._nothing)
+        self._stack.addWidget(self._split)
+        box = QVBoxLayout(self)
+        box.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
+        box.setSpacing(theme.GRID)
+        box.addWidget(self.filters)
+        box.addWidget(self.notice)
+        box.addWidget(self._stack, 1)
+        self._connect()
+        self.retranslate()
 
     def title(self) -> str:
         """The page's name on its tab."""
         return self.tr("History")
+
+    def refresh(self) -> None:
+        """Bring the index up to date with the folder's files, then show it."""
+        if not self.app.runs_folder.is_dir():
+            self.show_runs()
+        elif not self._refresher.busy:
+            self._refresher.watch(self.app.workshop.submit(refresh_history, self.app.runs_folder))
+            self._offers.watch(self.app.workshop.submit(find_resumable, self.app.runs_folder))
+
+    def show_runs(self) -> None:
+        """Show what the index holds of what is asked for."""
+        folder, filters = self.app.runs_folder, self.filters
+        runs = []
+        if folder.is_dir():
+            found = History(folder).runs(filters.search, filters.outcome, MOST)
+            runs = [run for run in found if run.started_utc >= filters.since]
+        filters.show_count(len(runs), MOST)
+        self._stack.setCurrentWidget(self._split if runs else self._nothing)
+        self.table.show_runs(runs)
+        self._say_nothing()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Look into the folder when the page comes up."""
+        super().showEvent(event)
+        self.show_runs()
+        self.refresh()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._clear_button.setText(self.tr("Show all runs"))
+        self.table.setAccessibleName(self.tr("Runs, the latest first"))
+        self.table.refresh()
+        self.filters.show_count(len(self.table.runs.runs), MOST)
+        self._say_nothing()
+
+    def _connect(self) -> None:
+        self.filters.changed.connect(self.show_runs)
+        self._clear_button.clicked.connect(self.filters.clear)
+        self.table.selected.connect(self._look_at)
+        self.table.doubleClicked.connect(lambda _: self._open_result())
+        details = self.details
+        details.result_wanted.connect(self._open_result)
+        details.log_wanted.connect(self._open_log)
+        details.folder_wanted.connect(self._open_folder)
+        details.resume_wanted.connect(self._resume)
+        details.close_wanted.connect(self._close)
+        self._refresher.done.connect(lambda _: self.show_runs())
+        self._refresher.failed.connect(self._complain)
+        self._offers.done.connect(self._offered)
+        self._closer.done.connect(lambda _: self._closed())
+        self._closer.failed.connect(self._not_closed)
+        self.app.engine_link.event.connect(self._take)
+        self.app.engine_link.running_changed.connect(lambda _: self._allow())
+        finder = QShortcut(QKeySequence.StandardKey.Find, self, self.filters.search_edit.setFocus)
+        finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
+
+    def _take(self, event: Event) -> None:
+        """A run has ended: its row is there."""
+        if isinstance(event, Verdict) and self.isVisible():
+            self.refresh()
+
+    def _look_at(self, run: RunRecord | None) -> None:
+        self.details.setVisible(run is not None)
+        if run is not None:
+            unit = History(self.app.runs_folder).solved(run.serial)
+            self.details.show_run(run, _read(run.result), unit)
+            self._allow()
+
+    def _allow(self) -> None:
+        run = self.table.run
+        resumable = run is not None and run.log in self._resumable
+        self.details.allow(self.app.engine_link.running, self._closer.busy, resumable)
+
+    def _offered(self, offers: list[Resumable]) -> None:
+        """These runs can be resumed."""
+        self._resumable = frozenset(offer.log for offer in offers)
+        self._allow()
+
+    def _open_result(self) -> None:
+        run = self.table.run
+        if run is not None and run.result is not None and self.details.result_button.isEnabled():
+            self.app.open_run.emit(run.result)
+
+    def _open_log(self) -> None:
+        if self.table.run is not None:
+            self.app.open_log.emit(self.table.run.log)
+
+    def _open_folder(self) -> None:
+        if self.table.run is not None:
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(self.table.run.log.parent.absolute())))
+
+    def _resume(self) -> None:
+        if self.table.run is not None:
+            self.app.resume_run.emit(self.table.run.log)
+
+    def _close(self) -> None:
+        if self.table.run is not None:
+            self._closer.watch(self.app.workshop.submit(close_run, self.table.run.log, None))
+            self._allow()
+
+    def _closed(self) -> None:
+        self._allow()
+        self.refresh()
+
+    def _not_closed(self, error: str) -> None:
+        self._allow()
+        self._complain(error)
+        self.refresh()
+
+    def _complain(self, error: str) -> None:
+        close = Choice("history_notice_close", lambda: self.tr("Close"), self.table.setFocus)
+        path = self.table.run.log if self.table.run is not None else None
+        self.notice.ask(
+            "bad",
+            lambda: self.tr("The runs could not be read"),
+            lambda: word_log_error(error, path),
+            (close,),
+        )
+
+    def _say_nothing(self) -> None:
+        self._clear_button.setVisible(self.filters.narrow)
+        if self.filters.narrow:
+            self._nothing.say(
+                self.tr("No run fits"), self.tr("Search for less, or show every outcome and time.")
+            )
+        else:
+            self._nothing.say(
+                self.tr("Every run will be listed here"),
+                self.tr(
+                    "Passed, failed, stopped, faulty and incomplete ones, with their results and logs. "
+                    "Start a run on the first page."
+                ),
+            )
+
+
+def _read(path: Path | None) -> Mapping[str, Any] | None:
+    """A run's result; None where there is none, or none that can be read."""
+    if path is None:
+        return None
+    try:
+        result: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return result

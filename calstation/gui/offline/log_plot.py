@@ -59,6 +59,7 @@ class LogPlot(QWidget):
         super().__init__(parent)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self._graph = pg.GraphicsLayoutWidget()
+        self._graph.setObjectName("log_graph")
         self._graph.setFocusProxy(self)
         self._graph.setAcceptDrops(False)  # a file dropped here belongs to the page
         box = QVBoxLayout(self)
@@ -148,6 +149,17 @@ class LogPlot(QWidget):
         """What is in view, s from the start of the log."""
         left, right = self._plots[0].getViewBox().viewRange()[0]
         return left, right
+
+    @property
+    def range_seconds(self) -> tuple[float, float]:
+        """The range shown, s from the start of the log."""
+        start, stop = self._ranges[0].getRegion()
+        return start, stop
+
+    @property
+    def view_box(self) -> Any:
+        """What the gyro's curves are drawn into."""
+        return self._plots[0].getViewBox()
 
     @property
     def points(self) -> int:

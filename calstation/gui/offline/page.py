@@ -55,9 +55,10 @@ class OfflinePage(Page):
         self.log: Overview | None = None
         self.solved: Resolved | None = None
         self._pictures: Path | None = None
+        self._picture: Path | None = None
         self._opened = 0
         self._export_target: Path | None = None
-        self._reader, self._solver, self._exporter = JobWatch(self), JobWatch(self), JobWatch(self)
+        self.reader, self.solver, self.exporter = JobWatch(self), JobWatch(self), JobWatch(self)
         self._closer, self._sweeper = JobWatch(self), JobWatch(self)
         self._wanted: Wanted | None = None
         self.source = SourceBar(app.settings)
@@ -85,23 +86,24 @@ class OfflinePage(Page):
 
     def open(self, path: Path) -> None:
         """Read a log and draw it; one that was open is closed."""
-        if self._solver.busy or self._exporter.busy:
+        if self.solver.busy or self.exporter.busy:
             self._tell(
                 "caution",
                 str,
                 lambda: self.tr("Another log can be opened when this work is done or cancelled."),
             )
             return
-        if self._reader.busy:
-            self._reader.cancel()
+        if self.reader.busy:
+            self.reader.cancel()
         self.notice.dismiss()
         self._close()
         path = path.absolute()
         self.source.show_path(path)
         self._opened += 1
         self._stack.setCurrentWidget(self._reading)
-        job = self.app.workshop.submit(overview, path, self._folder() / str(self._opened))
-        self._reader.watch(job)
+        self._picture = self._folder() / str(self._opened)
+        job = self.app.workshop.submit(overview, path, self._picture)
+        self.reader.watch(job)
         self._allow()
 
     def solve(self) -> None:
@@ -114,7 +116,7 @@ class OfflinePage(Page):
             stages = None  # as recorded, which is what the run did
         first, last = self.range.range
         spans = self.log.spans
-        self._solver.watch(self.app.workshop.submit(offline_solve, self.log.path, stages, first, last, spans))
+        self.solver.watch(self.app.workshop.submit(offline_solve, self.log.path, stages, first, last, spans))
         self._allow()
 
     def save_log(self) -> None:
@@ -163,7 +165,7 @@ class OfflinePage(Page):
 
     def _make_reading(self) -> QWidget:
         self._reading = EmptyState()
-        row = JobRow(self._reader)
+        row = JobRow(self.reader)
         row.cancel_button.setObjectName("read_cancel_button")
         row.setFixedWidth(70 * theme.GRID)
         self._reading.add(row)
@@ -197,7 +199,7 @@ class OfflinePage(Page):
         self.solve_button = QPushButton()
         self.solve_button.setObjectName("solve_button")
         self.solve_button.setProperty("kind", "primary")
-        self._solving, self._exporting = JobRow(self._solver), JobRow(self._exporter)
+        self._solving, self._exporting = JobRow(self.solver), JobRow(self.exporter)
         self._solving.cancel_button.setObjectName("solve_cancel_button")
         self._exporting.cancel_button.setObjectName("export_cancel_button")
         self._action = QStackedWidget()
@@ -236,15 +238,15 @@ class OfflinePage(Page):
         self.head.zoomed.connect(self.plot.zoom)
         self.head.whole.connect(self.plot.whole)
         self.head.to_range.connect(lambda: self.plot.show_part(*self.range.range))
-        self._reader.done.connect(self._read)
-        self._reader.failed.connect(self._unreadable)
-        self._reader.cancelled.connect(self._unread)
-        self._solver.done.connect(self._found)
-        self._solver.failed.connect(self._unsolved)
-        self._solver.cancelled.connect(self._allow)
-        self._exporter.done.connect(self._exported)
-        self._exporter.failed.connect(self._not_exported)
-        self._exporter.cancelled.connect(self._export_cancelled)
+        self.reader.done.connect(self._read)
+        self.reader.failed.connect(self._unreadable)
+        self.reader.cancelled.connect(self._unread)
+        self.solver.done.connect(self._found)
+        self.solver.failed.connect(self._unsolved)
+        self.solver.cancelled.connect(self._allow)
+        self.exporter.done.connect(self._exported)
+        self.exporter.failed.connect(self._not_exported)
+        self.exporter.cancelled.connect(self._export_cancelled)
         self._closer.done.connect(self._closed_up)
         opener = QShortcut(QKeySequence.StandardKey.Open, self, self.source.look)
         opener.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
@@ -357,7 +359,7 @@ class OfflinePage(Page):
     def _export(self, target: Path, work: Callable[..., Any], *arguments: Any) -> None:
         self.notice.dismiss()
         self._export_target = target
-        self._exporter.watch(self.app.workshop.submit(work, *arguments))
+        self.exporter.watch(self.app.workshop.submit(work, *arguments))
         self._allow()
 
     # What is allowed, and why not
@@ -366,7 +368,7 @@ class OfflinePage(Page):
         """Why nothing can be solved now, empty where it can."""
         if self.log is None:
             return self.tr("Open a log first")
-        if self._solver.busy or self._exporter.busy:
+        if self.solver.busy or self.exporter.busy:
             return self.tr("Wait for the work at hand, or cancel it")
         if not self.stages.held:
             return self.tr("The range holds no stage; widen it")
@@ -378,7 +380,7 @@ class OfflinePage(Page):
         blocked = self._blocked()
         self.solve_button.setEnabled(not blocked)
         self.solve_button.setToolTip(blocked)
-        busy = self._solver.busy or self._exporter.busy
+        busy = self.solver.busy or self.exporter.busy
         wait = self.tr("Wait for the work at hand, or cancel it")
         for widget in (self.source, self.range, self.stages):
             widget.setEnabled(not busy)
@@ -389,7 +391,7 @@ class OfflinePage(Page):
         self.result_button.setToolTip(
             wait if busy else "" if self.solved is not None else self.tr("Solve the log first")
         )
-        current = self._solving if self._solver.busy else self._exporting
+        current = self._solving if self.solver.busy else self._exporting
         self._action.setCurrentWidget(current if busy else self.solve_button)
 
     # Saying it
@@ -429,9 +431,10 @@ class OfflinePage(Page):
     def _close(self) -> None:
         self._stack.setCurrentWidget(self._empty)
         self.plot.close_log()
-        log, self.log, self.solved, self._wanted = self.log, None, None, None
-        if log is not None:
-            shutil.rmtree(log.folder, ignore_errors=True)
+        self.log = self.solved = self._wanted = None
+        if self._picture is not None:
+            shutil.rmtree(self._picture, ignore_errors=True)
+            self._picture = None
 
 
 def _suffix(kind: str) -> str:

@@ -1,0 +1,267 @@
+"""One run at a glance: how it ended and why, by whom and with what, its numbers, what was outside its limits."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtWidgets import (
+    QFrame,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
+
+from calstation.gui import theme
+from calstation.gui.fault_wording import word_fault
+from calstation.gui.history.run_table import local_time, stages_text
+from calstation.gui.history.trend import Trend
+from calstation.gui.operator import advice
+from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.wording import KINDS, word_state, word_time
+from calstation.physics.units import aligned
+from calstation.records.run_index import IndexedRun, RunRecord
+
+_MOST_FAILED = 8
+
+
+class RunDetails(QFrame):
+    """Signals ask for what the buttons say; the page knows which run is meant."""
+
+    result_wanted = Signal()
+    log_wanted = Signal()
+    folder_wanted = Signal()
+    resume_wanted = Signal()
+    close_wanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self._run: RunRecord | None = None
+        self._result: Mapping[str, Any] | None = None
+        self._running = self._closing = self._resumable = False
+        self._serial = QLabel()
+        self._serial.setFont(theme.font(theme.SECTION, bold=True))
+        self.badge = StateBadge(theme.SECTION)
+        self.reason_label, self.failed_label = QLabel(), QLabel()
+        self.reason_label.setObjectName("history_reason_label")
+        self.failed_label.setObjectName("history_failed_label")
+        for label in (self.reason_label, self.failed_label):
+            label.setWordWrap(True)
+        self._facts, self._figures = QGridLayout(), QGridLayout()
+        for grid in (self._facts, self._figures):
+            grid.setHorizontalSpacing(2 * theme.GRID)
+            grid.setVerticalSpacing(theme.GRID // 2)
+        self.trend = Trend()
+        self.trend.setMinimumHeight(22 * theme.GRID)
+        self._make_buttons()
+        self._lay_out()
+        self.retranslate()
+
+    def show_run(self, run: RunRecord, result: Mapping[str, Any] | None, unit: Sequence[IndexedRun]) -> None:
+        """Show a run, its result where there is one, and the unit's solved runs, oldest first."""
+        self._run, self._result = run, result
+        limits = {}
+        for check in result["checks"] if result is not None else ():
+            name, _, kind = check["name"].partition(" ")
+            if kind == "within":
+                limits[name] = (check["limit"][0], check["limit"][1])
+        self.trend.show_runs(unit, run.log.stem, limits)
+        self.retranslate()
+
+    def allow(self, running: bool, closing: bool, resumable: bool) -> None:
+        """Take into account that a run is going on, that one is being closed, that this one can be resumed."""
+        self._running, self._closing, self._resumable = running, closing, resumable
+        self.retranslate()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        run = self._run
+        if run is None:
+            return
+        self._serial.setText(run.serial)
+        self.badge.show_state(KINDS.get(run.outcome, "none"), word_state(run.outcome))
+        self.reason_label.setText(self._reason(run))
+        failed = [] if self._result is None else [c for c in self._result["checks"] if not c["passed"]]
+        lines = [f"✕  {advice.word_check(check, self._result or {})}" for check in failed[:_MOST_FAILED]]
+        if len(failed) > _MOST_FAILED:
+            lines.append(self.tr("and {0} more").format(len(failed) - _MOST_FAILED))
+        self.failed_label.setText("\n".join(lines))
+        self.failed_label.setVisible(bool(lines))
+        self._fill_facts(run)
+        self._fill_figures()
+        self._say_buttons()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)
+
+    def _make_buttons(self) -> None:
+        self.result_button, self.log_button, self.folder_button = QPushButton(), QPushButton(), QPushButton()
+        self.resume_button, self.close_button = QPushButton(), QPushButton()
+        for button, name, signal in (
+            (self.result_button, "history_result_button", self.result_wanted),
+            (self.log_button, "history_log_button", self.log_wanted),
+            (self.folder_button, "history_folder_button", self.folder_wanted),
+            (self.resume_button, "history_resume_button", self.resume_wanted),
+            (self.close_button, "history_close_button", self.close_wanted),
+        ):
+            button.setObjectName(name)
+            button.clicked.connect(signal)
+
+    def _lay_out(self) -> None:
+        head = QHBoxLayout()
+        head.addWidget(self._serial, 1)
+        head.addWidget(self.badge)
+        inner = QWidget()
+        words = QVBoxLayout(inner)
+        words.setContentsMargins(0, 0, theme.GRID, 0)
+        words.setSpacing(2 * theme.GRID)
+        words.addWidget(self.reason_label)
+        words.addWidget(self.failed_label)
+        words.addLayout(self._figures)
+        words.addLayout(self._facts)
+        words.addStretch(1)
+        scroll = QScrollArea()
+        scroll.setWidget(inner)
+        scroll.setWidgetResizable(True)
+        scroll.setFrameShape(QFrame.Shape.NoFrame)
+        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        scroll.viewport().setAutoFillBackground(False)
+        inner.setAutoFillBackground(False)
+        unfinished, buttons = QHBoxLayout(), QHBoxLayout()
+        for row, of_row in (
+            (unfinished, (self.resume_button, self.close_button)),
+            (buttons, (self.result_button, self.log_button, self.folder_button)),
+        ):
+            row.setSpacing(theme.GRID)
+            for button in of_row:
+                row.addWidget(button, 1)
+        box = QVBoxLayout(self)
+        box.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
+        box.setSpacing(theme.GRID)
+        box.addLayout(head)
+        box.addWidget(scroll, 5)
+        box.addWidget(self.trend, 3)
+        box.addLayout(unfinished)
+        box.addLayout(buttons)
+
+    def _reason(self, run: RunRecord) -> str:
+        if run.outcome == "fault" and run.error:
+            words = word_fault("", run.error)
+            return f"{words.reason} {words.mend}".strip()  # what can be done then, its mend says
+        if run.outcome in ("passed", "failed") and self._result is not None:
+            if any(not check["passed"] for check in self._result["checks"]):
+                return self.tr("Outside its limits:")
+            return advice.reason(str(self._result["outcome"]), self._result)
+        said = {
+            "stopped": self.tr("The run was stopped by the operator."),
+            "incomplete": self.tr("The run did not reach its end."),
+        }.get(run.outcome, "")
+        if self._resumable:
+            return f"{said} " + self.tr("It can be resumed behind its last finished stage, or closed.")
+        if run.closed:
+            return f"{said} " + self.tr("It was closed and is not to be resumed.")
+        return said
+
+    def _fill_facts(self, run: RunRecord) -> None:
+        _empty(self._facts)
+        software = (self._result or {}).get("software", {}).get("version", "")
+        facts = (
+            (self.tr("Started"), local_time(run.started_utc)),
+            (self.tr("Duration"), word_time(run.duration)),
+            (self.tr("Product"), run.product or ""),
+            (self.tr("Attempt"), str(run.attempt)),
+            (self.tr("Station"), run.station or ""),
+            (self.tr("Operator"), run.operator or ""),
+            (self.tr("Resumed from"), run.resumed_from or ""),
+            (self.tr("Software"), software),
+        )
+        for k, (head, text) in enumerate(fact for fact in facts if fact[1]):
+            row, column = divmod(k, 2)
+            self._facts.addWidget(_muted(head), row, 2 * column)
+            self._facts.addWidget(QLabel(text), row, 2 * column + 1)
+        self._facts.setColumnStretch(1, 1)
+        self._facts.setColumnStretch(3, 1)
+        stages = stages_text(run)
+        if stages:
+            label = QLabel(stages)
+            label.setWordWrap(True)
+            self._facts.addWidget(_muted(self.tr("Stages")), 9, 0, Qt.AlignmentFlag.AlignTop)
+            self._facts.addWidget(label, 9, 1, 1, 3)
+
+    def _fill_figures(self) -> None:
+        """The value of each group that is nearest to its limit."""
+        _empty(self._figures)
+        rows = [] if self._result is None else advice.figures(self._result)
+        if not rows:
+            return
+        for column, text in enumerate(("", self.tr("value"), "±σ", self.tr("limit"), self.tr("unit"))):
+            self._figures.addWidget(_muted(text, column in (1, 2, 3)), 0, column)
+        values, sigmas = aligned([row.value for row in rows]), aligned([row.sigma for row in rows])
+        for k, (row, value, sigma) in enumerate(zip(rows, values, sigmas, strict=True), start=1):
+            cells = (row.name if row.passed else f"✕ {row.name}", value, sigma, row.limit, row.unit)
+            for column, text in enumerate(cells):
+                label = QLabel(text)
+                if column in (1, 2, 3):
+                    label.setAlignment(Qt.AlignmentFlag.AlignRight)
+                self._figures.addWidget(label, k, column)
+        self._figures.setColumnStretch(0, 1)
+
+    def _say_buttons(self) -> None:
+        run = self._run
+        if run is None:
+            return
+        self.result_button.setText(self.tr("Result"))
+        self.log_button.setText(self.tr("Log"))
+        self.folder_button.setText(self.tr("Folder"))
+        self.resume_button.setText(self.tr("Resume"))
+        incomplete = run.outcome == "incomplete"
+        self.close_button.setText(self.tr("Close as incomplete") if incomplete else self.tr("Do not resume"))
+        self.resume_button.setVisible(self._resumable)
+        self.close_button.setVisible(self._resumable or (incomplete and not run.closed))
+        solved = self._result is not None and bool(self._result["parameters"])
+        _enable(
+            self.result_button,
+            "" if solved else self.tr("No parameter was solved in this run"),
+            self.tr("Show every parameter of this run"),
+        )
+        _enable(
+            self.log_button,
+            "" if run.log.exists() else self.tr("The log is no longer there"),
+            self.tr("Draw the log and solve it again"),
+        )
+        self.folder_button.setToolTip(str(run.log.parent))
+        busy = self.tr("A run is going on; wait for its end") if self._running else ""
+        _enable(self.resume_button, busy, self.tr("Go on behind the last finished stage"))
+        _enable(
+            self.close_button,
+            busy or (self.tr("It is being closed") if self._closing else ""),
+            self.tr("The run keeps its outcome and can then no longer be resumed"),
+        )
+
+
+def _enable(button: QPushButton, why_not: str, tip: str) -> None:
+    button.setEnabled(not why_not)
+    button.setToolTip(why_not or tip)
+
+
+def _muted(text: str, right: bool = False) -> QLabel:
+    label = QLabel(text)
+    label.setProperty("kind", "muted")
+    if right:
+        label.setAlignment(Qt.AlignmentFlag.AlignRight)
+    return label
+
+
+def _empty(grid: QGridLayout) -> None:
+    while (item := grid.takeAt(0)) is not None:
+        widget = item.widget()
+        if widget is not None:
+            widget.setParent(None)
+            widget.deleteLater()

@@ -1,0 +1,174 @@
+"""Runs as rows: how each ended, which unit, when, by whom, how long, which stages."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
+
+from calstation.gui import theme
+from calstation.gui.widgets.badge import state_colour, state_icon
+from calstation.gui.wording import KINDS, word_stage, word_state, word_time
+from calstation.records.run_index import RunRecord
+
+Index = QModelIndex | QPersistentModelIndex
+
+
+@dataclass(frozen=True)
+class _Column:
+    heading: Callable[[], str]
+    text: Callable[[RunRecord], str]
+    number: bool = False
+
+
+class RunModel(QAbstractTableModel):
+    """The runs that were found, in the order of the index: the latest first."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.runs: tuple[RunRecord, ...] = ()
+        self._columns = (
+            _Column(lambda: self.tr("Outcome"), lambda run: word_state(run.outcome)),
+            _Column(lambda: self.tr("Serial number"), lambda run: run.serial),
+            _Column(lambda: self.tr("Started"), lambda run: local_time(run.started_utc)),
+            _Column(lambda: self.tr("Product"), lambda run: run.product or ""),
+            _Column(lambda: self.tr("Attempt"), lambda run: str(run.attempt), number=True),
+            _Column(lambda: self.tr("Operator"), lambda run: run.operator or ""),
+            _Column(lambda: self.tr("Duration"), lambda run: word_time(run.duration), number=True),
+            _Column(lambda: self.tr("Stages"), lambda run: stages_text(run)),
+        )
+
+    def set_runs(self, runs: Sequence[RunRecord]) -> None:
+        """Show these runs."""
+        self.beginResetModel()
+        self.runs = tuple(runs)
+        self.endResetModel()
+
+    def refresh(self) -> None:
+        """Ask for every cell and heading again."""
+        self.beginResetModel()
+        self.endResetModel()
+
+    def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008 - Qt's own signature
+        """Number of runs."""
+        return 0 if parent.isValid() else len(self.runs)
+
+    def columnCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008
+        """Number of columns."""
+        return 0 if parent.isValid() else len(self._columns)
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        """A cell; the outcome with its shape, the time with its UTC as tooltip."""
+        run, column = self.runs[index.row()], self._columns[index.column()]
+        if role == Qt.ItemDataRole.DisplayRole:
+            return column.text(run)
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            side = Qt.AlignmentFlag.AlignRight if column.number else Qt.AlignmentFlag.AlignLeft
+            return side | Qt.AlignmentFlag.AlignVCenter
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return utc_text(run.started_utc) if index.column() == 2 else column.text(run)
+        if index.column() == 0:
+            kind = KINDS.get(run.outcome, "none")
+            if role == Qt.ItemDataRole.DecorationRole:
+                return state_icon(kind)
+            if role == Qt.ItemDataRole.ForegroundRole:
+                return state_colour(kind)
+        return None
+
+    def headerData(
+        self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
+    ) -> Any:
+        """Headings along the top."""
+        if orientation == Qt.Orientation.Vertical:
+            return None
+        column = self._columns[section]
+        if role == Qt.ItemDataRole.DisplayRole:
+            return column.heading()
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            side = Qt.AlignmentFlag.AlignRight if column.number else Qt.AlignmentFlag.AlignLeft
+            return side | Qt.AlignmentFlag.AlignVCenter
+        return None
+
+
+class RunTable(QTableView):
+    """Shows a `RunModel`; `selected(run)` tells the run looked at, None where there is none."""
+
+    selected = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.runs = RunModel()
+        self.setModel(self.runs)
+        self.setObjectName("history_table")
+        self.setFont(theme.font())
+        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setAlternatingRowColors(True)
+        self.setShowGrid(False)
+        self.setTabKeyNavigation(False)
+        self.verticalHeader().hide()
+        self.verticalHeader().setDefaultSectionSize(theme.BUTTON)
+        header = self.horizontalHeader()
+        header.setHighlightSections(False)
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
+        header.setStretchLastSection(True)
+        self.setWordWrap(False)
+        self.runs.modelReset.connect(self._spread)
+        self.selectionModel().currentRowChanged.connect(self._moved)
+
+    @property
+    def run(self) -> RunRecord | None:
+        """The run looked at."""
+        row = self.currentIndex().row()
+        return self.runs.runs[row] if 0 <= row < len(self.runs.runs) else None
+
+    def show_runs(self, runs: Sequence[RunRecord]) -> None:
+        """Show these runs; the one looked at stays so where it is still among them, else the latest is."""
+        looked_at = self.run.log if self.run is not None else None
+        self.runs.set_runs(runs)
+        row = next((i for i, run in enumerate(runs) if run.log == looked_at), 0)
+        if runs:
+            self.selectRow(row)
+        self.selected.emit(self.run)
+
+    def refresh(self) -> None:
+        """Say everything again in the language in force."""
+        row = self.currentIndex().row()
+        self.runs.refresh()
+        if row >= 0:
+            self.selectRow(row)
+
+    def _spread(self) -> None:
+        """Columns as wide as what they hold, a little apart; the last takes the rest."""
+        self.resizeColumnsToContents()
+        self.setColumnWidth(self.runs.columnCount() - 1, 10 * theme.GRID)
+        for column in range(self.runs.columnCount() - 1):
+            self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
+
+    def _moved(self, current: QModelIndex) -> None:
+        if current.isValid():
+            self.selected.emit(self.run)
+
+
+def local_time(started_utc: str) -> str:
+    """When a run began, in the time of this place; as written where it is no ISO 8601."""
+    try:
+        return f"{datetime.fromisoformat(started_utc).astimezone():%Y-%m-%d %H:%M}"
+    except ValueError:
+        return started_utc
+
+
+def utc_text(started_utc: str) -> str:
+    """The same in UTC, to the second."""
+    try:
+        return f"{datetime.fromisoformat(started_utc):%Y-%m-%d %H:%M:%S} UTC"
+    except ValueError:
+        return started_utc
+
+
+def stages_text(run: RunRecord) -> str:
+    """The stages that were solved."""
+    return ", ".join(word_stage(stage) for stage in run.stages)

@@ -1,0 +1,386 @@
+"""The offline page: a log is opened, looked at, solved again over a range, compared and exported."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import tomli_w
+from PySide6.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDropEvent, QMouseEvent
+from PySide6.QtWidgets import (
+    QApplication,
+    QCheckBox,
+    QFileDialog,
+    QLineEdit,
+    QPushButton,
+    QTableView,
+    QWidget,
+)
+from pytestqt.qtbot import QtBot
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+from calstation.estimation.samples import SampleBlock
+from calstation.gui import language, theme
+from calstation.gui.context import AppContext
+from calstation.gui.offline.page import OfflinePage
+from calstation.gui.widgets.count_spin import CountSpin
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Verdict
+from calstation.station.request import RunRequest
+from calstation.station.resolve import resolve
+from calstation.station.run import execute
+from tests.cli.conftest import META as CSV_META
+from tests.cli.conftest import six_position_rows, write_log
+from tests.estimation.simulated_stages import block_of, simulate
+from tests.gui.conftest import PRODUCT, SERIAL, STATION
+
+pytestmark = pytest.mark.timeout(120)
+WAIT = 60_000
+"""Longest wait for a job, ms: a loaded machine is no failure."""
+
+SIMULATED = {
+    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400, "azimuth_deg": 0.0},
+    "imu": {
+        "serial": "SIM",
+        "output": "increment",
+        "gyro_arw": 2.9e-7,
+        "accel_vrw": 4.9e-5,
+    },
+}
+FAR = 2**33 + 5
+"""A sequence number that no 32-bit box holds."""
+
+
+@pytest.fixture(scope="module")
+def run_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a real run of two stages that passed."""
+    folder = tmp_path_factory.mktemp("run")
+    station, product = folder / "station.toml", folder / "product.toml"
+    station.write_text(tomli_w.dumps({**STATION, "bench": {"seed": 5, "start_deg": [1.0, -1.0]}}), "utf-8")
+    product.write_text(tomli_w.dumps(PRODUCT), "utf-8")
+    events: list[Event] = []
+    request = RunRequest(SERIAL, station, product, ("rate", "six_position"), folder / "runs", "tester")
+    execute(request, events.append, Control())
+    verdict = events[-1]
+    assert isinstance(verdict, Verdict)
+    assert verdict.outcome == "passed"
+    return Path(verdict.log)
+
+
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of an excitation at 1 kHz that takes some seconds to solve, with high sequence numbers."""
+    truth = BenchTruth.draw("nav", 7, sample_rate=1000.0)
+    block = block_of(simulate(Simulator(truth, 7), truth, "excitation"))
+    imu = {
+        **SIMULATED["imu"],
+        "sample_rate_hz": 1000.0,
+        "gyro_lsb": truth.imu.gyro_lsb,
+        "accel_lsb": truth.imu.accel_lsb,
+    }
+    path = tmp_path_factory.mktemp("long") / "long.h5"
+    writer = RawLogWriter(path, LogMeta.model_validate({**SIMULATED, "imu": imu}))
+    moved = SampleBlock(
+        block.stage,
+        block.seq + FAR,
+        block.time,
+        block.counts,
+        block.angles,
+        block.step,
+        block.valid,
+        block.temperature,
+    )
+    writer.append(moved)
+    writer.close("imported")
+    return path
+
+
+@pytest.fixture(scope="module")
+def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppContext]:
+    """What the window gives its pages; one worker for all tests here."""
+    home = tmp_path_factory.mktemp("home")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CALSTATION_HOME", str(home))
+        made = AppContext()
+    qapp.setStyle("Fusion")
+    theme.apply("light")
+    language.use("en")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(app: AppContext, qtbot: QtBot) -> Iterator[OfflinePage]:
+    """The page, as in a window of 1366x768."""
+    app.settings.clear()
+    made = OfflinePage(app)
+    qtbot.addWidget(made)
+    made.resize(1366, 640)
+    made.show()
+    qtbot.waitExposed(made)
+    yield made
+    for watch in (made.reader, made.solver, made.exporter):
+        watch.cancel()
+
+
+def opened(page: OfflinePage, path: Path, qtbot: QtBot) -> OfflinePage:
+    """The page with a log open, as typed by a user."""
+    edit = page.findChild(QLineEdit, "log_edit")
+    edit.setText(str(path))
+    qtbot.keyClick(edit, Qt.Key.Key_Return)
+    qtbot.waitUntil(lambda: page.log is not None or page.notice.isVisible(), timeout=WAIT)
+    assert page.log is not None, page.notice.text_label.text()
+    return page
+
+
+def spins(page: OfflinePage) -> tuple[CountSpin, CountSpin]:
+    """The boxes of the range."""
+    first, last = page.findChild(CountSpin, "first_seq_spin"), page.findChild(CountSpin, "last_seq_spin")
+    assert first is not None
+    assert last is not None
+    return first, last
+
+
+def solve(page: OfflinePage, qtbot: QtBot) -> None:
+    """Press the button and wait for an answer, good or bad."""
+    button(page, "solve_button").click()
+    qtbot.waitUntil(lambda: button(page, "solve_button").isVisible(), timeout=WAIT)
+
+
+def button(page: QWidget, name: str) -> QPushButton:
+    """A button by its name."""
+    found = page.findChild(QPushButton, name)
+    assert found is not None
+    return found
+
+
+def cells(page: OfflinePage, column: str) -> dict[str, str]:
+    """A column of the comparison by parameter."""
+    table = page.findChild(QTableView, "comparison_table")
+    model = table.model()
+    headings = [model.headerData(i, Qt.Orientation.Horizontal) for i in range(model.columnCount())]
+    k = headings.index(column)
+    return {
+        model.headerData(i, Qt.Orientation.Vertical): model.index(i, k).data()
+        for i in range(model.rowCount())
+    }
+
+
+def save_as(page: OfflinePage, name: str, target: Path, kind: int, qtbot: QtBot) -> None:
+    """Press an export button and answer its dialog."""
+    button(page, name).click()
+    dialogs = page.findChildren(QFileDialog)
+    assert len(dialogs) == 1
+    dialog = dialogs[0]
+    filters = dialog.nameFilters()
+    dialog.selectNameFilter(filters[kind])
+    dialog.filterSelected.emit(filters[kind])
+    dialog.setDirectory(str(target.parent))
+    dialog.selectFile(target.name)
+    dialog.accept()
+    qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
+
+
+def test_an_empty_page_says_what_to_do(page: OfflinePage) -> None:
+    solve_button = button(page, "solve_button")
+    assert not solve_button.isEnabled()
+    assert solve_button.toolTip() == "Open a log first"
+
+
+def test_the_same_log_gives_the_same_result_bit_for_bit(
+    page: OfflinePage, run_log: Path, qtbot: QtBot
+) -> None:
+    opened(page, run_log, qtbot)
+    assert page.comparison.online_badge.text() == "PASS"
+    assert "–" in set(cells(page, "offline").values())
+    solve(page, qtbot)
+    assert page.comparison.difference_badge.text() == "Identical bit for bit"
+    assert page.comparison.offline_badge.text() == "Inside every limit of the product"
+    stored = json.loads(run_log.with_suffix(".json").read_text("utf-8"))["parameters"]
+    assert page.solved is not None
+    assert page.solved.result["parameters"] == stored
+    assert set(cells(page, "in σ").values()) == {"0"}
+    assert set(cells(page, "unit")) == set(stored)
+
+
+def test_a_range_chosen_in_the_boxes_is_solved(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
+    opened(page, run_log, qtbot)
+    assert page.log is not None
+    facts, (rate, _) = page.log.facts, page.log.spans
+    first, last = spins(page)
+    assert (first.value(), last.value()) == (facts.first_seq, facts.last_seq)
+    last.setValue(rate.last_seq)
+    first.setValue(rate.first_seq)
+    assert not page.findChild(QCheckBox, "offline_stage_check_six_position").isEnabled()
+    solve(page, qtbot)
+    assert page.solved is not None
+    expected = resolve(run_log, None, rate.first_seq, rate.last_seq).result
+    assert page.solved.result == expected
+    assert expected["stages"] == ["rate"]
+    assert f"samples {rate.first_seq} to {rate.last_seq}" in page.comparison.note_label.text()
+    # and dragged further in, so far that a turn is missing
+    drag_edge(page, 1, 0.15)
+    assert last.value() < rate.last_seq
+    solve(page, qtbot)
+    assert page.notice.isVisible()
+    said = page.notice.text_label.text()
+    assert "include both ways about every axis" in said
+    assert "--" not in said
+    assert page.solved.result == expected  # what was solved before still stands
+
+
+def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
+    """Drag the range's edge (0 or 1) to a fraction of the view, by mouse."""
+    view = page.plot.findChild(QWidget, "log_graph").viewport()
+    box = page.plot.view_box
+    height = box.mapToScene(box.boundingRect().center()).y()
+    left, right = page.plot.view
+
+    def pixel(seconds: float) -> QPointF:
+        return QPointF(box.mapViewToScene(QPointF(seconds, 0.0)).x(), height)
+
+    start = pixel(page.plot.range_seconds[edge])
+    stop = pixel(left + to * (right - left))
+    middle = QPointF((start.x() + stop.x()) / 2, height)
+    press, move, release = (
+        QEvent.Type.MouseButtonPress,
+        QEvent.Type.MouseMove,
+        QEvent.Type.MouseButtonRelease,
+    )
+    steps = ((press, start), (move, middle), (move, stop), (release, stop))
+    for kind, place in ((QEvent.Type.MouseMove, start), *steps):
+        held = Qt.MouseButton.NoButton if kind == release else Qt.MouseButton.LeftButton
+        if (kind, place) == (move, start):
+            held = Qt.MouseButton.NoButton
+        pressed = Qt.MouseButton.NoButton if kind == move else Qt.MouseButton.LeftButton
+        event = QMouseEvent(
+            kind, place, view.mapToGlobal(place), pressed, held, Qt.KeyboardModifier.NoModifier
+        )
+        QApplication.sendEvent(view, event)
+        QApplication.processEvents()
+
+
+def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
+    page: OfflinePage, long_log: Path, qtbot: QtBot
+) -> None:
+    opened(page, long_log, qtbot)
+    assert page.log is not None
+    facts = page.log.facts
+    first, last = spins(page)
+    assert first.value() == FAR
+    first.setValue(FAR + 100_000)
+    start, _ = page.plot.range_seconds
+    assert start == pytest.approx(100.0)
+    drag_edge(page, 1, 0.6)
+    assert first.value() == FAR + 100_000
+    assert FAR + 100_000 < last.value() < facts.last_seq
+    assert page.plot.range_seconds[1] == pytest.approx((last.value() + 1 - FAR) / 1000.0)
+    first.setValue(2**52)
+    assert first.value() == last.value()
+    last.setValue(0)
+    assert last.value() == first.value()
+    page.range.part_button.menu().actions()[0].trigger()
+    assert (first.value(), last.value()) == (facts.first_seq, facts.last_seq)
+
+
+def test_zooming_reaches_single_samples(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
+    opened(page, long_log, qtbot)
+    assert page.log is not None
+    assert page.plot.samples_per_column > 100
+    assert page.plot.points <= 8 * 2 * 1100
+    for _ in range(11):
+        button(page, "zoom_in_button").click()
+    qtbot.waitUntil(lambda: page.plot.samples_per_column == 1, timeout=WAIT)
+    left, right = page.plot.view
+    assert right - left < 1.0
+    button(page, "zoom_all_button").click()
+    qtbot.waitUntil(lambda: page.plot.samples_per_column > 100, timeout=WAIT)
+
+
+def test_a_solve_is_cancelled_in_its_middle(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
+    opened(page, long_log, qtbot)
+    fractions: list[float] = []
+    page.solver.progress.connect(lambda fraction, _: fractions.append(fraction))
+    button(page, "solve_button").click()
+    assert button(page, "solve_cancel_button").isVisible()
+    assert not page.findChild(QLineEdit, "log_edit").isEnabled()
+    qtbot.waitUntil(lambda: max(fractions, default=0.0) > 0.02, timeout=WAIT)
+    button(page, "solve_cancel_button").click()
+    qtbot.waitUntil(lambda: button(page, "solve_button").isVisible(), timeout=WAIT)
+    assert page.solved is None
+    assert button(page, "solve_button").isEnabled()
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("notes.txt", "Not a log"),
+        ("broken.h5", "Damaged, cut short or no raw log"),
+        ("alone.csv", "no such file"),
+        ("nowhere.h5", "No such file"),
+    ],
+)
+def test_a_file_that_is_no_log_says_so_in_a_sentence(
+    page: OfflinePage, name: str, said: str, tmp_path: Path, qtbot: QtBot
+) -> None:
+    if name != "nowhere.h5":
+        (tmp_path / name).write_text("seq,time_s\n", "utf-8")
+    page.open(tmp_path / name)
+    qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
+    assert said in page.notice.text_label.text()
+    assert page.log is None
+
+
+def test_a_dropped_csv_is_opened_and_a_picture_is_not(
+    page: OfflinePage, tmp_path: Path, qtbot: QtBot
+) -> None:
+    log = write_log(tmp_path, six_position_rows(), meta=CSV_META)
+    for name, taken in (("picture.png", False), (log.name, True)):
+        mime = QMimeData()
+        mime.setUrls([QUrl.fromLocalFile(str(tmp_path / name))])
+        how = (Qt.DropAction.CopyAction, mime, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier)
+        QApplication.sendEvent(page, QDragEnterEvent(QPoint(50, 50), *how))
+        QApplication.sendEvent(page, QDropEvent(QPointF(50, 50), *how))
+        assert page.reader.busy == taken
+    qtbot.waitUntil(lambda: page.log is not None, timeout=WAIT)
+    assert page.comparison.online_badge.text() == "The log holds no result of a run"
+    solve(page, qtbot)
+    assert page.solved is not None
+    assert page.solved.result["parameters"] == resolve(log).result["parameters"]
+    assert [path.name for path in page.source.recent()] == [log.name]
+
+
+def test_log_and_result_are_exported(page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot) -> None:
+    opened(page, run_log, qtbot)
+    solve(page, qtbot)
+    assert page.solved is not None
+    save_as(page, "export_result_button", tmp_path / "answer", 0, qtbot)
+    assert json.loads((tmp_path / "answer.json").read_text("utf-8")) == page.solved.result
+    save_as(page, "export_result_button", tmp_path / "answer", 1, qtbot)
+    rows = (tmp_path / "answer.csv").read_text("utf-8").splitlines()
+    assert len(rows) == 1 + len(page.solved.result["parameters"])
+    save_as(page, "export_log_button", tmp_path / "copy", 0, qtbot)
+    assert str(tmp_path / "copy.csv") in page.notice.text_label.text()
+    copy = resolve(tmp_path / "copy.csv").result["parameters"]
+    assert copy == page.solved.result["parameters"]
+
+
+def test_a_cancelled_export_leaves_nothing(
+    page: OfflinePage, long_log: Path, tmp_path: Path, qtbot: QtBot
+) -> None:
+    opened(page, long_log, qtbot)
+    target = tmp_path / "out" / "copy.csv"
+    target.parent.mkdir()
+    button(page, "export_log_button").click()
+    dialog = page.findChild(QFileDialog)
+    dialog.setDirectory(str(target.parent))
+    dialog.selectFile(target.name)
+    dialog.accept()
+    qtbot.waitUntil(lambda: any(target.parent.iterdir()), timeout=WAIT)
+    button(page, "export_cancel_button").click()
+    qtbot.waitUntil(lambda: not any(target.parent.iterdir()), timeout=WAIT)
+    assert button(page, "export_log_button").isEnabled()
