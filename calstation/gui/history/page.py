@@ -69,6 +69,16 @@ class HistoryPage(Page):
         """The page's name on its tab."""
         return self.tr("History")
 
+    @property
+    def busy(self) -> bool:
+        """Whether the folder is being looked into."""
+        return self._refresher.busy or self._offers.busy or self._closer.busy
+
+    @property
+    def nothing_title(self) -> str:
+        """What the page says where it has no run to show; empty where it has."""
+        return self._nothing.title if self._stack.currentWidget() is self._nothing else ""
+
     def refresh(self) -> None:
         """Bring the index up to date with the folder's files, then show it."""
         if not self.app.runs_folder.is_dir():
@@ -120,6 +130,7 @@ class HistoryPage(Page):
         self._closer.done.connect(lambda _: self._closed())
         self._closer.failed.connect(self._not_closed)
         self.app.engine_link.event.connect(self._take)
+        self.app.runs_folder_changed.connect(self._elsewhere)
         self.app.engine_link.running_changed.connect(lambda _: self._allow())
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self.filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
@@ -127,6 +138,12 @@ class HistoryPage(Page):
     def _take(self, event: Event) -> None:
         """A run has ended: its row is there."""
         if isinstance(event, Verdict) and self.isVisible():
+            self.refresh()
+
+    def _elsewhere(self) -> None:
+        """Another folder holds the runs."""
+        if self.isVisible():
+            self.show_runs()
             self.refresh()
 
     def _look_at(self, run: RunRecord | None) -> None:

@@ -33,6 +33,11 @@ class EmptyState(QWidget):
         row.addWidget(middle)
         row.addStretch(1)
 
+    @property
+    def title(self) -> str:
+        """The title."""
+        return self._title.text()
+
     def add(self, widget: QWidget) -> None:
         """Put a widget below the sentences."""
         self._box.insertWidget(self._box.count() - 1, widget, 0, Qt.AlignmentFlag.AlignHCenter)

@@ -1,0 +1,288 @@
+"""The history page: runs are found as typed, looked at, opened, closed."""
+
+import json
+import os
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPoint, Qt
+from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QPushButton, QTableView, QWidget
+from pytestqt.qtbot import QtBot
+
+from calstation.estimation.samples import SampleBlock
+from calstation.gui import language, theme
+from calstation.gui.context import AppContext
+from calstation.gui.history.page import HistoryPage
+from calstation.physics.units import DEGREE_PER_HOUR
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import STILL_WRITTEN, RawLogWriter
+from calstation.sequencer.events import Verdict
+from calstation.station.result import SCHEMA
+
+pytestmark = pytest.mark.timeout(120)
+WAIT = 60_000
+NOW = datetime.now(UTC).replace(microsecond=0)
+META: dict[str, Any] = {
+    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400, "azimuth_deg": 0.0},
+    "imu": {
+        "serial": "SN-000003",
+        "sample_rate_hz": 100.0,
+        "output": "increment",
+        "gyro_lsb": 1e-8,
+        "accel_lsb": 1e-6,
+        "gyro_arw": 1e-7,
+        "accel_vrw": 5e-5,
+    },
+    "run": {"stages": ["rate", "six_position"], "operator": "Li Wei", "software": "0.1"},
+}
+
+
+def write_run(
+    folder: Path, serial: str, outcome: str, age: timedelta, bias: float = 1.0, **more: Any
+) -> Path:
+    """The result of a run of one stage whose x gyro has a bias of so many °/h; allowed are 3."""
+    started = NOW - age
+    name = f"{serial}_{started:%Y%m%dT%H%M%S%f}"
+    passed = abs(bias) <= 3.0
+    limit = 3.0 * DEGREE_PER_HOUR
+    value = bias * DEGREE_PER_HOUR
+    result = {
+        "schema": SCHEMA,
+        "unit": {"serial": serial},
+        "stages": ["rate"],
+        "passed": outcome == "passed",
+        "parameters": {
+            "gyro_bias_x": {"value": value, "sigma": 1e-8, "unit": "rad/s", "stage": "rate"},
+            "gyro_bias_y": {"value": value / 2, "sigma": 1e-8, "unit": "rad/s", "stage": "rate"},
+        },
+        "unobservable": [],
+        "checks": [
+            {
+                "name": "gyro_bias_x within",
+                "value": value,
+                "limit": [-limit, limit],
+                "unit": "rad/s",
+                "passed": passed,
+            }
+        ],
+        "outcome": outcome,
+        "attempt": 1,
+        "operator": "Zhang Min",
+        "station": "bench",
+        "product": "nav-a",
+        "log": {"file": str(folder / f"{name}.h5")},
+        "software": {"version": "0.1"},
+        "started_utc": started.isoformat(),
+        "duration_s": 754.0,
+        **more,
+    }
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps(result), "utf-8")
+    return path
+
+
+def write_dead_log(folder: Path) -> Path:
+    """The log of a run that was killed in its second stage, an hour ago."""
+    started = NOW - timedelta(hours=1)
+    path = folder / f"SN-000003_{started:%Y%m%dT%H%M%S%f}.h5"
+    meta = {**META, "run": {**META["run"], "started_utc": started.isoformat()}}
+    writer = RawLogWriter(path, LogMeta.model_validate(meta))
+    for k, stage in enumerate(("rate", "six_position")):
+        seq = np.arange(100 * k, 100 * k + 100, dtype=np.int64)
+        ones = np.ones(100)
+        writer.append(
+            SampleBlock(
+                stage,
+                seq,
+                (seq + 1) / 100.0,
+                np.zeros((100, 6)),
+                np.zeros((100, 2)),
+                np.full(100, k, np.int64),
+                ones > 0,
+                25.0 * ones,
+            )
+        )
+        if stage == "rate":
+            writer.event({"event": "StageSolved", "stage": stage, "parameters": {}})
+    writer.flush()
+    writer._file.close()
+    os.close(writer._sync_handle)
+    before = started.timestamp() - STILL_WRITTEN
+    os.utime(path, (before, before))
+    return path
+
+
+@pytest.fixture(scope="module")
+def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppContext]:
+    """What the window gives its pages; one worker for all tests here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CALSTATION_HOME", str(tmp_path_factory.mktemp("home")))
+        made = AppContext()
+    qapp.setStyle("Fusion")
+    theme.apply("light")
+    language.use("en")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def folder(app: AppContext, tmp_path: Path) -> Path:
+    """A folder for runs, empty, known to the window."""
+    folder = tmp_path / "made-here"
+    folder.mkdir()
+    app.runs_folder = folder
+    return folder
+
+
+@pytest.fixture
+def runs(folder: Path) -> dict[str, Path]:
+    """Runs of three units."""
+    return {
+        "passed": write_run(folder, "SN-000001", "passed", timedelta(hours=2)),
+        "failed": write_run(folder, "SN-000001", "failed", timedelta(days=40), bias=5.0),
+        "old": write_run(folder, "SN-000001", "passed", timedelta(days=500), bias=0.5),
+        "fault": write_run(
+            folder,
+            "SN-000002",
+            "fault",
+            timedelta(days=3),
+            error="IMU: no data any more; check cable, power and port",
+        ),
+        "dead": write_dead_log(folder),
+    }
+
+
+@pytest.fixture
+def page(app: AppContext, folder: Path, qtbot: QtBot) -> HistoryPage:
+    """The page; shown by the test."""
+    made = HistoryPage(app)
+    qtbot.addWidget(made)
+    made.resize(1366, 640)
+    return made
+
+
+def shown(page: HistoryPage, qtbot: QtBot) -> list[tuple[str, str]]:
+    """Serial number and outcome of each row, once the page is up to date."""
+    page.show()
+    qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
+    return rows(page)
+
+
+def rows(page: HistoryPage) -> list[tuple[str, str]]:
+    """Serial number and outcome of each row."""
+    model = page.findChild(QTableView, "history_table").model()
+    return [(model.index(i, 1).data(), model.index(i, 0).data()) for i in range(model.rowCount())]
+
+
+def button(page: QWidget, name: str) -> QPushButton:
+    """A button by its name."""
+    found = page.findChild(QPushButton, name)
+    assert found is not None
+    return found
+
+
+def look_at(page: HistoryPage, row: int, qtbot: QtBot) -> None:
+    """Click a row."""
+    table = page.findChild(QTableView, "history_table")
+    place = table.visualRect(table.model().index(row, 1)).center()
+    qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(place))
+
+
+def test_without_runs_the_page_says_what_will_be_here(page: HistoryPage, qtbot: QtBot) -> None:
+    assert shown(page, qtbot) == []
+    assert page.nothing_title == "Every run will be listed here"
+    assert not button(page, "history_clear_button").isVisible()
+
+
+def test_runs_are_listed_the_latest_first(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    assert shown(page, qtbot) == [
+        ("SN-000003", "INCOMPLETE"),
+        ("SN-000001", "PASS"),
+        ("SN-000002", "FAULT"),
+        ("SN-000001", "FAIL"),
+        ("SN-000001", "PASS"),
+    ]
+
+
+def test_the_search_follows_the_keys(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    search = page.findChild(QLineEdit, "history_search_edit")
+    qtbot.keyClicks(search, "000001")
+    qtbot.waitUntil(lambda: len(rows(page)) == 3, timeout=WAIT)
+    outcome = page.findChild(QComboBox, "history_outcome_combo")
+    outcome.setCurrentIndex(outcome.findData("failed"))
+    assert rows(page) == [("SN-000001", "FAIL")]
+    qtbot.keyClicks(search, "9")
+    qtbot.waitUntil(lambda: rows(page) == [], timeout=WAIT)
+    assert page.nothing_title == "No run fits"
+    button(page, "history_clear_button").click()
+    qtbot.waitUntil(lambda: len(rows(page)) == 5, timeout=WAIT)
+
+
+def test_a_time_leaves_out_what_is_older(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    time = page.findChild(QComboBox, "history_time_combo")
+    for days, count in ((7, 3), (365, 4), (None, 5)):
+        time.setCurrentIndex(time.findData(days))
+        assert len(rows(page)) == count
+
+
+def test_details_say_why(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    look_at(page, 1, qtbot)
+    assert page.details.reason_label.text() == "Every value is inside its limits."
+    assert page.details.trend.points == 3
+    look_at(page, 2, qtbot)
+    assert page.details.reason_label.text() == "No data any more. Check cable, power and port."
+    assert not button(page, "history_log_button").isEnabled()
+    look_at(page, 3, qtbot)
+    assert page.details.badge.text() == "FAIL"
+    assert "gyro bias x is 5 °/h, allowed are ±3" in page.details.failed_label.text()
+    assert not button(page, "history_resume_button").isVisible()
+    assert not button(page, "history_close_button").isVisible()
+
+
+def test_result_and_log_are_opened_elsewhere(
+    page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
+) -> None:
+    shown(page, qtbot)
+    look_at(page, 1, qtbot)
+    with qtbot.waitSignal(app.open_run) as wanted:
+        button(page, "history_result_button").click()
+    assert wanted.args == [runs["passed"]]
+    look_at(page, 0, qtbot)
+    assert not button(page, "history_result_button").isEnabled()
+    with qtbot.waitSignal(app.open_log) as wanted:
+        button(page, "history_log_button").click()
+    assert wanted.args == [runs["dead"]]
+
+
+def test_an_incomplete_run_is_resumed_or_closed(
+    page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
+) -> None:
+    shown(page, qtbot)
+    look_at(page, 0, qtbot)
+    with qtbot.waitSignal(app.resume_run) as wanted:
+        button(page, "history_resume_button").click()
+    assert wanted.args == [runs["dead"]]
+    button(page, "history_close_button").click()
+    qtbot.waitUntil(
+        lambda: not page.busy and not button(page, "history_close_button").isVisible(), timeout=WAIT
+    )
+    assert not button(page, "history_resume_button").isVisible()
+    assert json.loads(runs["dead"].with_suffix(".json").read_text("utf-8"))["outcome"] == "incomplete"
+
+
+def test_a_run_that_ends_appears_by_itself(
+    page: HistoryPage, runs: dict[str, Path], folder: Path, app: AppContext, qtbot: QtBot
+) -> None:
+    shown(page, qtbot)
+    result = write_run(folder, "SN-000009", "passed", timedelta(minutes=1))
+    app.engine_link.event.emit(Verdict("passed", str(result.with_suffix(".h5")), str(result), {}))
+    qtbot.waitUntil(lambda: rows(page)[0] == ("SN-000009", "PASS"), timeout=WAIT)
+    assert page.table.run is not None
+    assert page.table.run.serial == "SN-000003"  # what was looked at still is
