@@ -1,6 +1,7 @@
 """What a solver must know beside the samples: site, IMU noise and table, as frozen values in SI."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -62,12 +63,35 @@ class TableModel:
 
 
 @dataclass(frozen=True)
+class StoredPair:
+    """The last cross-calibration of a secondary IMU against the primary.
+
+    values : pair parameters by contract name without number, SI; those left out are neutral
+    gyro_static, accel_static : what its gyro (rad/s) and accelerometer (m/s²) showed at rest right after
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    gyro_static: float | None = None
+    accel_static: float | None = None
+
+
+@dataclass(frozen=True)
+class Secondary:
+    """A further IMU on the body: its number (2, 3, ...), its stream and noise, and the last cross-calibration."""
+
+    number: int
+    imu: ImuModel
+    stored: StoredPair = field(default_factory=StoredPair)
+
+
+@dataclass(frozen=True)
 class SolveContext:
     """All a stage's solver is told beside its prior and its samples."""
 
     site: Site
     imu: ImuModel
     table: TableModel
+    secondaries: tuple[Secondary, ...] = ()
 
 
 @dataclass(frozen=True)

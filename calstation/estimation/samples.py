@@ -1,6 +1,6 @@
 """`SampleBlock`: the one form in which samples travel from driver or file to log and solver."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,6 +22,10 @@ class SampleBlock:
     step : number of the move the sample belongs to, shape (n,)
     valid : False marks a spoilt sample, shape (n,)
     temperature : °C, NaN where unknown, shape (n,)
+    others : raw output of further IMUs on the same body, counts as `counts`, NaN where a sample of theirs is missing,
+        shape (n, k, 6), k = 0 where the unit is alone
+    joints : angles of a gimbal's joints x, y, z at the end of the sample, rad, NaN between polls, shape (n, 3), or
+        (n, 0) where there is no gimbal
     """
 
     stage: str
@@ -32,6 +36,15 @@ class SampleBlock:
     step: IntArray
     valid: BoolArray
     temperature: FloatArray
+    others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
+    joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+
+    def __post_init__(self) -> None:
+        """Where a block has no further columns, as many rows of none."""
+        if self.others.shape[1] == 0:
+            object.__setattr__(self, "others", np.empty((len(self.seq), 0, 6)))
+        if self.joints.shape[1] == 0:
+            object.__setattr__(self, "joints", np.empty((len(self.seq), 0)))
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -48,6 +61,8 @@ class SampleBlock:
             self.step[s],
             self.valid[s],
             self.temperature[s],
+            self.others[s],
+            self.joints[s],
         )
 
 

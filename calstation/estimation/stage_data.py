@@ -1,7 +1,7 @@
 """A stage's samples as contiguous arrays: raw rates, encoder angles, the segments between gaps, rests."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,6 +31,7 @@ class StageData:
     step : shape (n,)
     segments : (start, stop) of each stretch without a gap, reset or spoilt sample
     gaps : gaps and resets inside the stage
+    others, joints : as in `SampleBlock`
     """
 
     dt: float
@@ -42,6 +43,8 @@ class StageData:
     step: IntArray
     segments: tuple[tuple[int, int], ...]
     gaps: int
+    others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
+    joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -67,6 +70,8 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         step=_joined([b.step for b in blocks], np.int64)[valid],
         segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
         gaps=int(np.count_nonzero(broken)),
+        others=np.concatenate([b.others for b in blocks])[valid] if blocks else np.empty((0, 0, 6)),
+        joints=np.concatenate([b.joints for b in blocks])[valid] if blocks else np.empty((0, 0)),
     )
 
 

@@ -63,6 +63,54 @@ PARAMETERS: tuple[Parameter, ...] = tuple(
 )
 """All parameters in the order of every state vector, file and table."""
 
+
+@dataclass(frozen=True)
+class PairParameter:
+    """One scalar of a secondary IMU against the primary one on the same body, `secondary measured = C · primary + b`.
+
+    Attributes
+    ----------
+    name : contract name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``
+    unit : SI unit as written in files; group : name without its axes
+    neutral : value where the secondary is the primary's equal
+    """
+
+    name: str
+    unit: str
+    group: str
+    neutral: float = 0.0
+
+
+PAIR_PARAMETERS: tuple[PairParameter, ...] = (
+    *(
+        PairParameter(f"secondary_{sensor}_{what}", unit, f"secondary_{sensor}_{kind}", neutral)
+        for sensor, bias_unit in (("gyro", "rad/s"), ("accel", "m/s²"))
+        for kind, what, unit, neutral in (
+            *(("bias", f"bias_{a}", bias_unit, 0.0) for a in AXES),
+            *(("matrix", f"matrix_{r}{c}", "1", float(r == c)) for r in AXES for c in AXES),
+        )
+    ),
+    *(PairParameter(f"secondary_lever_{a}", "m", "secondary_lever") for a in AXES),
+    PairParameter("clock_offset", "s", "clock_offset"),
+)
+"""What cross-calibration finds, in the order of every table."""
+
+
+def pair_name(name: str, number: int) -> str:
+    """A pair parameter's name for the IMU `number`: the contract's for the second, with the number for further ones."""
+    if number == 2:
+        return name
+    return name.replace("secondary_", f"secondary{number}_", 1) if "secondary" in name else f"{name}{number}"
+
+
+def pair_parameter(name: str) -> PairParameter | None:
+    """The pair parameter of a name with or without number; None where it is none."""
+    return _PAIR.get(name.translate(_NO_DIGITS))
+
+
+_NO_DIGITS = str.maketrans("", "", "0123456789")
+_PAIR = {p.name: p for p in PAIR_PARAMETERS}
+
 COUNT = len(PARAMETERS)
 NAMES: tuple[str, ...] = tuple(p.name for p in PARAMETERS)
 INDEX: dict[str, int] = {name: i for i, name in enumerate(NAMES)}

@@ -1,6 +1,7 @@
 """Import of a CSV into a raw log and export of any log as CSV and TOML; both keep every value exactly."""
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -17,9 +18,11 @@ def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> Log
     if target.suffix != SUFFIX:
         raise InputError(f"{target}: a raw log's name ends in {SUFFIX}; rename the target")
     log = open_log(source, meta_file)
-    writer = RawLogWriter(target, log.meta)
+    blocks = log.blocks()
+    first = next(blocks)  # a log without samples is told as such
+    writer = RawLogWriter(target, log.meta, joints=first.joints.shape[1] > 0)
     try:
-        for block in log.blocks():
+        for block in itertools.chain([first], blocks):
             writer.append(block)
     except BaseException:
         with contextlib.suppress(OSError, RuntimeError):  # what failed may be the disk

@@ -17,13 +17,22 @@ from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock, snap_angles
 from calstation.estimation.sequence import SequenceError, SequenceUnwrapper
 from calstation.physics.arrays import FloatArray, IntArray
-from calstation.records.meta import LogMeta
+from calstation.records.meta import FURTHER_IMUS, LogMeta
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 """Of these `ANGLES` may be absent, both together: a recording made by hand has no table."""
-COLUMNS = (*REQUIRED, "temp_c", "valid")
+JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
+COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
+
+
+def further_channels(number: int) -> tuple[str, ...]:
+    """Columns of a further IMU on the same body: gyro2_x, ..., accel2_z."""
+    return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
+
+
+ALL_FURTHER = frozenset(name for number in FURTHER_IMUS for name in further_channels(number))
 _CHUNK_BYTES = 1 << 17
 _MEND = "correct the cell or remove the row"
 
@@ -47,13 +56,13 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
     first = next(chunks, "")
     if not first.strip():
         raise InputError(f"{path}: is empty; give a header row and samples")
-    header, rest = _header(path, first)
+    header, rest = _header(path, first, meta)
     unwrapper = SequenceUnwrapper(1.0 / meta.imu.sample_rate_hz)
     starts: set[tuple[float, ...]] = set()
     empty = True
     for text in itertools.chain([rest], chunks):
         if text:
-            table = _Table(path, header, text, line + 1)
+            table = _Table(path, header, text, line + 1, len(meta.secondaries))
             seq, time = table.integers("seq"), table.floats("time_s")
             counts = np.column_stack([table.floats(name) for name in CHANNELS]) + 0.0
             try:
@@ -115,7 +124,7 @@ def _text_chunks(path: Path) -> Iterator[str]:
         raise InputError(f"{path}: cannot be read ({exc.strerror or exc})") from exc
 
 
-def _header(path: Path, text: str) -> tuple[list[str], str]:
+def _header(path: Path, text: str, meta: LogMeta) -> tuple[list[str], str]:
     first, _, rest = text.removeprefix("\ufeff").partition("\n")
     names = [name.strip() for name in next(csv.reader([first]), [])]
     table = any(name in names for name in ANGLES)
@@ -124,7 +133,22 @@ def _header(path: Path, text: str) -> tuple[list[str], str]:
             unknown = [n for n in names if n not in COLUMNS]
             near = suggestion(name, unknown).replace("did you mean", "is it")
             raise InputError(f"{path}: column '{name}' is missing{near or '; add it to the header and rows'}")
-    for name in COLUMNS:
+    further = [name for number in meta.secondaries for name in further_channels(number)]
+    for name in further:
+        if name not in names:
+            number = name.split("_")[0][-1]
+            raise InputError(
+                f"{path}: column '{name}' is missing; add it, or remove [imu{number}] from the configuration"
+            )
+    for name in names:
+        if name in ALL_FURTHER and name not in further:
+            number = name.split("_")[0][-1]
+            raise InputError(
+                f"{path}: column '{name}' has no [imu{number}] in the configuration; add the table"
+            )
+    if any(name in names for name in JOINTS) and not all(name in names for name in JOINTS):
+        raise InputError(f"{path}: of {', '.join(JOINTS)} one is missing; add it or remove all three")
+    for name in (*COLUMNS, *further):
         if names.count(name) > 1:
             raise InputError(f"{path}: column '{name}' is there twice; remove one")
     return names, rest
@@ -142,9 +166,10 @@ def _check_rate(path: Path, seq: IntArray, time: FloatArray, rate: float) -> Non
 class _Table:
     """One chunk's cells by column; `first` is the line number of its first row."""
 
-    def __init__(self, path: Path, header: list[str], text: str, first: int) -> None:
+    def __init__(self, path: Path, header: list[str], text: str, first: int, further: int) -> None:
         self._path = path
         self._header = header
+        self._further = further
         self.first = first
         width = len(header)
         if '"' in text:
@@ -215,6 +240,7 @@ class _Table:
         step = self.integers("step")
         heat = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
         valid = self.integers("valid") != 0 if "valid" in self._header else np.ones(n, np.bool_)
+        others, joints = self._others(n), self._joints(n)
         stages = self._columns["stage"]
         if stages.count(stages[0]) == n:
             edges = np.array([0, n])
@@ -224,14 +250,42 @@ class _Table:
         for a, b in itertools.pairwise(edges.tolist()):
             k = slice(a, b)
             yield SampleBlock(
-                stages[a].strip(), seq[k], time[k], counts[k], angles[k], step[k], valid[k], heat[k]
+                stages[a].strip(),
+                seq[k],
+                time[k],
+                counts[k],
+                angles[k],
+                step[k],
+                valid[k],
+                heat[k],
+                others[k],
+                joints[k],
             )
+
+    def _others(self, count: int) -> FloatArray:
+        """Columns of further IMUs, shape (n, k, 6)."""
+        if not self._further:
+            return np.empty((count, 0, 6))
+        names = [name for number in FURTHER_IMUS[: self._further] for name in further_channels(number)]
+        columns = np.column_stack([self.floats(name, True) for name in names]) + 0.0
+        return np.asarray(columns.reshape(count, self._further, 6))
+
+    def _joints(self, count: int) -> FloatArray:
+        """Columns of a gimbal's joints, rad, shape (n, 3), or (n, 0) where there is none."""
+        if JOINTS[0] not in self._header:
+            return np.empty((count, 0))
+        return snap_angles(np.deg2rad(np.column_stack([self.floats(name, True) for name in JOINTS])))
 
 
 def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     """Write blocks as the contract's CSV: integers exact, floats so that they read back the same."""
-    stream.write(",".join(COLUMNS) + "\n")
-    for block in blocks:
+    first = next(blocks, None)
+    further = 0 if first is None else first.others.shape[1]
+    names = [*REQUIRED, "temp_c", "valid"]
+    names += [name for number in FURTHER_IMUS[:further] for name in further_channels(number)]
+    names += JOINTS if first is not None and first.joints.shape[1] else ()
+    stream.write(",".join(names) + "\n")
+    for block in itertools.chain([] if first is None else [first], blocks):
         degrees = _shortest_degrees(block.angles)
         columns: list[list[str]] = [
             [str(v) for v in block.seq.tolist()],
@@ -243,6 +297,8 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
             _blank_nan(block.temperature),
             ["1" if v else "0" for v in block.valid.tolist()],
         ]
+        columns += [_numbers(column) for column in block.others.reshape(len(block), -1).T]
+        columns += [_blank_nan(column) for column in _shortest_degrees(block.joints).T]
         stream.write("".join(map("{}\n".format, map(",".join, zip(*columns, strict=True)))))
 
 
@@ -254,9 +310,11 @@ def _shortest_degrees(angles: FloatArray) -> FloatArray:
 
 
 def _numbers(values: FloatArray) -> list[str]:
-    if np.array_equal(values, np.rint(values)) and np.all(np.abs(values) < 2**53):
-        return [str(v) for v in values.astype(np.int64).tolist()]
-    return [repr(v) for v in values.tolist()]
+    there = ~np.isnan(values)
+    if np.array_equal(values[there], np.rint(values[there])) and np.all(np.abs(values[there]) < 2**53):
+        whole = np.where(there, values, 0.0).astype(np.int64)
+        return [str(v) if t else "" for v, t in zip(whole.tolist(), there.tolist(), strict=True)]
+    return _blank_nan(values)
 
 
 def _blank_nan(values: FloatArray) -> list[str]:

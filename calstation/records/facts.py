@@ -46,6 +46,8 @@ class FactsBuilder:
         self._configuration = meta.to_json()
         self._rows = hashlib.sha256()
         self._stages = hashlib.sha256()
+        self._further = hashlib.sha256()
+        self._has_further = False
         self._stage: str | None = None
         self._first = 0
         self._last = -1
@@ -70,6 +72,11 @@ class FactsBuilder:
         rows["step"], rows["valid"] = block.step, block.valid
         rows["temperature"] = np.where(np.isnan(block.temperature), np.nan, block.temperature)
         self._rows.update(rows.data)
+        further = [v.reshape(count, -1) for v in (block.others, block.joints) if v.shape[1]]
+        if further:
+            self._has_further = True
+            columns = np.hstack(further)
+            self._further.update(np.where(np.isnan(columns), np.nan, columns).astype("<f8").data)
         if self._samples == 0:
             self._first = int(block.seq[0])
         elif int(block.seq[0]) != self._last + 1:
@@ -89,6 +96,8 @@ class FactsBuilder:
         whole = hashlib.sha256()
         for part in (self._rows.digest(), self._stages.digest(), self._configuration.encode()):
             whole.update(part)
+        if self._has_further:  # logs without further columns keep the digest they were given
+            whole.update(self._further.digest())
         heat = None
         if self._heat_count:
             heat = (round(self._heat / self._heat_count, 3), self._heat_low, self._heat_high)

@@ -103,17 +103,7 @@ def _between(block: SampleBlock, first: int | None, last: int | None) -> SampleB
     stop = len(block) if last is None else int(block.seq.searchsorted(last, side="right"))
     if start == 0 and stop == len(block):
         return block
-    k = slice(start, max(start, stop))
-    return SampleBlock(
-        block.stage,
-        block.seq[k],
-        block.time[k],
-        block.counts[k],
-        block.angles[k],
-        block.step[k],
-        block.valid[k],
-        block.temperature[k],
-    )
+    return block.part(start, max(start, stop))
 
 
 def open_log(path: Path, meta_file: Path | None = None) -> Log:

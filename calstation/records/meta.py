@@ -11,11 +11,21 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.configuration import StrictModel, load, suggestion, validate
 from calstation.errors import InputError
-from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
-from calstation.physics.parameters import COUNT, INDEX, NAMES, PARAMETERS, group_indices
+from calstation.estimation.context import (
+    Belief,
+    ImuModel,
+    Secondary,
+    Site,
+    SolveContext,
+    StoredPair,
+    TableModel,
+)
+from calstation.physics.parameters import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, group_indices
 from calstation.records.limits import Limit, check_limit_names
 
 _UNIT_TOLERANCE = 1e-3
+FURTHER_IMUS = tuple(range(2, 10))
+"""Numbers that secondary IMUs may have in files."""
 
 
 class SiteSection(StrictModel):
@@ -40,6 +50,29 @@ class ImuSection(StrictModel):
     accel_vrw: float = Field(gt=0)
     gyro_bias_instability: float = Field(default=0.0, ge=0)
     accel_bias_instability: float = Field(default=0.0, ge=0)
+
+
+class StoredPairSection(StrictModel):
+    """`[imuN.stored]`: the last cross-calibration, as `estimation.context.StoredPair`."""
+
+    values: dict[str, float] = Field(default_factory=dict)
+    gyro_static: float | None = Field(default=None, ge=0)
+    accel_static: float | None = Field(default=None, ge=0)
+
+    @field_validator("values")
+    @classmethod
+    def _known(cls, values: dict[str, float]) -> dict[str, float]:
+        known = tuple(p.name for p in PAIR_PARAMETERS)
+        for name in values:
+            if name not in known:
+                raise ValueError(f"'{name}' is no pair parameter{suggestion(name, known) or '; remove it'}")
+        return values
+
+
+class FurtherImuSection(ImuSection):
+    """`[imu2]` to `[imu9]`: a secondary IMU sampled in the same rows as `[imu]`."""
+
+    stored: StoredPairSection | None = None
 
 
 class TableSection(StrictModel):
@@ -128,6 +161,7 @@ class LogMeta(StrictModel):
     schedule : a stage's schedule parameters by stage
     profiles : texts of the station, table, IMU and product files of the run, by kind
     registers : the unit's own registers where its stream follows them, by parameter, SI
+    imu2 to imu9 : further IMUs on the same body, without a gap in their numbers
     """
 
     site: SiteSection
@@ -139,6 +173,32 @@ class LogMeta(StrictModel):
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     profiles: dict[str, str] = Field(default_factory=dict)
     registers: dict[str, float] = Field(default_factory=dict)
+    imu2: FurtherImuSection | None = None
+    imu3: FurtherImuSection | None = None
+    imu4: FurtherImuSection | None = None
+    imu5: FurtherImuSection | None = None
+    imu6: FurtherImuSection | None = None
+    imu7: FurtherImuSection | None = None
+    imu8: FurtherImuSection | None = None
+    imu9: FurtherImuSection | None = None
+
+    @property
+    def secondaries(self) -> dict[int, FurtherImuSection]:
+        """The further IMUs by number."""
+        sections = {number: getattr(self, f"imu{number}") for number in FURTHER_IMUS}
+        return {number: section for number, section in sections.items() if section is not None}
+
+    @model_validator(mode="after")
+    def _further_imus(self) -> "LogMeta":
+        for place, (number, section) in enumerate(self.secondaries.items(), 2):
+            if number != place:
+                raise ValueError(f"imu{number} is there but imu{place} is not; number further IMUs from 2 on")
+            if section.sample_rate_hz != self.imu.sample_rate_hz:
+                raise ValueError(
+                    f"imu{number}.sample_rate_hz = {section.sample_rate_hz:g} must be the primary's "
+                    f"{self.imu.sample_rate_hz:g}: a row is a sample of both; leave cells empty where one is missing"
+                )
+        return self
 
     @field_validator("prior", "registers")
     @classmethod
@@ -196,17 +256,7 @@ def context_from_meta(meta: LogMeta) -> SolveContext:
             azimuth=None if site.azimuth_deg is None else float(np.deg2rad(site.azimuth_deg)),
             gravity=site.gravity_mps2,
         ),
-        imu=ImuModel(
-            serial=imu.serial,
-            sample_rate=imu.sample_rate_hz,
-            output=imu.output,
-            gyro_lsb=imu.gyro_lsb,
-            accel_lsb=imu.accel_lsb,
-            gyro_arw=imu.gyro_arw,
-            accel_vrw=imu.accel_vrw,
-            gyro_bias_instability=imu.gyro_bias_instability,
-            accel_bias_instability=imu.accel_bias_instability,
-        ),
+        imu=_imu_model(imu),
         table=TableModel(
             outer_axis=_normalised(table.outer_axis),
             inner_axis=_normalised(table.inner_axis),
@@ -218,7 +268,31 @@ def context_from_meta(meta: LogMeta) -> SolveContext:
             velocity_sigma=table.velocity_sigma,
             velocity_interval=table.velocity_interval_s,
         ),
+        secondaries=tuple(
+            Secondary(number, _imu_model(section), _stored_pair(section.stored))
+            for number, section in meta.secondaries.items()
+        ),
     )
+
+
+def _imu_model(imu: ImuSection) -> ImuModel:
+    return ImuModel(
+        serial=imu.serial,
+        sample_rate=imu.sample_rate_hz,
+        output=imu.output,
+        gyro_lsb=imu.gyro_lsb,
+        accel_lsb=imu.accel_lsb,
+        gyro_arw=imu.gyro_arw,
+        accel_vrw=imu.accel_vrw,
+        gyro_bias_instability=imu.gyro_bias_instability,
+        accel_bias_instability=imu.accel_bias_instability,
+    )
+
+
+def _stored_pair(stored: StoredPairSection | None) -> StoredPair:
+    if stored is None:
+        return StoredPair()
+    return StoredPair(stored.values, stored.gyro_static, stored.accel_static)
 
 
 def _normalised(axis: list[float]) -> tuple[float, float, float]:

@@ -44,14 +44,23 @@ ROW = np.dtype(
         ("valid", "u1"),
     ]
 )
+"""Columns of every log; those of further IMUs and of a gimbal come after them."""
 CHUNK_ROWS = 1024
 _TEXTS = ("events", "results", "closing")
+
+
+def row_dtype(further_imus: int, joints: bool) -> np.dtype:
+    """A row of a log with so many further IMUs, with the joints of a gimbal or without."""
+    further = [("others", "<f8", (further_imus, 6))] if further_imus else []
+    gimbal = [("joints", "<f8", (3,))] if joints else []
+    return np.dtype([*ROW.descr, *further, *gimbal])
 
 
 class RawLogWriter:
     """Appends a run's samples, events and results to a new file.
 
-    Buffers between flushes; `service` (called by every append) flushes and syncs when due.
+    Buffers between flushes; `service` (called by every append) flushes and syncs when due. A gimbal's joints are
+    kept where `joints` says that blocks have them, further IMUs where the configuration names them.
 
     Raises
     ------
@@ -59,7 +68,7 @@ class RawLogWriter:
         where the file cannot be created.
     """
 
-    def __init__(self, path: Path, meta: LogMeta) -> None:
+    def __init__(self, path: Path, meta: LogMeta, joints: bool = False) -> None:
         self.path = path
         self.meta = meta
         try:
@@ -73,7 +82,8 @@ class RawLogWriter:
         configuration = np.frombuffer(meta.to_json().encode(), np.uint8)
         self._file.attrs["format"] = FORMAT
         self._file.create_dataset("meta", data=configuration)
-        self._samples = self._growing("samples", ROW, CHUNK_ROWS)
+        self._row = row_dtype(len(meta.secondaries), joints)
+        self._samples = self._growing("samples", self._row, CHUNK_ROWS)
         self._stage_names = self._growing("stages", "S64", 16)
         for name in _TEXTS:
             self._growing(name, np.uint8, 8192)
@@ -93,11 +103,14 @@ class RawLogWriter:
         if block.stage != self._stage:
             self.flush()
             self._stage = block.stage
-        rows = np.empty(len(block), ROW)
+        rows = np.empty(len(block), self._row)
         rows["seq"], rows["time"], rows["counts"] = block.seq, block.time, block.counts
         rows["angles"], rows["temperature"] = block.angles, block.temperature
         rows["step"], rows["valid"] = block.step, block.valid
         rows["stage"] = self._stage_index(block.stage)
+        for name, values in (("others", block.others), ("joints", block.joints)):
+            if name in (self._row.names or ()):
+                rows[name] = values if values.shape[1] else np.nan
         self._facts.add(block)
         self._rows.append(rows)
         self.service()

@@ -84,14 +84,14 @@ def row_count(path: Path) -> int:
 
 
 def raw_rows(path: Path, start: int, stop: int) -> np.ndarray:
-    """Rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.ROW`."""
+    """Rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.row_dtype`."""
     with _Opened(path) as file:
         rows: np.ndarray = file["samples"][start:stop]
         return rows
 
 
 def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
-    stage = rows["stage"]
+    stage, columns = rows["stage"], rows.dtype.names or ()
     edges = np.concatenate(([0], np.flatnonzero(stage[1:] != stage[:-1]) + 1, [len(rows)]))
     for a, b in itertools.pairwise(edges.tolist()):
         part = rows[a:b]
@@ -104,6 +104,7 @@ def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
             part["step"].astype(np.int64),
             part["valid"] != 0,
             np.ascontiguousarray(part["temperature"]),
+            **{name: np.ascontiguousarray(part[name]) for name in ("others", "joints") if name in columns},
         )
 
 

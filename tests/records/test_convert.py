@@ -1,16 +1,18 @@
 """Import and export lose nothing: not a bit of a sample, a stage or the configuration."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from records_samples import assert_same, csv_rows, write_csv_log
+from records_samples import CSV_HEADER, META, assert_same, csv_rows, make_block, write_csv_log
 
 from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock, snap_angles
 from calstation.records.convert import export_csv, import_csv
+from calstation.records.csv_log import further_channels
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
@@ -36,6 +38,68 @@ def test_export_and_import_give_the_same_log(
         log = open_log(path)
         assert log.meta == meta
         assert_same(list(log.blocks()), blocks)
+
+
+def test_further_imus_and_a_gimbals_joints_travel_too(tmp_path: Path) -> None:
+    imu = {key: value for key, value in META["imu"].items() if key != "serial"}
+    further = {
+        **imu,
+        "gyro_lsb": 1e-6,
+        "stored": {"values": {"secondary_gyro_bias_x": 0.1 + 0.2}, "gyro_static": 1e-3},
+    }
+    meta = LogMeta.model_validate(
+        {**META, "imu2": {"serial": "B", **further}, "imu3": {"serial": "C", **imu}}
+    )
+    random = np.random.default_rng(1)
+    blocks = []
+    for k, plain in enumerate([make_block("", 0, 30), make_block("cross_calibration", 30, 500)]):
+        others = random.integers(-(2**20), 2**20, (len(plain), 2, 6)).astype(np.float64)
+        others[random.random(len(plain)) < 0.2, 1] = np.nan
+        joints = snap_angles(random.uniform(-3, 3, (len(plain), 3)))
+        joints[k::2] = np.nan
+        blocks.append(replace(plain, others=others, joints=joints))
+    writer = RawLogWriter(tmp_path / "run.h5", meta, joints=True)
+    for block in blocks:
+        writer.append(block)
+    digest = writer.close("passed").sha256
+    assert export_csv(tmp_path / "run.h5", tmp_path / "out.csv").sha256 == digest
+    assert import_csv(tmp_path / "out.csv", tmp_path / "copy.h5").sha256 == digest
+    assert "gyro3_x" in (tmp_path / "out.csv").read_text().split("\n")[0]
+    for name in ("run.h5", "out.csv", "copy.h5"):
+        log = open_log(tmp_path / name)
+        assert log.meta == meta
+        back = list(log.blocks())
+        assert_same(back, blocks)
+        for column in ("others", "joints"):
+            assert np.array_equal(
+                np.concatenate([getattr(b, column) for b in back]),
+                np.concatenate([getattr(b, column) for b in blocks]),
+                equal_nan=True,
+            )
+    blocks[1].others[17, 0, 3] += 1
+    other = RawLogWriter(tmp_path / "other.h5", meta, joints=True)
+    for block in blocks:
+        other.append(block.part(0, 11))
+        other.append(block.part(11, len(block)))
+    assert other.close("passed").sha256 != digest
+
+
+def test_columns_and_tables_of_further_imus_belong_together(tmp_path: Path) -> None:
+    header = CSV_HEADER + "," + ",".join(further_channels(2))
+    path = write_csv_log(tmp_path, [row + ",1,2,3,4,5,6" for row in csv_rows(3)], header)
+    with pytest.raises(InputError, match=r"column 'gyro2_x' has no \[imu2\]"):
+        list(open_log(path).blocks())
+    toml = path.with_suffix(".toml")
+    imu = toml.read_text().split("[imu]")[1].split("[table]")[0]
+    toml.write_text(toml.read_text() + f"\n[imu2]\n{imu}")
+    assert next(iter(open_log(path).blocks())).others[0, 0].tolist() == [1, 2, 3, 4, 5, 6]
+    path = write_csv_log(tmp_path, csv_rows(3))
+    toml.write_text(toml.read_text() + f"\n[imu2]\n{imu}")
+    with pytest.raises(InputError, match=r"column 'gyro2_x' is missing; add it, or remove \[imu2\]"):
+        list(open_log(path).blocks())
+    toml.write_text(toml.read_text().replace("[imu2]", "[imu3]"))
+    with pytest.raises(InputError, match="number further IMUs from 2 on"):
+        open_log(path)
 
 
 @settings(deadline=None, max_examples=300)
