@@ -3,6 +3,7 @@
 import io
 import sys
 import traceback
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -40,11 +41,18 @@ def run(
     out: Annotated[Path, typer.Option(help="Folder for log and result.")] = Path("runs"),
     json: JsonOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the first motion.")] = False,
+    resume: Annotated[
+        Path | None, typer.Option(help="Carry on a run behind its last finished stage.", metavar="LOG")
+    ] = None,
+    beyond_attempts: Annotated[
+        bool, typer.Option("--beyond-attempts", help="Take a unit whose attempts are used up.")
+    ] = False,
 ) -> None:
     """Calibrate the unit on the station: one click without a window."""
     from calstation.cli.run import run_command, run_request
 
-    request = run_request(_stages(stages), station, product, serial, speed, seed, out)
+    request = run_request(_stages(stages), station, product, serial, speed, seed, out, resume)
+    request = replace(request, beyond_attempts=beyond_attempts)
     raise typer.Exit(run_command(request, json, yes=yes, debug=bool(context.obj)))
 
 

@@ -30,6 +30,7 @@ from calstation.sequencer.events import (
 from calstation.station.config import load_station
 from calstation.station.engine import INTERNAL, Engine
 from calstation.station.request import RunRequest
+from calstation.station.resume import filled, serial_of
 from calstation.station.setup import prepare
 
 DEFAULT_SERIAL = "SN-000001"
@@ -41,7 +42,7 @@ _EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration; returns the contract's exit code. Raises ConfigurationError for a wrong request."""
     check_json(json)
-    prepare(request)
+    prepare(filled(request))
     _, station = load_station(request.station)
     if station.bench is None and not yes:
         question = f"The table of '{station.name}' is going to move. Is everybody clear of it?"
@@ -76,16 +77,23 @@ def run_request(
     speed: float | None,
     seed: int | None,
     out: Path,
+    resume: Path | None = None,
 ) -> RunRequest:
     """The request of a command line. Raises ConfigurationError where the serial number is missing."""
     path, config = load_station(station)
+    if resume is not None:
+        if stages is not None or seed is not None:
+            raise ConfigurationError(
+                "--resume carries its run's own stages and seed on; leave the option out"
+            )
+        serial = serial or serial_of(resume)
     if serial is None:
         if config.bench is None:
             raise ConfigurationError(
                 f"--serial is missing; {path} is hardware, give the unit's serial number"
             )
         serial = str(config.bench.get("serial", DEFAULT_SERIAL))
-    return RunRequest(serial, station, product, stages, out, _operator(), speed, seed)
+    return RunRequest(serial, station, product, stages, out, _operator(), speed, seed, resume=resume)
 
 
 def _operator() -> str | None:
@@ -115,7 +123,10 @@ def _show_verdict(verdict: Verdict, json: str | None) -> None:
     if json != "-":
         result_table(console, verdict.result)
     console.print(f"{verdict.result['unit']['serial']}: {OUTCOMES[verdict.outcome]}", highlight=False)
-    for label, path in (("log", verdict.log), ("result", verdict.result_file)):
+    lines = [("log", verdict.log), ("result", verdict.result_file)]
+    if verdict.result["advice"] == "resume":
+        lines.append(("to carry on", f"calstation run --resume {verdict.log}"))
+    for label, path in lines:
         console.print(f"{label}: {path}", highlight=False, markup=False, soft_wrap=True)
 
 

@@ -24,6 +24,10 @@ MESSAGES: dict[str, str] = {
     "and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
     "registers_written": "Registers written, read back and equal.",
+    "resumed": "Carrying on {log} behind its finished stages: {stages}.",
+    "transfer_finished": "Stop came while the registers were written: the transfer was finished first.",
+    "handover_waiting": "Hand-over: {count} waiting, {folder} cannot be reached ({reason}).",
+    "handover_done": "Hand-over: {count} results went to {folder}.",
     "stopped_because": "Stopped safely: {reason}.",
     "stopped_early": "{stage} is outside the limits: the remaining stages are left out.",
 }
@@ -83,6 +87,7 @@ STEPS: dict[str, str] = {
 
 def word(key: str, values: Mapping[str, Any]) -> str:
     """The sentence of a message; an unknown id is shown with its values."""
+    values = {name: ", ".join(v) if isinstance(v, list) else v for name, v in values.items()}
     shown = {**values, "reason": REASONS.get(str(values.get("reason")), values.get("reason"))}
     template = MESSAGES.get(key)
     if template is None:

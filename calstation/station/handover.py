@@ -85,6 +85,7 @@ class HandOver:
         """Hand over what waits now; says where something has to wait on."""
         if self._thread is not None:
             self._thread.join(_SAID_WITHIN)
+        before = 0 if self._delivery is None else self._delivery.done
         self._delivery = None
         if self._thread is None or not self._thread.is_alive():
             self.start()
@@ -96,8 +97,9 @@ class HandOver:
         if given.waiting:
             values = {"folder": str(given.folder), "count": given.waiting, "reason": given.reason}
             self._emit(Message("handover_waiting", values))
-        elif given.done > 1:
-            self._emit(Message("handover_done", {"folder": str(given.folder), "count": given.done}))
+        elif before or given.done > 1:
+            count = before + given.done
+            self._emit(Message("handover_done", {"folder": str(given.folder), "count": count}))
 
     def _deliver(self) -> None:
         self._delivery = _deliver(self._runs, self._folder, self._make)

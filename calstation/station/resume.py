@@ -140,6 +140,19 @@ def _finished(log: Log) -> tuple[str, ...]:
     return finished
 
 
+def filled(request: RunRequest) -> RunRequest:
+    """The request with all that the run which it resumes was asked for; as it is where it resumes none.
+
+    Raises ConfigurationError, InputError where that run cannot be resumed.
+    """
+    return request if request.resume is None else Continuation.of(request, request.resume).request
+
+
+def serial_of(path: Path) -> str:
+    """Serial number of the unit of a log. Raises InputError."""
+    return open_log(path).meta.imu.serial
+
+
 @dataclass(frozen=True)
 class Continuation:
     """What a resumed run begins with: its request, the log that it carries on, and the stages finished there."""

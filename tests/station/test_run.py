@@ -1,7 +1,9 @@
 """Runs on the real bench process: verdicts, pause, stop, faults, registers, and the same bits offline."""
 
+import csv
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,10 +11,12 @@ import pytest
 from calstation.errors import ConfigurationError
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import open_log
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import Message, StageSolved, StateChanged, StepStarted
-from calstation.station import library
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Message, StageSolved, StateChanged, StepStarted, Verdict
+from calstation.station import library, versions
+from calstation.station.history import History
 from calstation.station.resolve import resolve
+from calstation.station.run import execute
 from tests.station.conftest import Place
 
 
@@ -148,3 +152,92 @@ def test_a_stream_behind_the_registers_has_them_read_and_logged_first(
     verdict = place.run("six_position")
     assert verdict.outcome == "passed"
     assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
+
+
+def test_a_failed_unit_is_advised_by_how_often_it_failed_and_then_not_taken_any_more(place: Place) -> None:
+    place.write({"attempts_allowed": 3, "advice": ["reseat", "repeat"]}, out_of_limits=True)
+    told = []
+    for attempt in (1, 2, 3):
+        verdict = place.run("six_position")
+        assert (verdict.outcome, verdict.result["attempt"]) == ("failed", attempt)
+        told.append(verdict.result["advice"])
+        place.events.clear()
+    assert told == ["reseat", "repeat", "set_aside"]
+    with pytest.raises(ConfigurationError, match="3 times in a row"):
+        place.run("six_position")
+    request = replace(place.request("six_position"), beyond_attempts=True)
+    execute(request, place.events.append, place.control)
+    assert place.events[-1].result["advice"] == "set_aside"  # type: ignore[union-attr]
+
+
+def test_a_result_names_its_files_and_what_was_not_compared(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(place.folder / "home"))
+    text = library.find("products", "nav_a").read_text("utf-8")
+    version = versions.save("products", "nav_a", text.replace("time_s = 10.0", "time_s = 1.0"), "wang")
+    place.product = library.find("products", "nav_a")
+    result = place.run("six_position").result
+    product = {"name": "nav_a", "version": version.number, "sha256": version.sha256}
+    assert result["configuration"]["product"] == product
+    assert set(result["configuration"]) == {"station", "product", "table", "imu"}
+    assert result["configuration"]["imu"]["version"] is None
+    assert "gyro_misalign_xy" in result["not_compared"]
+    assert "accel_scale_x" not in result["not_compared"]
+    assert "accel_bias_x within" in [check["name"] for check in result["checks"]]
+
+
+def test_every_outcome_is_handed_over_and_found_again(place: Place) -> None:
+    place.run("six_position")
+    place.run("rate", on_event=place.once(StepStarted, Command.STOP))
+    place.control, place.events = Control(), []
+    place.write(watchdog_ms=0)
+    place.run("rate")
+    place.write(out_of_limits=True)
+    place.run("six_position")
+    outcomes = ["passed", "stopped", "fault", "failed"]
+    with (place.folder / "handover" / "handover.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["outcome"] for row in rows] == outcomes
+    for row in rows:
+        handed = json.loads((place.folder / "handover" / row["result"]).read_text("utf-8"))
+        assert handed["outcome"] == row["outcome"]
+    history = History(place.folder / "runs")
+    assert [run.outcome for run in history.runs()] == outcomes[::-1]
+    assert [run.attempt for run in history.runs()] == [4, 3, 2, 1]
+
+
+def test_a_hand_over_folder_that_is_missing_fails_no_run(place: Place) -> None:
+    station = place.station.read_text("utf-8")
+    place.station.write_text(f'{station}\n[handover]\nfolder = "share"\n', encoding="utf-8")
+    execute(place.request("six_position"), place.events.append, place.control)
+    verdict, said = place.events[-2:]
+    assert isinstance(verdict, Verdict)
+    assert verdict.outcome == "passed"
+    assert isinstance(said, Message)
+    assert said.id == "handover_waiting"
+    (place.folder / "share").mkdir()
+    place.events.clear()
+    execute(place.request("six_position"), place.events.append, place.control)
+    assert place.events[-1] == Message("handover_done", {"folder": str(place.folder / "share"), "count": 2})
+
+
+def test_a_stop_before_the_first_register_is_a_stop(place: Place) -> None:
+    verdict = place.run("six_position", on_event=place.once(StageSolved, Command.STOP))
+    assert verdict.outcome == "stopped"
+    assert verdict.result["registers"] is None
+    assert not [m for m in place.told(Message) if m.id == "registers_transfer"]
+
+
+def test_a_stop_during_the_transfer_waits_for_its_end(place: Place) -> None:
+    def watch(event: Event) -> None:
+        if isinstance(event, Message) and event.id == "registers_transfer":
+            place.control.send(Command.STOP)
+
+    verdict = place.run("six_position", on_event=watch)
+    told = [m.id for m in place.told(Message)]
+    assert told.index("transfer_finished") > told.index("registers_transfer")
+    registers = verdict.result["registers"]
+    assert (verdict.outcome, registers["verified"]) == ("stopped", False)
+    assert registers["new"] != registers["old"]
+    assert [e.state for e in place.told(StateChanged)][-2:] == ["stopping", "stopped"]
