@@ -189,7 +189,9 @@ def _sequence(run: _Run, devices: Devices) -> Ended:
         devices.imu.read()  # what came while they were solved belongs to nothing
     setup = run.place.setup
     task = setup.task(run.meta)
-    conclusion = Conclusion(setup, run.meta, run.log, run.chain, devices.imu, run.tell, run.registers)
+    conclusion = Conclusion(
+        setup, run.meta, run.log, run.chain, devices.imu, run.tell, run.registers, run.hear
+    )
     sequencer = Sequencer(
         replace(task, stages=task.stages[len(solved) :]),
         devices.table,
