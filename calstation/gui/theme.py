@@ -170,9 +170,25 @@ def style_sheet(c: Colours) -> str:
     QLabel[kind="section"] {{ font-size: {SECTION}px; font-weight: 600; }}
     QLabel[kind="muted"] {{ color: {c.muted}; }}
     QLabel[kind="error"] {{ color: {c.bad}; }}
+    QLabel[kind="caution"] {{ color: {c.caution}; }}
+    QLineEdit[wrong="true"], QComboBox[wrong="true"] {{ border: 2px solid {c.bad}; border-radius: 4px; }}
+    QListWidget[kind="nav"] {{ background: transparent; border: none; outline: none; }}
+    QListWidget[kind="nav"]::item {{
+        height: {BUTTON}px; padding-left: {GRID}px; border-left: 3px solid transparent; color: {c.muted};
+    }}
+    QListWidget[kind="nav"]::item:selected {{
+        background: {c.panel}; color: {c.text}; border-left-color: {c.accent};
+    }}
+    QScrollArea[kind="clear"], QScrollArea[kind="clear"] > QWidget > QWidget {{ background: transparent; }}
     QLabel[kind="pill"] {{
         border: 1px solid {c.line}; border-radius: 4px; padding: 0 {GRID}px; min-height: 28px; color: {c.text};
     }}
+    QTableView {{ border: 1px solid {c.line}; }}
+    QHeaderView {{ background: {c.panel}; }}
+    QHeaderView::section {{ background: {c.panel}; color: {c.text}; border: none; padding: 0 {GRID // 2}px; }}
+    QHeaderView::section:horizontal {{ border-bottom: 1px solid {c.line}; min-height: {3 * GRID}px; }}
+    QTableCornerButton::section {{ background: {c.panel}; border: none; border-bottom: 1px solid {c.line}; }}
+    QCheckBox::indicator {{ width: {5 * GRID // 2}px; height: {5 * GRID // 2}px; }}
     QProgressBar {{ border: none; border-radius: 4px; background: {c.line}; }}
     QProgressBar::chunk {{ border-radius: 4px; background: {c.accent}; }}
     QTabWidget#page_tabs > QTabBar::tab {{
@@ -181,9 +197,12 @@ def style_sheet(c: Colours) -> str:
     }}
     QTabWidget#page_tabs > QTabBar::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
     QTabWidget#page_tabs > QTabBar::tab:focus {{ color: {c.accent}; }}
-    QTabWidget[kind="views"] > QTabBar::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
-    QTabWidget[kind="views"] > QTabBar::tab:focus {{ color: {c.accent}; }}
-    QTabWidget[kind="views"]::pane {{ border: none; border-top: 1px solid {c.line}; }}
+    QTabBar[kind="views"]::tab {{
+        height: {BUTTON - 3}px; padding: 0 {GRID}px; border: none; border-bottom: 3px solid transparent;
+        color: {c.muted}; background: transparent;
+    }}
+    QTabBar[kind="views"]::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
+    QTabBar[kind="views"]::tab:focus {{ color: {c.accent}; }}
     QTabWidget#page_tabs::pane {{ border: none; }}
     QToolTip {{ color: {c.text}; background: {c.panel}; border: 1px solid {c.line}; padding: {GRID // 2}px; }}
     """

@@ -37,6 +37,7 @@ class ChoicePanel(QFrame):
         self._area = QScrollArea()
         self._area.setFrameShape(QFrame.Shape.NoFrame)
         self._area.setWidgetResizable(True)
+        self._area.viewport().setAutoFillBackground(False)
         self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._lay_out()
         self.parts.changed.connect(self.changed)
@@ -123,6 +124,7 @@ class ChoicePanel(QFrame):
             return
         self._area.takeWidget()  # kept by this panel: the values typed stay
         self._area.setWidget(self._forms[stage])
+        self._forms[stage].setAutoFillBackground(False)
         self._forms[stage].show()
         self._head()
 

@@ -51,8 +51,10 @@ def columns(forecast: Forecast) -> list[Column]:
 
 def shown(name: str, sigma: float) -> str:
     """A sigma in the unit people read, three digits."""
-    value = display(name, sigma)[0]
-    return f"{value:#.3g}".rstrip(".") if 1e-3 <= abs(value) < 1e5 else f"{value:.2g}"
+    value = abs(display(name, sigma)[0])
+    if value >= 1000.0:
+        return f"{value:.0f}"
+    return f"{value:#.3g}".rstrip(".") if value >= 1e-4 else f"{value:.2g}"
 
 
 def _after(stage: str) -> str:

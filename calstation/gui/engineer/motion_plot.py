@@ -31,6 +31,8 @@ class MotionPlot(QWidget):
             plot.getAxis("left").setWidth(_LEFT)
             plot.setMouseEnabled(x=True, y=False)
             plot.showGrid(y=True, alpha=0.2)
+            plot.getPlotItem().getViewBox().setDefaultPadding(0.1)
+            plot.setMinimumHeight(8 * theme.GRID)
             column.addWidget(plot, 1)
         self.plots[0].getAxis("bottom").setStyle(showValues=False)
         self.plots[0].getAxis("bottom").setHeight(4)

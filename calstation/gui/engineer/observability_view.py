@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPoint, QRect, QRectF, QSize, Qt
+from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QHelpEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QComboBox,
+    QFrame,
     QHBoxLayout,
     QLabel,
     QScrollArea,
@@ -20,14 +21,14 @@ from PySide6.QtWidgets import (
 
 from calstation.gui import theme
 from calstation.gui.widgets.empty_state import EmptyState
-from calstation.gui.wording import word_stage
+from calstation.gui.wording import word_group, word_stage
 from calstation.physics.arrays import FloatArray
 
 SEEN = 1.0 / 0.9
 """Strength from which a state counts as observable."""
 _DECADES = 4.0
 """Of strength on the scale: 1 to 10 000 times."""
-_NAMES_WIDTH, _ROW, _AXIS = 22 * theme.GRID, 20, 3 * theme.GRID
+_NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 3 * theme.GRID
 _SCALE_WIDTH = 12 * theme.GRID
 
 
@@ -48,6 +49,7 @@ class ObservabilityView(QWidget):
         self.map = HeatMap()
         self._scroll = QScrollArea()
         self._scroll.setWidgetResizable(True)
+        self._scroll.setFrameShape(QFrame.Shape.NoFrame)
         self._scroll.setWidget(self.map)
         self._empty = EmptyState()
         head = QHBoxLayout()
@@ -98,7 +100,8 @@ class ObservabilityView(QWidget):
         self._empty.setVisible(told is None)
         if told is None:
             return
-        states = told["states"]
+        # the table holds the unit: no observation ever depends on the position error
+        states = {n: state for n, state in told["states"].items() if not n.startswith("position_error")}
         self.map.show_strengths(
             tuple(states),
             tuple(int(segment["step"]) for segment in told["segments"]),
@@ -132,8 +135,8 @@ class HeatMap(QWidget):
         self.update()
 
     def minimumSizeHint(self) -> QSize:
-        """Rows high enough to read."""
-        return QSize(_NAMES_WIDTH + _SCALE_WIDTH + 4 * len(self._steps), _ROW * len(self._names) + 2 * _AXIS)
+        """Rows high enough to tell apart."""
+        return QSize(_NAMES_WIDTH + _SCALE_WIDTH + 4 * len(self._steps), _ROW * len(self._names) + _AXIS)
 
     def colour(self, strength: float) -> QColor:
         """A strength's colour."""
@@ -143,7 +146,7 @@ class HeatMap(QWidget):
     def cell(self, row: int, column: int) -> QRectF:
         """Where a cell is."""
         width = (self.width() - _NAMES_WIDTH - _SCALE_WIDTH) / max(len(self._steps), 1)
-        height = (self.height() - 2 * _AXIS) / max(len(self._names), 1)
+        height = (self.height() - _AXIS) / max(len(self._names), 1)
         return QRectF(_NAMES_WIDTH + column * width, row * height, width, height)
 
     def word(self, row: int, column: int) -> str:
@@ -160,42 +163,66 @@ class HeatMap(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Names, cells, steps and scale."""
         painter = QPainter(self)
-        painter.setFont(theme.font(12))
         c = theme.colours()
-        for row, name in enumerate(self._names):
-            box = self.cell(row, 0)
-            painter.setPen(QColor(c.text))
-            label = QRectF(0, box.top(), _NAMES_WIDTH - theme.GRID, box.height())
-            painter.drawText(label, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, name)
+        for row in range(len(self._names)):
             for column in range(len(self._steps)):
                 box = self.cell(row, column)
                 strength = float(self._strength[row, column])
                 if strength <= SEEN:
-                    painter.setPen(QColor(c.muted))
-                    painter.drawPoint(box.center())
+                    painter.fillRect(
+                        QRectF(box.center().x() - 1, box.center().y() - 1, 2, 2), QColor(c.muted)
+                    )
                 else:
                     painter.fillRect(box.adjusted(0, 0, -1, -1), self.colour(strength))
+        self._paint_names(painter)
         self._paint_steps(painter)
         self._paint_scale(painter)
 
+    def _paint_names(self, painter: QPainter) -> None:
+        """A group's name once, and each of its components beside its row."""
+        c = theme.colours()
+        small = theme.font(min(theme.BODY, max(10, int(self.cell(0, 0).height()) - 2)))
+        groups = [name.rpartition("_")[0] for name in self._names]
+        row = 0
+        while row < len(groups):
+            end = row
+            while end < len(groups) and groups[end] == groups[row]:
+                box = self.cell(end, 0)
+                painter.setFont(small)
+                painter.setPen(QColor(c.muted))
+                label = QRectF(_NAMES_WIDTH - 6 * theme.GRID, box.top(), 6 * theme.GRID - 6, box.height())
+                side = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+                painter.drawText(label, side, self._names[end].rpartition("_")[2])
+                end += 1
+            span = QRectF(0, self.cell(row, 0).top(), _NAMES_WIDTH - 6 * theme.GRID, 0)
+            span.setBottom(self.cell(end - 1, 0).bottom())
+            painter.setFont(theme.font())
+            painter.setPen(QColor(c.text))
+            painter.drawText(span, Qt.AlignmentFlag.AlignVCenter, word_state_group(groups[row]))
+            painter.setPen(QColor(c.line))
+            painter.drawLine(0, int(span.bottom()), self.width() - _SCALE_WIDTH, int(span.bottom()))
+            row = end
+
     def _paint_steps(self, painter: QPainter) -> None:
+        painter.setFont(theme.font())
         painter.setPen(QColor(theme.colours().text))
-        top = self.height() - 2 * _AXIS
+        top = self.height() - _AXIS
         width = self.cell(0, 0).width()
-        every = max(1, int(np.ceil(28 / max(width, 1.0))))
+        every = max(1, int(np.ceil(3.5 * theme.GRID / max(width, 1.0))))
         for column, step in enumerate(self._steps):
             if column % every == 0:
                 box = QRectF(self.cell(0, column).left() - 20, top, width + 40, _AXIS)
                 painter.drawText(box, Qt.AlignmentFlag.AlignCenter, str(step))
-        box = QRectF(_NAMES_WIDTH, top + _AXIS, self.width() - _NAMES_WIDTH - _SCALE_WIDTH, _AXIS)
-        painter.drawText(box, Qt.AlignmentFlag.AlignCenter, self.tr("after step"))
+        box = QRectF(0, top, _NAMES_WIDTH - 6, _AXIS)
+        painter.drawText(
+            box, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, self.tr("after step")
+        )
 
     def _paint_scale(self, painter: QPainter) -> None:
-        left, height = self.width() - _SCALE_WIDTH + 2 * theme.GRID, min(self.height() - 2 * _AXIS, 300)
+        left, height = self.width() - _SCALE_WIDTH + 2 * theme.GRID, min(self.height() - _AXIS, 300)
         for k in range(height):
-            painter.fillRect(
-                QRect(left, k, 2 * theme.GRID, 1), self.colour(10.0 ** (_DECADES * (1.0 - k / height)))
-            )
+            shade = self.colour(10.0 ** (_DECADES * (1.0 - k / height)))
+            painter.fillRect(QRect(left, k, 2 * theme.GRID, 1), shade)
         painter.setPen(QColor(theme.colours().text))
         for decade in range(int(_DECADES) + 1):
             y = height * (1.0 - decade / _DECADES)
@@ -221,3 +248,11 @@ class HeatMap(QWidget):
                     if box.left() <= at.x() < box.right():
                         return row, column
         return None
+
+
+def word_state_group(group: str) -> str:
+    """A group of states in words: navigation errors, else a parameter group."""
+    return {
+        "attitude_error": QCoreApplication.translate("HeatMap", "attitude"),
+        "velocity_error": QCoreApplication.translate("HeatMap", "velocity"),
+    }.get(group) or word_group(group)

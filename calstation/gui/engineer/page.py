@@ -5,7 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLabel, QPushButton, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QHBoxLayout,
+    QPushButton,
+    QStackedWidget,
+    QTabBar,
+    QVBoxLayout,
+)
 
 from calstation.errors import CalstationError
 from calstation.gui import theme
@@ -20,6 +27,7 @@ from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.engineer.residuals_view import ResidualsView
 from calstation.gui.engineer.result_view import ResultView
 from calstation.gui.page import Page
+from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.gui.wording import word_stage, word_state
@@ -53,7 +61,7 @@ class EngineerPage(Page):
         self._fields.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
         self.choice = ChoicePanel()
         self.notice = NoticeBar()
-        self._source, self.open_button = QLabel(), QPushButton()
+        self._source, self.open_button = ElidedLabel(), QPushButton()
         self.open_button.setObjectName("open_result_button")
         self.preview, self.result = PreviewView(), ResultView()
         self.innovations, self.residuals = InnovationsView(), ResidualsView()
@@ -66,12 +74,14 @@ class EngineerPage(Page):
             "residuals": LazyView(self.residuals, self._diagnosing),
             "observability": LazyView(self.observability),
         }
-        self.views = QTabWidget()
-        self.views.setObjectName("engineer_views")
-        self.views.setProperty("kind", "views")
-        self.views.setDocumentMode(True)
+        self.tabs, self.views = QTabBar(), QStackedWidget()
+        self.tabs.setObjectName("engineer_views")
+        self.tabs.setProperty("kind", "views")
+        self.tabs.setDrawBase(False)
+        self.tabs.setExpanding(False)
         for view in (self.preview, *self._lazy.values(), self.registers):
-            self.views.addTab(view, "")
+            self.tabs.addTab("")
+            self.views.addWidget(view)
         self._lay_out()
         self._connect()
         self.retranslate()
@@ -82,18 +92,18 @@ class EngineerPage(Page):
         return self.tr("Engineer")
 
     def _lay_out(self) -> None:
-        corner = QWidget()
-        row = QHBoxLayout(corner)
-        row.setContentsMargins(0, 0, 0, theme.GRID // 2)
-        row.setSpacing(theme.GRID)
-        row.addWidget(self._source, 1, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        row.addWidget(self.open_button)
+        head = QHBoxLayout()
+        head.setSpacing(theme.GRID)
+        head.addWidget(self.tabs)
+        head.addWidget(self._source, 1)
+        head.addWidget(self.open_button)
         self._source.setProperty("kind", "muted")
+        self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         right = QVBoxLayout()
         right.setSpacing(theme.GRID)
+        right.addLayout(head)
         right.addWidget(self.notice)
         right.addWidget(self.views, 1)
-        self.views.setCornerWidget(corner, Qt.Corner.TopRightCorner)
         self.choice.setFixedWidth(_LEFT)
         body = QHBoxLayout(self)
         body.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
@@ -123,7 +133,7 @@ class EngineerPage(Page):
         self.registers.read_wanted.connect(self._read_registers)
         self.registers.write_wanted.connect(self._write_registers)
         self.registers.watch.done.connect(self._registers_told)
-        self.views.currentChanged.connect(lambda _: self._look())
+        self.tabs.currentChanged.connect(self._turn)
         app.engine_link.event.connect(self._take)
         app.engine_link.running_changed.connect(lambda _: self._allow())
         app.run.changed.connect(self._allow)
@@ -286,7 +296,7 @@ class EngineerPage(Page):
             job = self.app.workshop.submit(wanted_registers, self._request(), dict(run.result))
             self._wanting.watch(job)
         if self.views.currentIndex() == 0 and not self.app.engine_link.running:
-            self.views.setCurrentIndex(1)
+            self.tabs.setCurrentIndex(1)
         self._say_source()
         self._look()
         self._allow()
@@ -310,6 +320,10 @@ class EngineerPage(Page):
         else:
             return
         self._lazy["observability"].show_view()
+
+    def _turn(self, index: int) -> None:
+        self.views.setCurrentIndex(index)
+        self._look()
 
     def _look(self) -> None:
         """Make innovations and residuals once somebody looks at them."""
@@ -464,7 +478,7 @@ class EngineerPage(Page):
                 self.tr("Registers"),
             )
         ):
-            self.views.setTabText(index, text)
+            self.tabs.setTabText(index, text)
         self.open_button.setText(self.tr("Open"))
         self.open_button.setToolTip(self.tr("Look at an earlier result or log"))
         self._say_source()

@@ -23,6 +23,9 @@ from calstation.gui.widgets.parameter_table import ParameterModel, ParameterTabl
 from calstation.gui.wording import word_stage, word_step, word_time
 from calstation.station.forecast import Forecast, Violation
 
+_ROW = 26
+"""Height of a line of a table with all parameters, px."""
+
 
 class PreviewView(QWidget):
     """Motion, time, limits and expected sigmas; `wanted` when the user asks for a preview."""
@@ -71,7 +74,9 @@ class PreviewView(QWidget):
         split.addWidget(self.table)
         split.setStretchFactor(0, 2)
         split.setStretchFactor(1, 3)
-        self.plot.setMinimumHeight(20 * theme.GRID)
+        split.setSizes([26 * theme.GRID, 36 * theme.GRID])
+        self.plot.setMinimumHeight(22 * theme.GRID)
+        self.table.verticalHeader().setDefaultSectionSize(_ROW)
         self._stack = QStackedWidget()
         self._stack.addWidget(self._empty)
         self._stack.addWidget(split)

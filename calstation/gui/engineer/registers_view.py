@@ -54,11 +54,13 @@ class RegistersView(QWidget):
                 Column(lambda: self.tr("stored as"), self._text("old_raw")),
                 Column(lambda: self.tr("New"), self._text("new")),
                 Column(lambda: self.tr("stored as"), self._text("new_raw")),
-                Column(lambda: self.tr("Change"), self._text("change"), state=self._state),
-            )
+                Column(lambda: self.tr("Change"), self._text("change")),
+            ),
+            grouped=False,
         )
         self.table = ParameterTable(self.model)
         self.table.setObjectName("register_table")
+        self.table.verticalHeader().setDefaultSectionSize(26)
         self._lay_out()
         self.watch.failed.connect(self.complain)
         self.watch.cancelled.connect(self._say)
@@ -169,9 +171,6 @@ class RegistersView(QWidget):
 
     def _text(self, column: str) -> Callable[[str], str]:
         return lambda name: self._cells[name].get(column, _NONE)
-
-    def _state(self, name: str) -> str | None:
-        return "caution" if name in self.changes else None
 
     def complain(self, error: str) -> None:
         """Say what could not be done."""

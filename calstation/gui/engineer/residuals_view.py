@@ -5,10 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from calstation.gui import theme
 from calstation.gui.engineer.bands import Band, Bands
+from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.gui.wording import word_stage
 from calstation.physics.arrays import FloatArray
@@ -18,8 +20,6 @@ from calstation.station.diagnostics import Diagnostics, StageDiagnostics
 _LEFT = 9 * theme.GRID
 _FACE = np.cos(np.deg2rad(30.0))
 """A rest closer than this to a face goes by the face's name."""
-_NEAR = 12.0
-"""How close the pointer must be to a rest, px."""
 
 
 class ResidualsView(QWidget):
@@ -30,18 +30,14 @@ class ResidualsView(QWidget):
         self._diagnostics: Diagnostics | None = None
         self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
         self._places: list[tuple[StageDiagnostics, int]] = []
-        self._about, self._pointed = QLabel(), QLabel()
-        self._about.setProperty("kind", "muted")
-        self._pointed.setObjectName("rest_label")
+        self.rest_label = ElidedLabel()
+        self.rest_label.setObjectName("rest_label")
         self.plots = tuple(ThemedPlot() for _ in range(3))
         self._bands = tuple(Bands(plot, named=number == 0) for number, plot in enumerate(self.plots))
-        head = QHBoxLayout()
-        head.addWidget(self._about, 1)
-        head.addWidget(self._pointed)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, theme.GRID, 0, 0)
         column.setSpacing(theme.GRID // 2)
-        column.addLayout(head)
+        column.addWidget(self.rest_label)
         for number, plot in enumerate(self.plots):
             plot.getAxis("left").setWidth(_LEFT)
             plot.showGrid(y=True, alpha=0.2)
@@ -62,12 +58,7 @@ class ResidualsView(QWidget):
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
-        self._about.setText(
-            self.tr(
-                "Measured less expected at every rest, with ±1 σ of its noise; nothing here needs an attitude."
-            )
-        )
-        self._pointed.setText("")
+        self._explain()
         for plot, text in zip(
             self.plots,
             (self.tr("gravity, µg"), self.tr("vertical rate, °/h"), self.tr("horizontal rate, °/h")),
@@ -104,10 +95,32 @@ class ResidualsView(QWidget):
         columns = self._columns(stages)
         for plot, (values, sigmas) in zip(self.plots, columns, strict=True):
             self._draw_column(plot, values, sigmas)
+        self.plots[0].setXRange(-0.5, max(len(self._places) - 0.5, 0.5), padding=0.01)
+        self._name_ticks()
+
+    def _name_ticks(self) -> None:
+        """As many rests' faces as there is room for."""
         ticks = [(k, face(stage.rests.up[i])) for k, (stage, i) in enumerate(self._places)]
-        every = max(1, len(ticks) // 60)
-        self.plots[2].getAxis("bottom").setTicks([ticks[::every]])
-        self.plots[0].setXRange(-0.5, max(len(ticks) - 0.5, 0.5), padding=0.01)
+        room = max(1, (self.plots[2].width() - _LEFT) // (4 * theme.GRID))
+        self.plots[2].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Another width has room for more or fewer names."""
+        super().resizeEvent(event)
+        self._name_ticks()
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """No rest is pointed at any more."""
+        self._explain()
+        super().leaveEvent(event)
+
+    def _explain(self) -> None:
+        theme.set_kind(self.rest_label, "muted")
+        self.rest_label.setText(
+            self.tr(
+                "Measured less expected at every rest, with ±1 σ of the rest's own noise; point at a rest."
+            )
+        )
 
     def _columns(self, stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, FloatArray]]:
         """Values and sigmas of each plot, in the units people read."""
@@ -141,7 +154,7 @@ class ResidualsView(QWidget):
         stage, i = self._places[k]
         rests = stage.rests
         x, y, z = (float(v) for v in rests.up[i])
-        said = self.tr("{0}, rest {1}, up = ({2:+.2f}, {3:+.2f}, {4:+.2f})").format(
+        said = self.tr("{0}, rest {1}, up ({2:+.2f}, {3:+.2f}, {4:+.2f})").format(
             word_stage(stage.stage), i + 1, x, y, z
         )
         if np.isfinite(rests.angles[i]).all():
@@ -152,7 +165,8 @@ class ResidualsView(QWidget):
             float(rests.vertical_rate[i] / DEGREE_PER_HOUR),
             float(rests.horizontal_rate[i] / DEGREE_PER_HOUR),
         )
-        self._pointed.setText(said)
+        theme.set_kind(self.rest_label, "")
+        self.rest_label.setText(said)
 
 
 def face(up: FloatArray) -> str:

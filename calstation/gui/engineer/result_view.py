@@ -49,6 +49,7 @@ class ResultView(QWidget):
         )
         self.table = ParameterTable(self.model)
         self.table.setObjectName("result_table")
+        self.table.verticalHeader().setDefaultSectionSize(26)
         self.copy_button.clicked.connect(self.table.copy)
         head = QHBoxLayout()
         head.setSpacing(2 * theme.GRID)
@@ -203,7 +204,12 @@ def _row(
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
     if "within" in checks:
         low, high = (display(name, float(bound))[0] for bound in checks["within"]["limit"])
-        cells["limit"] = f"±{high:.4g}" if low == -high else f"{low:.4g} … {high:.4g}"
+        cells["limit"] = f"±{_plain(high)}" if low == -high else f"{_plain(low)} … {_plain(high)}"
     if "sigma below" in checks:
-        cells["sigma_limit"] = f"{display(name, float(checks['sigma below']['limit']))[0]:.3g}"
+        cells["sigma_limit"] = _plain(display(name, float(checks["sigma below"]["limit"]))[0])
     return cells
+
+
+def _plain(value: float) -> str:
+    """A limit with four digits at most, never as a power of ten."""
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"

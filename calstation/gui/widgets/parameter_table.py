@@ -30,10 +30,14 @@ class Column:
 
 
 class ParameterModel(QAbstractTableModel):
-    """Parameters as rows, their contract names as the vertical header."""
+    """Parameters as rows, their contract names as the vertical header.
 
-    def __init__(self, columns: Sequence[Column]) -> None:
+    `grouped` : shade every second group of parameters
+    """
+
+    def __init__(self, columns: Sequence[Column], *, grouped: bool = True) -> None:
         super().__init__()
+        self._grouped = grouped
         self._columns = tuple(columns)
         self._names: tuple[str, ...] = ()
         self._shaded: tuple[bool, ...] = ()
@@ -55,7 +59,7 @@ class ParameterModel(QAbstractTableModel):
         self._names = tuple(names)
         groups = [name.rpartition("_")[0] for name in self._names]
         order = list(dict.fromkeys(groups))
-        self._shaded = tuple(order.index(group) % 2 == 1 for group in groups)
+        self._shaded = tuple(self._grouped and order.index(group) % 2 == 1 for group in groups)
         self.endResetModel()
 
     def tsv(self, rows: Sequence[int]) -> str:
