@@ -26,6 +26,8 @@ OrderName = Literal[
     "reset_imu",
     "hang_up_imu",
     "mute_table",
+    "brown_out_write",
+    "brown_out_commit",
 ]
 
 
@@ -34,7 +36,9 @@ class Order(BaseModel):
 
     order : interlock (value 1 closed, 0 open), drive_fault, limit_fault, stall, corrupt_frames (value: how
         many get a flipped bit), drop_frames (value: how many are not sent), silence_imu (value: seconds
-        without frames), reset_imu, hang_up_imu, mute_table (value: how many requests stay unanswered)
+        without frames), reset_imu, hang_up_imu, mute_table (value: how many requests stay unanswered),
+        brown_out_write, brown_out_commit (value: bytes of registers taken, or of flash burnt, before the unit's
+        power breaks down for a moment)
     at : device time, s
     """
 
@@ -57,12 +61,13 @@ class BenchConfig(BaseModel):
     gravity_mps2 : true gravity, None for the normal gravity of the place
     mount_deg : smallest and largest angle of the unit on its platform
     start_deg : joint angles at power-on, None draws them
+    table_protocol : what the table speaks; table_transport : over TCP or, "rtu", over a pseudo-terminal
     latency_s, jitter_s : a polled angle is this old, uniformly ± the jitter
     clock_drift_ppm : device time gains this much on the clock service's
     ready_time_s : from power-up to the unit's ready bit
     ambient_c, warm_up_c, warm_up_time_s : temperature and its exponential rise
     watchdog_ms : the table's timeout at power-on, host time
-    flash_file : keeps the unit's flash over runs
+    flash_file : keeps the unit's flash over runs; flash_banks : 2, or 1 for a unit that has no spare
     orders : faults to come
     """
 
@@ -104,6 +109,7 @@ class BenchConfig(BaseModel):
     interlock_closed: bool = True
     watchdog_ms: Annotated[int, Field(ge=0, le=65535)] = 2000
 
+    table_protocol: Literal["modbus", "atl", "acl", "mn"] = "modbus"
     table_transport: Literal["tcp", "rtu"] = "tcp"
     imu_transport: Literal["socket", "pty"] = "socket"
     latency_s: NonNegative = 0.002
@@ -114,6 +120,7 @@ class BenchConfig(BaseModel):
     warm_up_c: float = 4.0
     warm_up_time_s: Positive = 30.0
     flash_file: Path | None = None
+    flash_banks: Literal[1, 2] = 2
     orders: tuple[Order, ...] = ()
 
     def truth(self) -> BenchTruth:

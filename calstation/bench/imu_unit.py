@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calstation.bench.flash import REGISTERS, Flash, PowerCut
 from calstation.bench.imu_frames import (
     READY,
     REPLY_SYNC,
@@ -18,8 +19,7 @@ from calstation.physics.arrays import FloatArray
 MODEL = "bench-imu"
 FIRMWARE = "1.0.0"
 
-#: Registers: gyro bias from 0, gyro matrix 3, accel bias 12, accel matrix 15, quadratic 24, inner levers 27.
-REGISTERS = 30
+# Registers: gyro bias from 0, gyro matrix 3, accel bias 12, accel matrix 15, quadratic 24, inner levers 27.
 
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, ERROR = 1, 2, 3, 4, 5, 6, 0xFF
 BAD_OP, BAD_ADDRESS, FLASH_BUSY = 1, 2, 3
@@ -27,8 +27,6 @@ BAD_OP, BAD_ADDRESS, FLASH_BUSY = 1, 2, 3
 #: Device time during which the flash is busy after a commit, and silence after power-up or reset, s.
 FLASH_TIME = 0.2
 BOOT_TIME = 0.1
-
-_FLASH = struct.Struct(f"<{REGISTERS}fI")
 
 
 class ImuUnit:
@@ -39,7 +37,12 @@ class ImuUnit:
     serial : what the unit says it is
     ready_time : from power-up or reset to the ready bit, s
     ambient, warm_up, warm_up_time : °C, °C, s: temperature rises as warm_up·(1 − e^(−t/warm_up_time))
-    flash_file : keeps the flash image over runs; None keeps it in memory
+    flash_file, flash_banks : see `flash.Flash`
+
+    Attributes
+    ----------
+    fails_writing, fails_committing : bytes after which the power breaks down for a moment while registers are
+        written, or flash is burnt; None for a sound supply
     """
 
     def __init__(
@@ -51,22 +54,25 @@ class ImuUnit:
         warm_up: float = 4.0,
         warm_up_time: float = 30.0,
         flash_file: Path | None = None,
+        flash_banks: int = 2,
     ) -> None:
         self._serial = serial
         self._ready_time = ready_time
         self._ambient, self._warm_up, self._warm_up_time = ambient, warm_up, warm_up_time
-        self._flash_file = flash_file
-        self.flash_cycles = 0
-        self._flash = np.zeros(REGISTERS, dtype=np.float32)
-        if flash_file is not None and flash_file.exists():
-            *values, self.flash_cycles = _FLASH.unpack(flash_file.read_bytes())
-            self._flash[:] = values
+        self._flash = Flash(flash_banks, flash_file)
+        self.fails_writing: int | None = None
+        self.fails_committing: int | None = None
         self._busy_until = -np.inf
         self.streaming = True
         self._start(0.0)
 
+    @property
+    def flash_cycles(self) -> int:
+        """Times that the flash was burnt."""
+        return self._flash.cycles
+
     def _start(self, time: float) -> None:
-        self.registers = self._flash.copy()
+        self.registers = self._flash.load()
         self._started = time
         self._counter = 0
 
@@ -76,6 +82,7 @@ class ImuUnit:
 
     def restart(self, time: float) -> None:
         """Reset: RAM registers from flash, counter from 0, ready bit after the ready time."""
+        self._busy_until = -np.inf
         self._start(time)
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
@@ -92,7 +99,7 @@ class ImuUnit:
         )
 
     def answer(self, op: int, payload: bytes, time: float) -> bytes:
-        """Reply frame to one command at `time`, s."""
+        """Reply frame to one command at `time`, s; nothing where the power breaks down over it."""
         handlers = {
             IDENTIFY: self._identify,
             READ: self._read,
@@ -102,7 +109,11 @@ class ImuUnit:
             STREAM: self._stream,
         }
         handler = handlers.get(op)
-        result = BAD_OP if handler is None else handler(payload, time)
+        try:
+            result = BAD_OP if handler is None else handler(payload, time)
+        except PowerCut:
+            self.restart(time)
+            return b""
         if isinstance(result, int):
             return pack(REPLY_SYNC, ERROR, bytes([result]))
         return pack(REPLY_SYNC, op, result)
@@ -126,6 +137,11 @@ class ImuUnit:
             return BAD_ADDRESS
         if time < self._busy_until:
             return FLASH_BUSY
+        if self.fails_writing is not None:
+            self.fails_writing -= len(payload)
+            if self.fails_writing < 0:
+                self.fails_writing = None
+                raise PowerCut
         self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
         return payload[:3]
 
@@ -133,10 +149,8 @@ class ImuUnit:
         if time < self._busy_until:
             return FLASH_BUSY
         self._busy_until = time + FLASH_TIME
-        self._flash = self.registers.copy()
-        self.flash_cycles += 1
-        if self._flash_file is not None:
-            self._flash_file.write_bytes(_FLASH.pack(*self._flash.tolist(), self.flash_cycles))
+        power_for, self.fails_committing = self.fails_committing, None
+        self._flash.burn(self.registers, power_for)
         return struct.pack("<BI", 0, self.flash_cycles)
 
     def _reset(self, payload: bytes, time: float) -> bytes | int:

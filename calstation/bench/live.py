@@ -64,9 +64,7 @@ class LiveBench:
             self.machine,
             model=TABLE_MODEL,
             serial=config.table_serial,
-            device_time=lambda: self.device_time,
-            host_time=host_time,
-            reading_time=self._reading_time,
+            **self.table_clocks(),
         )
         self.unit = ImuUnit(
             config.serial,
@@ -75,6 +73,7 @@ class LiveBench:
             warm_up=config.warm_up_c,
             warm_up_time=config.warm_up_time_s,
             flash_file=config.flash_file,
+            flash_banks=config.flash_banks,
         )
 
     @property
@@ -90,6 +89,14 @@ class LiveBench:
     def answer(self, op: int, payload: bytes) -> bytes:
         """The unit's reply to a command."""
         return self.unit.answer(op, payload, self.device_time)
+
+    def table_clocks(self) -> dict[str, Callable[[], float]]:
+        """What a controller of the table tells time by."""
+        return {
+            "device_time": lambda: self.device_time,
+            "host_time": self._host_time,
+            "reading_time": self._reading_time,
+        }
 
     def watch(self) -> None:
         """Let the table's watchdog look at the host's clock."""
@@ -124,6 +131,10 @@ class LiveBench:
             self.hang_up()
         elif order.order == "mute_table":
             self.mute(int(value))
+        elif order.order == "brown_out_write":
+            self.unit.fails_writing = int(value)
+        elif order.order == "brown_out_commit":
+            self.unit.fails_committing = int(value)
 
     def _produce(self, now: float) -> bytes:
         self.now = now

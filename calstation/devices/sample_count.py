@@ -26,6 +26,7 @@ class SampleCount:
         self._per_sample = counter.per_sample
         self._last: int | None = None
         self._last_ticks = 0
+        self._last_raw: int | None = None
         self.gaps = 0
 
     def feed(self, raw: IntArray) -> IntArray:
@@ -42,11 +43,17 @@ class SampleCount:
         if not len(raw):
             return raw
         is_clock = self._per_sample != 1.0 or self._bits > 32
-        seq = self._of_clock(raw) if is_clock else unwrap_counter(raw, self._last, self._bits)
+        seq = self._of_clock(raw) if is_clock else self._of_counter(raw)
         if self._last is not None and seq[0] != self._last + 1:
             self.gaps += 1
         self.gaps += int(np.count_nonzero(np.diff(seq) != 1))
         self._last = int(seq[-1])
+        return seq
+
+    def _of_counter(self, raw: IntArray) -> IntArray:
+        """The counter as received is kept beside the count: a reset takes them apart for good."""
+        seq = unwrap_counter(raw, self._last, self._bits, self._last_raw)
+        self._last_raw = int(raw[-1])
         return seq
 
     def _of_clock(self, ticks: IntArray) -> IntArray:

@@ -112,7 +112,9 @@ def unwrap_sequence(
     return SequenceUnwrapper(sample_period).feed(np.asarray(seq), np.asarray(time))
 
 
-def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int) -> IntArray:
+def unwrap_counter(
+    raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None
+) -> IntArray:
     """Continue a live counter of known width.
 
     Parameters
@@ -120,6 +122,7 @@ def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int) -
     raw : counter as received, modulo 2^bits, shape (n,)
     last : continuous count of the last sample before, None at the start
     bits : width of the counter
+    last_raw : that sample's counter as received; `last` modulo 2^bits unless the counter was ever reset
 
     Returns
     -------
@@ -132,7 +135,7 @@ def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int) -
         return received
     modulus = 1 << bits
     start = int(received[0]) - 1 if last is None else last
-    previous = np.concatenate(([start % modulus], received[:-1]))
+    previous = np.concatenate(([start % modulus if last_raw is None else last_raw], received[:-1]))
     steps = (received - previous) % modulus
     reset = (steps > modulus // 2) & (received < modulus // 8)
     return start + np.cumsum(np.where(reset, 2, np.where(steps == 0, modulus, steps)))

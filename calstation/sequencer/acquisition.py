@@ -80,6 +80,7 @@ class Acquisition:
     Attributes
     ----------
     stage, step, valid : stamped on the samples of every further drain
+    aside : samples go to taps alone: those of a unit that was restarted on purpose, its counter with it
     newest : IMU time of the latest sample, s, None before the first
     received, gaps : samples and interruptions of the counter so far
     """
@@ -112,6 +113,7 @@ class Acquisition:
         self.stage = ""
         self.step = 0 if after is None else after.step + 1
         self.valid = True
+        self.aside = False
         self.newest: float | None = None
         self.received = 0
         self.gaps = 0
@@ -136,8 +138,9 @@ class Acquisition:
             batch = self._carried_on(batch, self._after)
         now = self._clock.now()
         missing = self._missing(batch)
-        self.received += count
-        self.gaps += missing > 0
+        if not self.aside:
+            self.received += count
+            self.gaps += missing > 0
         self.newest = float(batch.time[-1])
         self._latest = batch
         self.last_arrival = now
@@ -156,7 +159,8 @@ class Acquisition:
         )
         for tap in self._taps:
             tap.append(block)
-        self._sink(block)
+        if not self.aside:
+            self._sink(block)
         seen = int(np.bitwise_or.reduce(batch.status))
         return Flow(
             count,

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from calstation.devices.interfaces import Imu, Table
 from calstation.errors import CalstationError, DeviceFaultError
@@ -23,6 +23,7 @@ from calstation.sequencer.events import (
     StateChanged,
     to_json,
 )
+from calstation.sequencer.fresh_data import FreshData, fresh_data
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.ports import Clock, Emit, Journal, Solving
 from calstation.sequencer.preflight import Preflight
@@ -37,13 +38,16 @@ from calstation.sequencer.task import Ended, StagePlan, Task
 
 _Result = TypeVar("_Result")
 
+Aside = Callable[[Callable[[], Any]], Any]
+"""Does a work in a thread of its own, to its end, and returns what it returns or raises."""
+
 
 class Sequencer:
     """One run. `run` returns when it is over; `control` takes the operator's commands from any thread.
 
-    `verify(solution)` says after each stage whether to go on; `conclude(solutions)`, called with the axes
-    off, checks the limits, writes the registers and says whether the unit passed. It hears `control` itself and
-    raises StopRequested where a stop came before the first register was written.
+    `verify(solution)` says after each stage whether to go on. `conclude(solutions, aside)`, called with the table at
+    rest, checks the limits, writes the registers and says whether the unit passed; `prove(data, aside)` then judges
+    the restarted unit's fresh data. Both do what talks to the unit by `aside`, during which a stop waits.
 
     A resumed run begins with what was `solved` before and carries on behind the last sample, `after`.
     """
@@ -59,7 +63,8 @@ class Sequencer:
         emit: Emit,
         *,
         verify: Callable[[Solution], bool],
-        conclude: Callable[[tuple[Solution, ...]], bool],
+        conclude: Callable[[tuple[Solution, ...], Aside], bool],
+        prove: Callable[[FreshData, Aside], None],
         control: Control | None = None,
         solved: tuple[Solution, ...] = (),
         after: LastSample | None = None,
@@ -74,6 +79,7 @@ class Sequencer:
         self._listener = emit
         self._verify = verify
         self._conclude = conclude
+        self._prove = prove
         self._imu = imu
         self._solved_before = len(solved)
         self._solutions: list[Solution] = list(solved)
@@ -95,8 +101,7 @@ class Sequencer:
         """
         try:
             with self.control.ticking():
-                self._calibrate()
-            passed = self._conclude(tuple(self._solutions))
+                passed = self._calibrate()
         except StopRequested:
             try:
                 self._go(State.STOPPING)
@@ -117,8 +122,8 @@ class Sequencer:
         self._go(State.PASSED if passed else State.FAILED)
         return Ended(self.state, tuple(self._solutions))
 
-    def _calibrate(self) -> None:
-        """Everything from preparation to the load angle, axes off."""
+    def _calibrate(self) -> bool:
+        """Everything from preparation to the load angle, axes off; whether the unit passed."""
         self._go(State.PREPARING)
         with _worker("warm-up") as worker:
             warm = worker.submit(self._solving.warm)
@@ -128,7 +133,14 @@ class Sequencer:
         for index, stage in enumerate(self._task.stages, start=self._solved_before):
             if not self._run_stage(stage, index):
                 break
+        self._pulse.hear()
+        passed = self._conclude(tuple(self._solutions), self._aside)
+        if passed:
+            scale = to_si(self._task.imu)
+            data = fresh_data(self._pulse, self._acquisition, self._runner, self._task.geometry, scale)
+            self._prove(data, self._aside)
         self._finish()
+        return passed
 
     def emit(self, event: Event) -> None:
         """Tell the listener, and the journal unless the event only refreshes a display."""
@@ -254,6 +266,16 @@ class Sequencer:
                 self._pulse.keep_alive()
                 self._pulse.hear()
         return job.result()
+
+    def _aside(self, work: Callable[[], Any]) -> Any:
+        """Do what must not be interrupted, the table's watchdog fed meanwhile; whatever happens, it is done then."""
+        with ThreadPoolExecutor(1, "aside") as worker:
+            job = worker.submit(work)
+            while not job.done():
+                self._clock.idle(TICK)
+                self._pulse.keep_alive()
+                self.control.take()
+            return job.result()
 
     def _finish(self) -> None:
         """To the load angle, axes off."""

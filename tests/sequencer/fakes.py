@@ -280,6 +280,7 @@ class Scene:
         self.events: list[Event] = []
         self.passes = True
         self.concluded = 0
+        self.proved: list[Any] = []
         limits = PreflightLimits(serial, r"SN-\d+", GRAVITY, **preflight)
         from calstation.sequencer.acquisition import StatusMasks
 
@@ -303,12 +304,13 @@ class Scene:
             self.events.append,
             verify=lambda solution: True,
             conclude=self._conclude,
+            prove=lambda data, aside: self.proved.append(data),
             control=self.control,
             **more,
         )
         return self.sequencer.run()
 
-    def _conclude(self, solutions: Any) -> bool:
+    def _conclude(self, solutions: Any, aside: Any) -> bool:
         self.concluded += 1
         self.solutions = solutions
         return self.passes

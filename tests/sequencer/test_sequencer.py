@@ -1,13 +1,15 @@
 """A run among fakes: order of things, pause, stop, faults, repeated steps, stop rules."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.estimation.method import Solution
 from calstation.physics.motion import Move
-from calstation.sequencer.control import Command, StopRequested
+from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
     Fault,
     Message,
@@ -18,10 +20,11 @@ from calstation.sequencer.events import (
     StepStarted,
 )
 from calstation.sequencer.safe_stop import safe_stop
+from calstation.sequencer.sequencer import Aside
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
 from calstation.sequencer.task import StagePlan
-from tests.sequencer.fakes import Scene, repeated
+from tests.sequencer.fakes import GRAVITY, RATE, Scene, repeated
 
 
 def states(scene: Scene) -> list[str]:
@@ -39,6 +42,7 @@ def test_a_run_passes_and_leaves_the_axes_off() -> None:
 
 def test_samples_carry_stage_step_and_angles() -> None:
     scene = Scene()
+    scene.passes = False  # no turns behind the last stage: the fake remembers its last move alone
     scene.run()
     blocks = scene.solving.blocks["rate"]
     assert {block.stage for block in blocks} == {"rate"}
@@ -327,13 +331,49 @@ def test_a_resumed_run_with_nothing_left_is_checked_and_concluded() -> None:
 
 def test_a_stop_that_comes_before_the_registers_are_written_is_a_stop() -> None:
     scene = Scene()
+    finish = scene.solving.finish
 
-    def conclude(solutions: object) -> bool:
-        raise StopRequested
+    def solve() -> Solution:
+        scene.control.send(Command.STOP)
+        return finish()
+
+    scene.solving.finish = solve  # type: ignore[method-assign]
+    assert scene.run().state is State.STOPPED
+    assert scene.concluded == 0
+    assert scene.table.told[-2:] == ["stop", "disable"]
+
+
+def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -> None:
+    scene = Scene()
+    transferred: list[bool] = []
+
+    def conclude(solutions: object, aside: Aside) -> bool:
+        def transfer() -> None:
+            scene.control.send(Command.STOP)
+            while not scene.control.stopping:
+                time.sleep(0.001)
+            transferred.append(True)
+
+        aside(transfer)
+        return True
 
     scene._conclude = conclude  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
+    assert transferred == [True]
+    assert scene.proved == []
     assert scene.table.told[-2:] == ["stop", "disable"]
+
+
+def test_the_restarted_unit_is_looked_at_on_fresh_data_that_no_log_holds() -> None:
+    scene = Scene()
+    assert scene.run().state is State.PASSED
+    (fresh,) = scene.proved
+    assert np.allclose(fresh.rest, [0, 0, 0, 0, 0, GRAVITY], atol=1e-4)
+    for joint, turn in enumerate(fresh.turns):
+        assert np.rad2deg(np.linalg.norm(turn.expected)) == pytest.approx(30.0, abs=0.1), joint
+        assert np.allclose(turn.rate * turn.seconds, turn.expected, atol=0.01)
+    logged = sum(len(block) for block in scene.journal.blocks)
+    assert scene.clock.time * RATE - logged > 12.0 * RATE
 
 
 def test_a_stop_that_nobody_pressed_says_why() -> None:

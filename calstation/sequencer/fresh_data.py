@@ -1,0 +1,105 @@
+"""Takes samples of a unit that was just restarted: a rest, and a short turn of each joint."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.errors import DeviceFaultError
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.arrays import FloatArray
+from calstation.physics.motion import Move
+from calstation.physics.rotation import rotation_vector
+from calstation.physics.table import TableGeometry
+from calstation.sequencer.acquisition import Acquisition
+from calstation.sequencer.pulse import Pulse
+from calstation.sequencer.steps import StepRunner
+
+REST = 10.0
+"""Rest over which output is averaged, s."""
+
+TURN = np.deg2rad(30.0)
+_RATE, _ACCELERATION = np.deg2rad(20.0), np.deg2rad(20.0)
+_READY_WITHIN = 60.0
+_ATTEMPTS = 3
+
+
+@dataclass(frozen=True)
+class Turned:
+    """A turn of one joint.
+
+    expected : by the encoders, as a rotation vector in b at its start, rad, shape (3,)
+    rate : mean output of the gyro, rad/s, shape (3,); seconds : it took
+    """
+
+    expected: FloatArray
+    rate: FloatArray
+    seconds: float
+
+
+@dataclass(frozen=True)
+class FreshData:
+    """Output of the restarted unit.
+
+    rest : mean at rest, gyro rad/s and accel m/s², shape (6,); seconds : of rest; turns : one per joint
+    """
+
+    rest: FloatArray
+    seconds: float
+    turns: tuple[Turned, ...] = ()
+
+
+def fresh_data(
+    pulse: Pulse, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
+) -> FreshData:
+    """Wait until the unit is ready again, rest, turn each joint a little. The samples are not logged.
+
+    `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing.
+    """
+    acquisition.aside = True
+    pulse.tick()
+    pulse.wait(
+        lambda: pulse.flow.ready,
+        _READY_WITHIN,
+        f"IMU: not ready {_READY_WITHIN:g} s after its restart; switch it off and on",
+    )
+    rest = _rest(pulse, acquisition) * scale
+    return FreshData(
+        rest, REST, tuple(_turn(joint, acquisition, runner, geometry, scale) for joint in (0, 1))
+    )
+
+
+def _rest(pulse: Pulse, acquisition: Acquisition) -> FloatArray:
+    """Mean counts over a rest without a gap, shape (6,)."""
+    for _ in range(_ATTEMPTS):
+        with acquisition.tap() as blocks:
+            pulse.rest(REST)
+        if _whole(blocks):
+            mean: FloatArray = np.concatenate([block.counts for block in blocks]).mean(axis=0)
+            return mean
+    raise DeviceFaultError(
+        "IMU: samples are lost again and again; check cable, baud and the load of this computer"
+    )
+
+
+def _turn(
+    joint: int, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
+) -> Turned:
+    start = runner.position()
+    target = list(start)
+    target[joint] += TURN if geometry.limits.within(joint, start[joint] + TURN) else -TURN
+    limits = geometry.limits
+    rate, acceleration = min(_RATE, *limits.rate), min(_ACCELERATION, *limits.acceleration)
+    with acquisition.tap() as blocks:
+        runner.drive(Move(target[0], target[1], rate, acceleration, ("check",)))
+    if not _whole(blocks):
+        raise DeviceFaultError("IMU: no data during a turn; check cable, power and port")
+    counts = np.concatenate([block.counts for block in blocks])
+    period = (blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
+    turned = rotation_vector(geometry.body_to_home(*start).T @ geometry.body_to_home(*runner.position()))
+    return Turned(turned, counts[:, :3].mean(axis=0) * scale[:3], float(period * len(counts)))
+
+
+def _whole(blocks: list[SampleBlock]) -> bool:
+    """Samples, and none missing among them."""
+    seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
+    return len(seq) > 1 and bool((np.diff(seq) == 1).all())

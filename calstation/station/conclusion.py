@@ -1,0 +1,122 @@
+"""The end of a run: limits, transfer of the registers with its journal, proof on the restarted unit's data."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from calstation.devices.interfaces import Imu
+from calstation.devices.registers import RegisterMap
+from calstation.devices.transfer import Closing, Entry, Step, Transferred, restore, transfer
+from calstation.errors import DeviceFaultError
+from calstation.estimation.method import Solution
+from calstation.physics.parameters import NAMES
+from calstation.records.limits import estimated_stage
+from calstation.records.meta import LogMeta, context_from_meta
+from calstation.records.raw_log import RawLogWriter
+from calstation.sequencer.control import StopRequested
+from calstation.sequencer.events import Event, Message
+from calstation.sequencer.fresh_data import FreshData
+from calstation.sequencer.sequencer import Aside
+from calstation.station import register_journal
+from calstation.station.compose import compose
+from calstation.station.proof import Proven, prove
+from calstation.station.result import judge
+from calstation.station.setup import Setup
+from calstation.station.solve import StageChain
+
+
+@dataclass
+class Conclusion:
+    """What a run does with its answer.
+
+    Attributes
+    ----------
+    tell : takes messages for listener and log
+    registers : filled with what the result says of them, {} where nothing was written
+    hear : takes the operator's commands, raises StopRequested
+    """
+
+    setup: Setup
+    meta: LogMeta
+    log: RawLogWriter
+    chain: StageChain
+    imu: Imu
+    tell: Callable[[Event], None]
+    registers: dict[str, Any]
+    hear: Callable[[], None]
+    _done: Transferred | None = None
+
+    def conclude(self, solutions: tuple[Solution, ...], aside: Aside) -> bool:
+        """Check the limits; write the registers of a unit inside them.
+
+        A stop before the first register is a stop at once; one that comes later waits until the transfer is done.
+        Raises DeviceFaultError, StopRequested.
+        """
+        if not judge(self.meta, self.chain.prior, solutions).passed:
+            self.tell(Message("registers_kept"))
+            return False
+        found = dict(zip(NAMES, solutions[-1].belief.mean.tolist(), strict=True))
+        if self.setup.after_registers:
+            wanted = compose(self.meta.registers, found)
+        else:
+            wanted = {name: found[name] for name in estimated_stage(solutions)}
+        entries = RegisterMap(tuple(self.setup.imu.registers))
+        if not entries.parameters:
+            return True
+        # The log belongs to this thread, so what the unit holds is read and kept before the transfer begins.
+        self._keep(aside(self.imu.read_registers))
+        self.hear()
+        self.tell(Message("registers_transfer"))
+        serial = self.meta.imu.serial
+        self._done = aside(lambda: transfer(self.imu, entries, serial, wanted, self._begin))
+        self.registers["new"] = dict(self._done.found)
+        try:
+            self.hear()
+        except StopRequested:
+            self.tell(Message("transfer_finished"))
+            raise
+        return True
+
+    def prove(self, fresh: FreshData, aside: Aside) -> None:
+        """Judge the restarted unit's data; one whose corrected output is wrong gets its old registers back.
+
+        Raises DeviceFaultError.
+        """
+        if self._done is None:
+            return
+        entry, entries = self._done.entry, RegisterMap(tuple(self.setup.imu.registers))
+        checks = prove(
+            fresh,
+            None if self.setup.after_registers else self._done.found,
+            self.chain.belief.covariance,
+            context_from_meta(self.meta),
+        )
+        self.registers["proof"] = [check.to_json() for check in checks]
+        wrong = [check for check in checks if not check.passed]
+        if wrong:
+            entry.note(Step.REFUTED)
+            self.registers["new"] = aside(lambda: restore(self.imu, entries, entry))
+            raise refuted(wrong[0], "its old registers were put back")
+        entry.close(Closing.DONE)
+        self.registers["verified"] = True
+        self.tell(Message("registers_written", {"count": len(self._done.found)}))
+
+    def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
+        log, serial = self.log.path, self.meta.imu.serial
+        by = self.setup.request.operator
+        return register_journal.begin(log.parent, serial, old, new, by=by, why="run", source=log.name)
+
+    def _keep(self, old: Mapping[str, float]) -> None:
+        """The unit's registers as they were go to the log before anything is written."""
+        self.registers |= {"old": dict(old), "new": None, "verified": False}
+        self.log.event({"event": "OldRegisters", "registers": dict(old)})
+        self.log.flush()
+
+
+def refuted(check: Proven, so: str) -> DeviceFaultError:
+    """The fault of a unit whose corrected output is wrong; `so` : what became of its registers."""
+    return DeviceFaultError(
+        f"IMU: with its new registers {check.name} measures {check.value:.6g} {check.unit}, expected"
+        f" {check.expected:.6g} within {check.tolerance:.2g}; {so}; look whether the table was disturbed and"
+        " whether the IMU profile's registers mean what the unit makes of them, then run again"
+    )

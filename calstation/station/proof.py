@@ -1,0 +1,124 @@
+"""Is a unit's corrected output right? Its size at rest against gravity and earth rate, short turns against encoders.
+
+The registers are those read from the restarted unit. Where its stream follows them it is the corrected output;
+where it precedes them it is corrected here as the unit would.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from calstation.estimation.context import SolveContext
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import RATE, normal_gravity
+from calstation.physics.imu_model import compensate, compensation
+from calstation.physics.parameters import COUNT, NAMES, PARAMETERS, group_indices
+from calstation.sequencer.fresh_data import FreshData, Turned
+
+SIGMAS = 6.0
+"""Off by more than this many standard deviations is wrong: noise reaches it once in 10^9 times."""
+
+_WANDER = 3.0
+"""Bias instabilities that a bias may have wandered since it was found."""
+
+_DIRECTION = np.deg2rad(5.0)
+"""Between a turn's declared and measured axis, rad: what mounting may be off."""
+
+
+@dataclass(frozen=True)
+class Proven:
+    """One comparison: what was measured, what was expected, and how far they may be apart, SI."""
+
+    name: str
+    value: float
+    expected: float
+    tolerance: float
+    unit: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the two agree."""
+        return abs(self.value - self.expected) <= self.tolerance
+
+    def to_json(self) -> dict[str, Any]:
+        """As a result holds it."""
+        return {**asdict(self), "passed": self.passed}
+
+
+def prove(
+    fresh: FreshData,
+    registers: Mapping[str, float] | None,
+    covariance: FloatArray,
+    context: SolveContext,
+) -> tuple[Proven, ...]:
+    """Compare a unit's corrected output with what is known to be there.
+
+    Parameters
+    ----------
+    registers : read from the unit, by parameter, SI; None where its stream follows them
+    covariance : of the parameters that the registers hold, SI, shape (30, 30)
+    context : site, noise and table
+    """
+    values = np.array([(registers or {}).get(name, 0.0) for name in NAMES])
+    correction = compensation(values)
+    omega, force = (v[0] for v in compensate(correction, fresh.rest[None, :3], fresh.rest[None, 3:]))
+    site, seconds = context.site, fresh.seconds
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    imu, table = context.imu, context.table
+    force_noise = np.hypot(imu.accel_vrw / np.sqrt(seconds), np.sqrt(2.0) * table.velocity_sigma / seconds)
+    rate_noise = imu.gyro_arw / np.sqrt(seconds)
+    checks = [
+        Proven(
+            "gravity",
+            float(np.linalg.norm(force)),
+            gravity,
+            _tolerance(covariance, "accel", force, force_noise, imu.accel_bias_instability),
+            "m/s²",
+        ),
+        Proven(
+            "earth_rate",
+            float(np.linalg.norm(omega)),
+            RATE,
+            _tolerance(covariance, "gyro", omega, rate_noise, imu.gyro_bias_instability),
+            "rad/s",
+        ),
+    ]
+    scale_sigma = float(np.sqrt(np.diag(covariance)[group_indices("gyro_scale")].max()))
+    for name, turn in zip(("outer", "inner"), fresh.turns, strict=False):
+        rate, _ = compensate(correction, turn.rate[None], np.zeros((1, 3)))
+        checks += _turn(name, turn, rate[0], scale_sigma, context)
+    return tuple(checks)
+
+
+def _turn(
+    name: str, turn: Turned, rate: FloatArray, scale_sigma: float, context: SolveContext
+) -> tuple[Proven, Proven]:
+    measured = rate * turn.seconds
+    size = float(np.linalg.norm(turn.expected))
+    along = float(measured @ turn.expected) / size
+    off = float(np.arctan2(np.linalg.norm(np.cross(measured, turn.expected)) / size, along))
+    known = np.sqrt(2.0) * context.table.encoder_sigma + scale_sigma * size
+    noise = context.imu.gyro_arw * np.sqrt(turn.seconds)
+    tolerance = SIGMAS * float(known + noise) + RATE * turn.seconds + size * (1.0 - np.cos(_DIRECTION))
+    return (
+        Proven(f"{name}_turn", along, size, float(tolerance), "rad"),
+        Proven(f"{name}_turn_axis", off, 0.0, _DIRECTION, "rad"),
+    )
+
+
+def _tolerance(
+    covariance: FloatArray, sensor: str, seen: FloatArray, noise: float, instability: float
+) -> float:
+    """How far the size of a corrected vector `seen` may be off, whatever its direction."""
+    jacobian = np.zeros((3, COUNT))
+    for i, p in enumerate(PARAMETERS):
+        if p.group == f"{sensor}_bias":
+            jacobian[p.row, i] = 1.0
+        elif p.group in (f"{sensor}_scale", f"{sensor}_misalign"):
+            jacobian[p.row, i] = seen[p.column]
+        elif p.group == f"{sensor}_quadratic":
+            jacobian[p.row, i] = seen[p.row] ** 2
+    variance = float(np.linalg.eigvalsh(jacobian @ covariance @ jacobian.T)[-1])
+    return SIGMAS * float(np.sqrt(max(variance, 0.0) + noise**2 + (_WANDER * instability) ** 2))

@@ -1,0 +1,247 @@
+"""A transfer of registers, step by step, on a bench unit's processor and on units that misbehave."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
+from calstation.devices.transfer import (
+    Closing,
+    Holds,
+    Step,
+    differing,
+    finish,
+    recognise,
+    restore,
+    transfer,
+)
+from calstation.errors import ConfigurationError, DeviceFaultError
+from tests.devices.dsp import MAP, NAMES, SERIAL, Unit
+
+OLD = float(np.float32(0.001))
+
+
+@dataclass
+class Noted:
+    """An entry of a journal in memory; `full_at` names a step that its disk does not take."""
+
+    old: Mapping[str, float] = field(default_factory=dict)
+    new: Mapping[str, float] = field(default_factory=dict)
+    serial: str = SERIAL
+    full_at: str = ""
+    steps: list[str] = field(default_factory=list)
+    closing: str | None = None
+
+    def note(self, step: Step) -> None:
+        if step == self.full_at:
+            raise ConfigurationError("disk full")
+        self.steps.append(step)
+
+    def close(self, closing: Closing) -> None:
+        self.closing = closing
+
+    def begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> "Noted":
+        self.old, self.new = old, new
+        return self
+
+
+class RegisterUnit:
+    """RAM and flash registers; `deaf` names one that takes no value, `forgets` loses one when burnt."""
+
+    def __init__(self, deaf: str = "", forgets: str = "", serial: str = SERIAL) -> None:
+        self.deaf, self.forgets, self.serial = deaf, forgets, serial
+        self.ram = dict.fromkeys(NAMES, OLD)
+        self.flash = dict(self.ram)
+        self.calls: list[str] = []
+        self.cut = False
+
+    stats = LinkStats()
+
+    def start(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def read(self) -> SampleBatch:
+        raise NotImplementedError
+
+    def identify(self) -> ImuIdentity:
+        return ImuIdentity("m", self.serial, "f")
+
+    def read_registers(self) -> dict[str, float]:
+        self._alive("read")
+        return dict(self.ram)
+
+    def write_registers(self, values: Mapping[str, float]) -> None:
+        self._alive("write")
+        self.ram.update({k: v for k, v in values.items() if k != self.deaf})
+
+    def commit(self) -> None:
+        self._alive("commit")
+        self.flash = {**self.ram, **({self.forgets: 0.0} if self.forgets else {})}
+
+    def reset(self) -> None:
+        self._alive("reset")
+        self.ram = dict(self.flash)
+
+    def _alive(self, call: str) -> None:
+        if self.cut:
+            raise DeviceFaultError("IMU: port was lost")
+        self.calls.append(call)
+
+
+def test_everything_in_its_order_and_left_open_until_it_is_proved() -> None:
+    unit, noted = RegisterUnit(), Noted()
+    done = transfer(unit, MAP, SERIAL, {"gyro_bias_x": 1.23456789e-6, "outer_lever_x": 9.0}, noted.begin)
+    assert unit.calls == ["read", "write", "read", "commit", "reset", "read"]
+    assert noted.steps == ["written", "committing", "committed", "restarted"]
+    assert noted.closing is None
+    assert done.found == noted.new
+    assert done.found["gyro_bias_x"] == float(np.float32(1.23456789e-6))
+    assert done.found["gyro_bias_y"] == noted.old["gyro_bias_y"] == OLD
+    assert "outer_lever_x" not in done.found
+
+
+def test_another_unit_than_meant_is_not_even_read() -> None:
+    unit = RegisterUnit(serial="SN-7")
+    with pytest.raises(DeviceFaultError, match=r"'SN-7' is in the fixture.*nothing was written"):
+        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.0}, Noted().begin)
+    with pytest.raises(DeviceFaultError, match="SN-7"):
+        recognise(unit, Noted())
+    assert unit.calls == []
+
+
+def test_nothing_is_written_where_a_value_does_not_fit() -> None:
+    unit = RegisterUnit()
+    with pytest.raises(DeviceFaultError, match="nothing was written"):
+        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 5.0}, Noted().begin)
+    assert unit.calls == ["read"]
+
+
+def test_a_register_that_does_not_read_back_is_never_committed_and_the_unit_restarted() -> None:
+    unit, noted = RegisterUnit(deaf="accel_bias_z"), Noted()
+    with pytest.raises(
+        DeviceFaultError, match=r"register 14 \(accel_bias_z\) reads back .* before the commit.*old"
+    ):
+        transfer(unit, MAP, SERIAL, {"accel_bias_z": 0.01, "accel_bias_x": 0.2}, noted.begin)
+    assert "commit" not in unit.calls
+    assert unit.ram == unit.flash == noted.old
+    assert noted.closing == "kept"
+
+
+def test_a_register_that_flash_lost_is_told_and_left_to_be_decided() -> None:
+    unit, noted = RegisterUnit(forgets="gyro_bias_y"), Noted()
+    with pytest.raises(
+        DeviceFaultError,
+        match=r"register 1 \(gyro_bias_y\) reads back 0 .* after the restart.*neither.*registers finish",
+    ):
+        transfer(unit, MAP, SERIAL, {"gyro_bias_y": 0.01}, noted.begin)
+    assert noted.closing is None
+    assert recognise(unit, noted) is Holds.NEITHER
+    unit.forgets = ""
+    assert restore(unit, MAP, noted) == noted.old == unit.flash
+    assert noted.closing == "restored"
+
+
+@pytest.mark.parametrize("step", ["written", "committing"])
+def test_a_journal_that_takes_no_more_before_the_commit_means_no_commit(step: str) -> None:
+    unit, noted = RegisterUnit(), Noted(full_at=step)
+    with pytest.raises(ConfigurationError, match=r"disk full.*old registers"):
+        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.01}, noted.begin)
+    assert "commit" not in unit.calls
+    assert unit.ram == noted.old
+
+
+def test_a_link_lost_over_the_commit_leaves_it_to_the_next_start() -> None:
+    unit, noted = RegisterUnit(), Noted()
+    commit = unit.commit
+
+    def commit_and_lose() -> None:
+        commit()
+        unit.cut = True
+        raise DeviceFaultError("IMU: port was lost")
+
+    unit.commit = commit_and_lose  # type: ignore[method-assign]
+    with pytest.raises(DeviceFaultError, match="will be seen at the next start"):
+        transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.01}, noted.begin)
+    assert noted.steps[-1] == "committing"
+    assert noted.closing is None
+    unit.cut = False
+    unit.calls.clear()
+    assert finish(unit, MAP, noted).found == noted.new
+    assert "commit" not in unit.calls, "its flash held the new values already: no second cycle"
+
+
+def test_restoring_what_was_never_replaced_costs_no_flash_cycle() -> None:
+    unit, noted = RegisterUnit(), Noted(old=dict.fromkeys(NAMES, OLD), new=dict.fromkeys(NAMES, 0.5))
+    assert restore(unit, MAP, noted) == noted.old
+    assert unit.calls == ["reset", "read"]
+    assert noted.closing == "kept"
+
+
+def test_values_are_compared_bit_by_bit() -> None:
+    assert differing({"a": float("nan"), "b": 1.0}, {"a": float("nan"), "b": 1.0}) == []
+    assert differing({"a": 0.0, "b": 1.0}, {"a": -0.0, "b": 1.0 + 2e-16}) == ["a", "b"]
+    assert differing({"a": 0.0}, {}) == ["a"]
+
+
+@pytest.mark.parametrize("moment", [0, 64, 127])
+def test_a_brown_out_over_the_commit_is_told_and_leaves_old_values(tmp_path: Path, moment: int) -> None:
+    unit, noted = Unit(tmp_path / "flash.bin"), Noted()
+    with unit.powered(timeout_s=0.2) as imu:
+        unit.unit.fails_committing = moment
+        with pytest.raises(DeviceFaultError, match="holds its old registers"):
+            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5, "accel_bias_z": 0.02}, noted.begin)
+    assert noted.closing == "kept"
+    assert unit.flash == noted.old
+
+
+def test_a_brown_out_between_two_writes_is_seen_in_the_read_back(tmp_path: Path) -> None:
+    unit, noted = Unit(tmp_path / "flash.bin"), Noted()
+    with unit.powered(timeout_s=0.2) as imu:
+        unit.unit.fails_writing = 16
+        with pytest.raises(DeviceFaultError, match=r"gyro_bias_x.* reads back 0 .*holds its old registers"):
+            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5, "accel_bias_z": 0.02}, noted.begin)
+    assert (unit.cycles, noted.closing) == (0, "kept")
+
+
+def test_a_brown_out_over_the_first_write_is_mended_by_its_repetition(tmp_path: Path) -> None:
+    unit, noted = Unit(tmp_path / "flash.bin"), Noted()
+    with unit.powered(timeout_s=0.2) as imu:
+        unit.unit.fails_writing = 0
+        transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
+    assert unit.flash == noted.new
+
+
+def test_a_brown_out_behind_the_last_byte_of_the_commit_leaves_new_values_to_be_proved(
+    tmp_path: Path,
+) -> None:
+    unit, noted = Unit(tmp_path / "flash.bin"), Noted()
+    with unit.powered(timeout_s=0.2) as imu:
+        unit.unit.fails_committing = 128
+        with pytest.raises(DeviceFaultError, match=r"holds new registers, not yet proved.*registers finish"):
+            transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
+        assert noted.closing is None
+        assert recognise(imu, noted) is Holds.NEW
+
+
+def test_a_unit_without_a_spare_bank_is_recognised_as_neither_and_can_be_mended(tmp_path: Path) -> None:
+    unit = Unit(tmp_path / "flash.bin", banks=1)
+    with unit.powered() as imu:
+        transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, Noted().begin)
+    for mend in ("finish", "restore"):
+        noted = Noted()
+        with unit.powered(timeout_s=0.2) as imu:
+            unit.unit.fails_committing = 60
+            with pytest.raises(DeviceFaultError, match="neither old nor new"):
+                transfer(imu, MAP, SERIAL, {"gyro_bias_x": 2e-5}, noted.begin)
+        with unit.powered() as imu:
+            assert recognise(imu, noted) is Holds.NEITHER
+            if mend == "finish":
+                finish(imu, MAP, noted)
+                assert unit.flash == noted.new
+            else:
+                restore(imu, MAP, noted)
+                assert unit.flash == noted.old
