@@ -42,7 +42,7 @@ class RunDetails(QFrame):
         self.setProperty("kind", "panel")
         self._run: RunRecord | None = None
         self._result: Mapping[str, Any] | None = None
-        self._running = self._closing = self._resumable = False
+        self._standing = (False, False, False)
         self._serial = QLabel()
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
         self.badge = StateBadge(theme.SECTION)
@@ -61,9 +61,18 @@ class RunDetails(QFrame):
         self._lay_out()
         self.retranslate()
 
-    def show_run(self, run: RunRecord, result: Mapping[str, Any] | None, unit: Sequence[IndexedRun]) -> None:
-        """Show a run, its result where there is one, and the unit's solved runs, oldest first."""
-        self._run, self._result = run, result
+    def show_run(
+        self,
+        run: RunRecord,
+        result: Mapping[str, Any] | None,
+        unit: Sequence[IndexedRun],
+        standing: tuple[bool, bool, bool],
+    ) -> None:
+        """Show a run, its result where there is one, and the unit's solved runs, oldest first.
+
+        standing : see `allow`
+        """
+        self._run, self._result, self._standing = run, result, standing
         limits = {}
         for check in result["checks"] if result is not None else ():
             name, _, kind = check["name"].partition(" ")
@@ -72,10 +81,11 @@ class RunDetails(QFrame):
         self.trend.show_runs(unit, run.log.stem, limits)
         self.retranslate()
 
-    def allow(self, running: bool, closing: bool, resumable: bool) -> None:
-        """Take into account that a run is going on, that one is being closed, that this one can be resumed."""
-        self._running, self._closing, self._resumable = running, closing, resumable
-        self.retranslate()
+    def allow(self, standing: tuple[bool, bool, bool]) -> None:
+        """Take into account whether a run is going on, one is being closed, this one can be resumed."""
+        if standing != self._standing:
+            self._standing = standing
+            self.retranslate()
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
@@ -163,7 +173,7 @@ class RunDetails(QFrame):
             "stopped": self.tr("The run was stopped by the operator."),
             "incomplete": self.tr("The run did not reach its end."),
         }.get(run.outcome, "")
-        if self._resumable:
+        if self._standing[2]:
             return f"{said} " + self.tr("It can be resumed behind its last finished stage, or closed.")
         if run.closed:
             return f"{said} " + self.tr("It was closed and is not to be resumed.")
@@ -221,10 +231,11 @@ class RunDetails(QFrame):
         self.log_button.setText(self.tr("Log"))
         self.folder_button.setText(self.tr("Folder"))
         self.resume_button.setText(self.tr("Resume"))
+        running, closing, resumable = self._standing
         incomplete = run.outcome == "incomplete"
         self.close_button.setText(self.tr("Close as incomplete") if incomplete else self.tr("Do not resume"))
-        self.resume_button.setVisible(self._resumable)
-        self.close_button.setVisible(self._resumable or (incomplete and not run.closed))
+        self.resume_button.setVisible(resumable)
+        self.close_button.setVisible(resumable or (incomplete and not run.closed))
         solved = self._result is not None and bool(self._result["parameters"])
         _enable(
             self.result_button,
@@ -237,11 +248,11 @@ class RunDetails(QFrame):
             self.tr("Draw the log and solve it again"),
         )
         self.folder_button.setToolTip(str(run.log.parent))
-        busy = self.tr("A run is going on; wait for its end") if self._running else ""
+        busy = self.tr("A run is going on; wait for its end") if running else ""
         _enable(self.resume_button, busy, self.tr("Go on behind the last finished stage"))
         _enable(
             self.close_button,
-            busy or (self.tr("It is being closed") if self._closing else ""),
+            busy or (self.tr("It is being closed") if closing else ""),
             self.tr("The run keeps its outcome and can then no longer be resumed"),
         )
 

@@ -25,7 +25,7 @@ from calstation.station.closing import close_run
 from calstation.station.history import History, refresh_history
 from calstation.station.resume import Resumable, find_resumable
 
-MOST = 1000
+MOST = 300
 """Runs listed at a time."""
 _TABLE_SHARE, _DETAILS_SHARE = 15, 8
 
@@ -38,6 +38,7 @@ class HistoryPage(Page):
         self.setObjectName("history_page")
         self._refresher, self._offers, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
         self._resumable: frozenset[Path] = frozenset()
+        self._index: tuple[Path, History] | None = None
         self.filters, self.table, self.details = Filters(), RunTable(), RunDetails()
         self.notice = NoticeBar()
         self.notice.setObjectName("history_notice")
@@ -92,7 +93,7 @@ class HistoryPage(Page):
         folder, filters = self.app.runs_folder, self.filters
         runs = []
         if folder.is_dir():
-            found = History(folder).runs(filters.search, filters.outcome, MOST)
+            found = self._history().runs(filters.search, filters.outcome, MOST)
             runs = [run for run in found if run.started_utc >= filters.since]
         filters.show_count(len(runs), MOST)
         self._stack.setCurrentWidget(self._split if runs else self._nothing)
@@ -146,17 +147,27 @@ class HistoryPage(Page):
             self.show_runs()
             self.refresh()
 
+    def _history(self) -> History:
+        """The index of the folder at hand; opening it takes longer than asking it."""
+        folder = self.app.runs_folder
+        if self._index is None or self._index[0] != folder:
+            self._index = (folder, History(folder))
+        return self._index[1]
+
     def _look_at(self, run: RunRecord | None) -> None:
         self.details.setVisible(run is not None)
         if run is not None:
-            unit = History(self.app.runs_folder).solved(run.serial)
-            self.details.show_run(run, _read(run.result), unit)
-            self._allow()
+            unit = self._history().solved(run.serial)
+            self.details.show_run(run, _read(run.result), unit, self._standing())
 
-    def _allow(self) -> None:
+    def _standing(self) -> tuple[bool, bool, bool]:
+        """Whether a run is going on, one is being closed, the one looked at can be resumed."""
         run = self.table.run
         resumable = run is not None and run.log in self._resumable
-        self.details.allow(self.app.engine_link.running, self._closer.busy, resumable)
+        return self.app.engine_link.running, self._closer.busy, resumable
+
+    def _allow(self) -> None:
+        self.details.allow(self._standing())
 
     def _offered(self, offers: list[Resumable]) -> None:
         """These runs can be resumed."""

@@ -115,6 +115,7 @@ class RunTable(QTableView):
         header.setHighlightSections(False)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         header.setStretchLastSection(True)
+        header.setResizeContentsPrecision(0)  # what is in sight says how wide a column must be
         self.setWordWrap(False)
         self.runs.modelReset.connect(self._spread)
         self.selectionModel().currentRowChanged.connect(self._moved)
@@ -132,7 +133,8 @@ class RunTable(QTableView):
         row = next((i for i, run in enumerate(runs) if run.log == looked_at), 0)
         if runs:
             self.selectRow(row)
-        self.selected.emit(self.run)
+        else:
+            self.selected.emit(None)
 
     def refresh(self) -> None:
         """Say everything again in the language in force."""
