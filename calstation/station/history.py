@@ -113,6 +113,8 @@ def _files(folder: Path) -> dict[str, str]:
     stamps: dict[str, str] = {}
     logs: dict[str, str] = {}
     now = time.time()
+    if not folder.is_dir():
+        return {}
     with os.scandir(folder) as entries:
         for entry in entries:
             stem, suffix = os.path.splitext(entry.name)  # noqa: PTH122 - thousands of them, and a Path is slow

@@ -13,6 +13,8 @@ from calstation.records.raw_log import RawLogWriter
 from calstation.records.run_index import FILE
 from calstation.station import history as history_module
 from calstation.station.history import History, refresh_history
+from calstation.station.resume import resumable
+from calstation.station.tidy import tidy_up
 from tests.records.records_samples import META, make_block
 
 
@@ -168,3 +170,27 @@ def test_two_programs_share_an_index(three: Path) -> None:
     write(three, "d", "SN-4", "passed", 4)
     assert second.refresh() == 1
     assert [run.serial for run in first.runs(limit=1)] == ["SN-4"]
+
+
+def test_a_folder_that_is_not_there_has_no_runs(tmp_path: Path) -> None:
+    history = refreshed(tmp_path / "none")
+    assert history.runs() == []
+    assert resumable(tmp_path / "none") == []
+    assert not (tmp_path / "none").exists()
+
+
+def test_opening_the_program_settles_and_hands_over(tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    writer = RawLogWriter(runs / "x.h5", LogMeta.model_validate(META))
+    writer.append(make_block("rate", 0, 100))
+    writer.flush()
+    os.utime(runs / "x.h5", (0.0, 0.0))
+    told: list[float] = []
+    tidied = tidy_up(lambda fraction, *_: told.append(fraction), runs, None)
+    assert tidied.incomplete == (runs / "x.h5",)
+    assert (tidied.delivery.folder, tidied.delivery.done) == (tmp_path / "handover", 1)
+    assert (tmp_path / "handover" / "x.json").is_file()
+    assert [run.outcome for run in History(runs).runs()] == ["incomplete"]
+    assert told == sorted(told)
+    assert tidy_up(lambda *_: None, tmp_path / "none", None).incomplete == ()
