@@ -137,7 +137,8 @@ class EngineerPage(Page):
         app.engine_link.event.connect(self._take)
         app.engine_link.running_changed.connect(lambda _: self._allow())
         app.run.changed.connect(self._allow)
-        app.role.changed.connect(lambda _: self._allow())
+        app.role.changed.connect(self._role_changed)
+        app.choice_changed.connect(self._choice_undone)
         app.station_changed.connect(self._read_offer)
         app.product_changed.connect(self._read_offer)
         app.open_run.connect(self._open_run)
@@ -169,6 +170,21 @@ class EngineerPage(Page):
             self.app.choose(None, None) if whole else self.app.choose(stages, schedule)
         self._allow()
 
+    def _choice_undone(self) -> None:
+        """Another page went back to the product's whole calibration."""
+        found = self._offer
+        if found is None or self.app.stages is not None:
+            return
+        if self.choice.parts.stages not in ((), found.stages) or self.choice.schedule:
+            self.choice.show_offer(found)
+            self._allow()
+
+    def _role_changed(self, role: str) -> None:
+        """An operator goes on with the product as it is."""
+        if role == "operator":
+            self.app.choose(None, None)
+        self._allow()
+
     def _request(self) -> RunRequest:
         app, fields = self.app, self._fields
         return RunRequest(
@@ -179,6 +195,7 @@ class EngineerPage(Page):
             app.runs_folder,
             fields.engineer or None,
             schedule=self.choice.schedule,
+            beyond_attempts=self.app.role.engineer,
         )
 
     def _preview(self) -> None:

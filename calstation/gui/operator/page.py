@@ -31,7 +31,7 @@ from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.page import Page
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.gui.wording import KINDS, word_message, word_state, word_step
+from calstation.gui.wording import KINDS, word_message, word_stage, word_state, word_step
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
@@ -153,6 +153,7 @@ class OperatorPage(Page):
         app.run.stop_pressed.connect(self._stop_pressed)
         app.station_changed.connect(self._read_products)
         app.product_changed.connect(self._plan)
+        app.choice_changed.connect(self._plan)
 
     # ---- what the next run would be
 
@@ -174,7 +175,9 @@ class OperatorPage(Page):
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         try:
-            planned = outline(RunRequest("-", app.station_path, app.product_path))
+            planned = outline(
+                RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
+            )
             self._problem = ""
         except CalstationError as error:
             planned = None
@@ -197,7 +200,26 @@ class OperatorPage(Page):
         else:
             self.notice.dismiss()
             self._starting.suggest()
+            if app.stages is not None:
+                self._tell_choice(app.stages)
         self._refresh()
+
+    def _tell_choice(self, stages: tuple[str, ...]) -> None:
+        """An engineer's choice is in force here as well, and can be undone here."""
+        self.notice.ask(
+            "caution",
+            lambda: self.tr("Not the whole calibration of this product"),
+            lambda: self.tr("As chosen on the Engineer page: {stages}.").format(
+                stages=", ".join(word_stage(stage) for stage in stages)
+            ),
+            [
+                Choice(
+                    "whole_choice",
+                    lambda: self.tr("Whole calibration"),
+                    lambda: self.app.choose(None, None),
+                )
+            ],
+        )
 
     # ---- during the run
 
@@ -289,7 +311,7 @@ class OperatorPage(Page):
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
         self._lower.setCurrentIndex(0 if all(s.state == "waiting" for s in run.stages) else 1)
         self._ask_prompt()
-        shown = (run.state, run.verdict, run.fault, busy)
+        shown = (run.state, run.verdict, run.fault, len(run.remarks), busy)
         if shown != self._shown:
             self._shown = shown
             self._turn()
@@ -303,7 +325,7 @@ class OperatorPage(Page):
         elif run.verdict is None and run.fault is None and self.app.engine_link.running:
             self._views.setCurrentIndex(1)
         else:
-            self._verdict.show_end(run.state, run.verdict, run.fault)
+            self._verdict.show_end(run.state, run.verdict, run.fault, run.remarks)
             self._views.setCurrentIndex(2)
 
     def _ask_prompt(self) -> None:

@@ -70,8 +70,10 @@ class Starting(QObject):
             serial,
             self._app.station_path,
             self._app.product_path,
-            out=self._app.runs_folder,
-            operator=self._header.operator,
+            self._app.stages,
+            self._app.runs_folder,
+            self._header.operator,
+            schedule=self._app.schedule,
         )
         history = self.history()
         if history is not None:
