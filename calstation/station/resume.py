@@ -107,6 +107,8 @@ def _offer(record: RunRecord) -> list[Resumable]:
     except (InputError, ConfigurationError):
         return []  # a log that cannot be used cannot be resumed
     result = log.results[-1] if log.results else {}
+    if (result.get("registers") or {}).get("new") is not None:
+        return []  # the unit is another one now: its transfer is to be finished or taken back instead
     return [
         Resumable(
             serial=record.serial,
