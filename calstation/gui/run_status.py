@@ -27,6 +27,19 @@ from calstation.station.outline import Outline, outline
 MOVING_STATES = ("starting", "preparing", "running", "pausing", "paused", "stopping")
 """States in which a run is going on."""
 
+_REMARKS = (
+    "step_repeated",
+    "safe_stop_incomplete",
+    "azimuth_from_data",
+    "not_settled",
+    "turns_assumed_whole",
+    "transfer_finished",
+    "stopped_because",
+    "stopped_early",
+    "handover_waiting",
+)
+"""Messages that still matter when the run is over."""
+
 _TRUST_AFTER = 2.0
 """Host time after which a virtual bench's pace is known well enough to tell the time left, s."""
 
@@ -60,6 +73,7 @@ class RunStatus(QObject):
     stages : in order
     said : latest message or step as ("message", id, values) or ("step", kind, label), to be worded when shown;
         a dwell has the label of the move before it
+    remarks : messages that still matter when the run is over, each (id, values)
     prompt : what the operator is asked to do, "" for nothing
     verdict : of the last run; fault : latched until `acknowledge`
     """
@@ -74,6 +88,7 @@ class RunStatus(QObject):
         self.outline: Outline | None = None
         self.stages: list[StageState] = []
         self.said: tuple[str, str, Any] | None = None
+        self.remarks: list[tuple[str, Mapping[str, Any]]] = []
         self.prompt = ""
         self.verdict: Verdict | None = None
         self.fault: Fault | None = None
@@ -152,6 +167,7 @@ class RunStatus(QObject):
             assert self._link.request is not None
             self.state = "starting"
             self.verdict = self.fault = self.said = None
+            self.remarks = []
             self.prompt = ""
             self._begun = 0.0
             try:
@@ -223,6 +239,8 @@ class RunStatus(QObject):
 
     def _hear(self, key: str, values: Mapping[str, Any]) -> None:
         self.said = ("message", key, values)
+        if key in _REMARKS:
+            self.remarks.append((key, values))
         self.prompt = str(values.get("text", "")) if key == "prompt" else ""
         if key == "stopped_early":
             self._mark(str(values.get("stage")), "bad")

@@ -57,6 +57,29 @@ _MESSAGES = {
     "turns_assumed_whole": QT_TRANSLATE_NOOP(
         "wording", "{stage}: no encoder angles; every turn is taken for whole."
     ),
+    "recording_cut": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: force jumps at rest in {count} places; nothing is taken from the motions there."
+    ),
+    "motions_left_out": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: in {count} motions the gyros contradict gravity; they are left out."
+    ),
+    "no_motion_between_rests": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: no motion between rests was recorded; gyro matrices are not determined."
+    ),
+    "noisier_than_profile": QT_TRANSLATE_NOOP(
+        "wording",
+        "{stage}: the recording scatters more than the profile's noise (rests {force:.2g} m/s² "
+        "and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.",
+    ),
+    "registers_transfer": QT_TRANSLATE_NOOP("wording", "Inside the limits: writing the registers."),
+    "transfer_finished": QT_TRANSLATE_NOOP(
+        "wording", "The stop came while the registers were written: the transfer was finished first."
+    ),
+    "resumed": QT_TRANSLATE_NOOP("wording", "Carrying on {log} behind its finished stages: {stages}."),
+    "handover_waiting": QT_TRANSLATE_NOOP(
+        "wording", "Hand-over: {count} waiting, {folder} cannot be reached ({reason})."
+    ),
+    "handover_done": QT_TRANSLATE_NOOP("wording", "Hand-over: {count} results went to {folder}."),
     "registers_kept": QT_TRANSLATE_NOOP("wording", "Outside the limits: the unit keeps its registers."),
     "registers_written": QT_TRANSLATE_NOOP("wording", "Registers written, read back and equal."),
     "stopped_early": QT_TRANSLATE_NOOP(
@@ -148,6 +171,8 @@ def word_message(key: str, values: Mapping[str, Any]) -> str:
     if "reason" in shown:
         reason = str(shown["reason"])
         shown["reason"] = _say(_REASONS[reason]) if reason in _REASONS else reason
+    if isinstance(shown.get("stages"), list | tuple):
+        shown["stages"] = ", ".join(word_stage(str(stage)) for stage in shown["stages"])
     if "stage" in shown:
         shown["stage"] = word_stage(str(shown["stage"]))
     return _say(_MESSAGES[key]).format(**shown)

@@ -1,6 +1,8 @@
 """The verdict: one word that fills the eye, its shape, the reason, what to do next, and the numbers that matter."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import QEvent, QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
@@ -18,7 +20,7 @@ from calstation.gui import theme
 from calstation.gui.fault_wording import word_fault
 from calstation.gui.operator import advice
 from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
-from calstation.gui.wording import KINDS, word_state, word_time
+from calstation.gui.wording import KINDS, word_message, word_state, word_time
 from calstation.sequencer.events import Fault, Verdict
 
 _HEAD = 17 * theme.GRID
@@ -79,11 +81,12 @@ class VerdictPanel(QFrame):
         self._state = ""
         self._verdict: Verdict | None = None
         self._fault: Fault | None = None
+        self._remarks: tuple[tuple[str, Mapping[str, Any]], ...] = ()
         self._head = _Head()
         self.verdict_label = self._head.word
         self._place, self.reason_label, self.action_label = QLabel(), QLabel(), QLabel()
-        self._facts = QLabel()
-        for label in (self._place, self.reason_label, self.action_label, self._facts):
+        self._facts, self._notes = QLabel(), QLabel()
+        for label in (self._place, self.reason_label, self.action_label, self._facts, self._notes):
             label.setWordWrap(True)
         self._place.setProperty("kind", "muted")
         self._facts.setProperty("kind", "muted")
@@ -106,7 +109,7 @@ class VerdictPanel(QFrame):
         buttons.addStretch(1)
         words = QVBoxLayout()
         words.setSpacing(2 * theme.GRID)
-        for widget in (self._place, self.reason_label, self.action_label, self._facts):
+        for widget in (self._place, self.reason_label, self.action_label, self._facts, self._notes):
             words.addWidget(widget)
         words.addStretch(1)
         words.addLayout(buttons)
@@ -126,9 +129,15 @@ class VerdictPanel(QFrame):
         layout.addWidget(self._head)
         layout.addLayout(body, 1)
 
-    def show_end(self, state: str, verdict: Verdict | None, fault: Fault | None) -> None:
-        """Show how a run ended."""
-        self._state, self._verdict, self._fault = state, verdict, fault
+    def show_end(
+        self,
+        state: str,
+        verdict: Verdict | None,
+        fault: Fault | None,
+        remarks: Sequence[tuple[str, Mapping[str, Any]]],
+    ) -> None:
+        """Show how a run ended; `remarks` are messages that still matter."""
+        self._state, self._verdict, self._fault, self._remarks = state, verdict, fault, tuple(remarks)
         self.retranslate()
 
     def retranslate(self) -> None:
@@ -153,6 +162,8 @@ class VerdictPanel(QFrame):
             self.reason_label.setText(advice.reason(self._state, result))
             self.action_label.setText(advice.next_action(self._state, result))
         self.action_label.setVisible(bool(self.action_label.text()))
+        self._notes.setText("\n".join(dict.fromkeys(word_message(*remark) for remark in self._remarks)))
+        self._notes.setVisible(bool(self._remarks))
         self._say_facts()
         self._fill_figures()
 

@@ -1,0 +1,600 @@
+<?xml version="1.0" encoding="utf-8"?>
+<!DOCTYPE TS>
+<TS version="2.1" language="zh_CN">
+<context>
+    <name>Convergence</name>
+    <message>
+        <source>Sigma as a multiple of its target</source>
+        <translation>标准差与目标值之比</translation>
+    </message>
+    <message>
+        <source>device time, min</source>
+        <translation>设备时间，min</translation>
+    </message>
+    <message>
+        <source>target</source>
+        <translation>目标</translation>
+    </message>
+    <message>
+        <source>{group} {value} arrived</source>
+        <translation>{group} {value} 已达标</translation>
+    </message>
+</context>
+<context>
+    <name>Loading</name>
+    <message>
+        <source>Load the unit</source>
+        <translation>装上产品</translation>
+    </message>
+    <message>
+        <source>The unit is in its fixture</source>
+        <translation>产品已在夹具上</translation>
+    </message>
+    <message>
+        <source>A serial number is filled in</source>
+        <translation>编号已经填好</translation>
+    </message>
+    <message>
+        <source>Press START</source>
+        <translation>按“开始全参数标定”</translation>
+    </message>
+    <message>
+        <source>Watch</source>
+        <translation>看着就行</translation>
+    </message>
+    <message>
+        <source>This station is the virtual bench: table and unit are software, nothing moves.</source>
+        <translation>本工位是虚拟台：转台和产品都由软件模拟，没有任何东西在动。</translation>
+    </message>
+    <message>
+        <source>Any other number of the product's pattern will do as well.</source>
+        <translation>换成符合产品规则的其他编号也可以。</translation>
+    </message>
+    <message>
+        <source>The whole calibration takes about a minute here.</source>
+        <translation>在这里做完全部标定大约一分钟。</translation>
+    </message>
+    <message>
+        <source>STOP works at any time, and so does the Esc key.</source>
+        <translation>任何时候都可以按“停止”，或按 Esc 键。</translation>
+    </message>
+    <message>
+        <source>Fix the unit in the fixture</source>
+        <translation>把产品固定在夹具上</translation>
+    </message>
+    <message>
+        <source>Plug in its cable</source>
+        <translation>接好电缆</translation>
+    </message>
+    <message>
+        <source>Scan its serial number</source>
+        <translation>扫描产品编号</translation>
+    </message>
+    <message>
+        <source>Stand clear, then press START</source>
+        <translation>人离开转台，再按“开始全参数标定”</translation>
+    </message>
+    <message>
+        <source>x to the right, y to the front, z up, as in the picture; screws tight.</source>
+        <translation>x 向右、y 向前、z 向上，如图所示；螺钉拧紧。</translation>
+    </message>
+    <message>
+        <source>It must not catch when the table turns.</source>
+        <translation>转台转动时不能被挂住。</translation>
+    </message>
+    <message>
+        <source>The scanner's Enter checks the number and moves on to START; it does not start.</source>
+        <translation>扫码枪的回车只核对编号并跳到开始按钮，不会启动。</translation>
+    </message>
+</context>
+<context>
+    <name>OperatorPage</name>
+    <message>
+        <source>Operator</source>
+        <translation>操作员</translation>
+    </message>
+    <message>
+        <source>This station and product cannot run</source>
+        <translation>这个工位和产品无法标定</translation>
+    </message>
+    <message>
+        <source>Open the station page</source>
+        <translation>打开工位页</translation>
+    </message>
+    <message>
+        <source>Not the whole calibration of this product</source>
+        <translation>不是这个产品的全部标定</translation>
+    </message>
+    <message>
+        <source>As chosen on the Engineer page: {stages}.</source>
+        <translation>按工程师页的选择：{stages}。</translation>
+    </message>
+    <message>
+        <source>Whole calibration</source>
+        <translation>全部标定</translation>
+    </message>
+    <message>
+        <source>Stopping safely, then closing</source>
+        <translation>正在安全停止，然后关闭</translation>
+    </message>
+    <message>
+        <source>The table comes to rest first.</source>
+        <translation>先等转台停稳。</translation>
+    </message>
+    <message>
+        <source>Close now</source>
+        <translation>立即关闭</translation>
+    </message>
+    <message>
+        <source>A calibration is going on</source>
+        <translation>正在标定</translation>
+    </message>
+    <message>
+        <source>Closing stops the table safely; the run can be continued later.</source>
+        <translation>关闭会让转台安全停下，以后可以接着做。</translation>
+    </message>
+    <message>
+        <source>Stop and close</source>
+        <translation>停止并关闭</translation>
+    </message>
+    <message>
+        <source>Go on calibrating</source>
+        <translation>继续标定</translation>
+    </message>
+    <message>
+        <source>Press Continue when it is done.</source>
+        <translation>完成后按“继续”。</translation>
+    </message>
+    <message>
+        <source>Continue</source>
+        <translation>继续</translation>
+    </message>
+    <message>
+        <source>Read the fault and press Understood first.</source>
+        <translation>请先看故障，再按“知道了”。</translation>
+    </message>
+    <message>
+        <source>A calibration is going on.</source>
+        <translation>正在标定。</translation>
+    </message>
+    <message>
+        <source>The table is coming to rest.</source>
+        <translation>转台正在停稳。</translation>
+    </message>
+    <message>
+        <source>The run can be paused once its first stage has begun.</source>
+        <translation>第一个阶段开始以后才能暂停。</translation>
+    </message>
+    <message>
+        <source>The run is stopping.</source>
+        <translation>正在停止。</translation>
+    </message>
+    <message>
+        <source>Nothing is running.</source>
+        <translation>没有在标定。</translation>
+    </message>
+    <message>
+        <source>Load a unit, scan its serial number, press START.</source>
+        <translation>装上产品，扫描编号，按“开始全参数标定”。</translation>
+    </message>
+    <message>
+        <source>Starting the engine and connecting.</source>
+        <translation>正在启动引擎并连接设备。</translation>
+    </message>
+    <message>
+        <source>Stopping safely: the table comes to rest, then its axes are switched off.</source>
+        <translation>正在安全停止：转台先停稳，再断开轴使能。</translation>
+    </message>
+    <message>
+        <source>Paused; the table is at rest. Resume repeats the step in hand.</source>
+        <translation>已暂停，转台静止。继续时会重做当前这一步。</translation>
+    </message>
+</context>
+<context>
+    <name>Preparation</name>
+    <message>
+        <source>Preparing</source>
+        <translation>准备</translation>
+    </message>
+    <message>
+        <source>Connecting</source>
+        <translation>连接</translation>
+    </message>
+    <message>
+        <source>Unit ready</source>
+        <translation>产品就绪</translation>
+    </message>
+    <message>
+        <source>Homing</source>
+        <translation>回零</translation>
+    </message>
+    <message>
+        <source>Warm-up</source>
+        <translation>预热</translation>
+    </message>
+    <message>
+        <source>Mounting</source>
+        <translation>安装检查</translation>
+    </message>
+    <message>
+        <source>Table and unit are asked who they are.</source>
+        <translation>确认转台和产品的身份。</translation>
+    </message>
+    <message>
+        <source>The unit starts and tests itself.</source>
+        <translation>产品启动并自检。</translation>
+    </message>
+    <message>
+        <source>The table looks for its reference, slowly. Keep hands clear.</source>
+        <translation>转台慢速寻找零位。手请离开。</translation>
+    </message>
+    <message>
+        <source>The unit comes to its temperature. Nothing to do.</source>
+        <translation>产品达到稳定温度，不用做什么。</translation>
+    </message>
+    <message>
+        <source>Gravity and two small turns show whether the unit sits right.</source>
+        <translation>用重力和两次小角度转动检查产品装得对不对。</translation>
+    </message>
+</context>
+<context>
+    <name>Resuming</name>
+    <message>
+        <source>This run has no finished stage to continue behind, or has ended since.</source>
+        <translation>这次标定没有已完成的阶段可以接着做，或者已经结束。</translation>
+    </message>
+    <message>
+        <source>{serial} was interrupted in stage {number}, {stage}</source>
+        <translation>{serial} 在第 {number} 阶段（{stage}）中断</translation>
+    </message>
+    <message>
+        <source>Begun {when} UTC. Is this unit still in the fixture, untouched?</source>
+        <translation>开始于 {when} UTC。这个产品还在夹具上，没有动过吗？</translation>
+    </message>
+    <message>
+        <source>Continue at stage {number}</source>
+        <translation>从第 {number} 阶段继续</translation>
+    </message>
+    <message>
+        <source>Close as incomplete</source>
+        <translation>按未完成结束</translation>
+    </message>
+    <message>
+        <source>Later</source>
+        <translation>以后再说</translation>
+    </message>
+    <message>
+        <source>The run cannot be continued</source>
+        <translation>这次标定无法继续</translation>
+    </message>
+</context>
+<context>
+    <name>RunHeader</name>
+    <message>
+        <source>A calibration is going on; press STOP first.</source>
+        <translation>正在标定，请先按“停止”。</translation>
+    </message>
+    <message>
+        <source>Resume</source>
+        <translation>继续</translation>
+    </message>
+    <message>
+        <source>Pause</source>
+        <translation>暂停</translation>
+    </message>
+    <message>
+        <source>Operator</source>
+        <translation>操作员</translation>
+    </message>
+    <message>
+        <source>Product</source>
+        <translation>产品</translation>
+    </message>
+    <message>
+        <source>badge</source>
+        <translation>工号</translation>
+    </message>
+    <message>
+        <source>scan or type</source>
+        <translation>扫描或输入</translation>
+    </message>
+    <message>
+        <source>START</source>
+        <translation>开始全参数标定</translation>
+    </message>
+    <message>
+        <source>Serial number</source>
+        <translation>编号</translation>
+    </message>
+</context>
+<context>
+    <name>StageList</name>
+    <message>
+        <source>Stages</source>
+        <translation>阶段</translation>
+    </message>
+    <message>
+        <source>solving</source>
+        <translation>解算中</translation>
+    </message>
+    <message>
+        <source>ok</source>
+        <translation>通过</translation>
+    </message>
+    <message>
+        <source>not ok</source>
+        <translation>不通过</translation>
+    </message>
+    <message>
+        <source>stopped</source>
+        <translation>已停止</translation>
+    </message>
+    <message>
+        <source>fault</source>
+        <translation>故障</translation>
+    </message>
+    <message>
+        <source>not run</source>
+        <translation>未做</translation>
+    </message>
+    <message>
+        <source>{time} in all</source>
+        <translation>共 {time}</translation>
+    </message>
+    <message>
+        <source>{time} left</source>
+        <translation>剩余 {time}</translation>
+    </message>
+    <message>
+        <source>Times of a real table; the virtual bench is much faster.</source>
+        <translation>这是真实转台的时间，虚拟台快得多。</translation>
+    </message>
+</context>
+<context>
+    <name>Starting</name>
+    <message>
+        <source>attempt {count}</source>
+        <translation>第 {count} 次</translation>
+    </message>
+    <message>
+        <source>not valid</source>
+        <translation>无效</translation>
+    </message>
+    <message>
+        <source>The serial number '{serial}' does not fit this product</source>
+        <translation>编号“{serial}”不符合这个产品</translation>
+    </message>
+    <message>
+        <source>The serial number is missing</source>
+        <translation>缺少编号</translation>
+    </message>
+    <message>
+        <source>Scan it again, or choose the product that belongs to the unit. Its pattern is {pattern}</source>
+        <translation>请重新扫描，或选择与产品对应的型号。编号规则是 {pattern}</translation>
+    </message>
+    <message>
+        <source>{serial} has already passed</source>
+        <translation>{serial} 已经合格</translation>
+    </message>
+    <message>
+        <source>On {when} UTC. Calibrate it once more?</source>
+        <translation>时间 {when} UTC。要再标定一次吗？</translation>
+    </message>
+    <message>
+        <source>Calibrate again</source>
+        <translation>再标定一次</translation>
+    </message>
+    <message>
+        <source>Allow one more</source>
+        <translation>再允许一次</translation>
+    </message>
+    <message>
+        <source>Engineer …</source>
+        <translation>工程师…</translation>
+    </message>
+    <message>
+        <source>Set {serial} aside</source>
+        <translation>请把 {serial} 放到一边</translation>
+    </message>
+    <message>
+        <source>It was outside its limits {count} times in a row. </source>
+        <translation>它已连续 {count} 次超出限差。</translation>
+    </message>
+    <message>
+        <source>Allow one more attempt?</source>
+        <translation>再允许一次吗？</translation>
+    </message>
+    <message>
+        <source>An engineer can allow one more attempt.</source>
+        <translation>工程师可以再允许一次。</translation>
+    </message>
+    <message>
+        <source>The table of '{station}' is going to move</source>
+        <translation>“{station}”的转台即将转动</translation>
+    </message>
+    <message>
+        <source>Is everybody clear of it, and the unit tight?</source>
+        <translation>人都离开了吗？产品固定牢了吗？</translation>
+    </message>
+    <message>
+        <source>All clear, start</source>
+        <translation>已确认，开始</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>取消</translation>
+    </message>
+</context>
+<context>
+    <name>TablePanel</name>
+    <message>
+        <source>outer</source>
+        <translation>外框</translation>
+    </message>
+    <message>
+        <source>inner</source>
+        <translation>内框</translation>
+    </message>
+    <message>
+        <source>table not connected</source>
+        <translation>转台未连接</translation>
+    </message>
+    <message>
+        <source>table moving</source>
+        <translation>转台转动</translation>
+    </message>
+    <message>
+        <source>table at rest</source>
+        <translation>转台静止</translation>
+    </message>
+</context>
+<context>
+    <name>Traces</name>
+    <message>
+        <source>Gyro, °/s</source>
+        <translation>陀螺，°/s</translation>
+    </message>
+    <message>
+        <source>Accelerometer, m/s²</source>
+        <translation>加表，m/s²</translation>
+    </message>
+    <message>
+        <source>10 s</source>
+        <translation>10 秒</translation>
+    </message>
+    <message>
+        <source>1 min</source>
+        <translation>1 分钟</translation>
+    </message>
+    <message>
+        <source>10 min</source>
+        <translation>10 分钟</translation>
+    </message>
+    <message>
+        <source>Hold</source>
+        <translation>定格</translation>
+    </message>
+    <message>
+        <source>Holds the picture; the run and its recording go on.</source>
+        <translation>画面定格，标定和记录照常进行。</translation>
+    </message>
+    <message>
+        <source>device time before now, s</source>
+        <translation>距现在的设备时间，s</translation>
+    </message>
+</context>
+<context>
+    <name>VerdictPanel</name>
+    <message>
+        <source>Understood</source>
+        <translation>知道了</translation>
+    </message>
+    <message>
+        <source>Details</source>
+        <translation>详情</translation>
+    </message>
+    <message>
+        <source>Open the station page</source>
+        <translation>打开工位页</translation>
+    </message>
+    <message>
+        <source>Where: {place}</source>
+        <translation>位置：{place}</translation>
+    </message>
+    <message>
+        <source>attempt {count}</source>
+        <translation>第 {count} 次</translation>
+    </message>
+    <message>
+        <source>{time} of table time</source>
+        <translation>转台时间 {time}</translation>
+    </message>
+    <message>
+        <source>registers written and verified</source>
+        <translation>寄存器已写入并核对</translation>
+    </message>
+    <message>
+        <source>nearest to its limit</source>
+        <translation>最接近限差的</translation>
+    </message>
+    <message>
+        <source>value</source>
+        <translation>值</translation>
+    </message>
+    <message>
+        <source>sigma</source>
+        <translation>标准差</translation>
+    </message>
+    <message>
+        <source>limit</source>
+        <translation>限差</translation>
+    </message>
+    <message>
+        <source>unit</source>
+        <translation>单位</translation>
+    </message>
+</context>
+<context>
+    <name>advice</name>
+    <message>
+        <source>Every value is inside its limits.</source>
+        <translation>各项都在限差之内。</translation>
+    </message>
+    <message>
+        <source>The run was stopped; the table is at rest, its axes are off.</source>
+        <translation>标定已停止；转台静止，轴使能已断开。</translation>
+    </message>
+    <message>
+        <source>The run did not reach its end.</source>
+        <translation>标定没有做完。</translation>
+    </message>
+    <message>
+        <source>No stage was solved.</source>
+        <translation>没有一个阶段得到结果。</translation>
+    </message>
+    <message>
+        <source>({count} more checks failed.)</source>
+        <translation>（另有 {count} 项不通过。）</translation>
+    </message>
+    <message>
+        <source>Remove the unit, scan the next.</source>
+        <translation>取下产品，扫描下一个。</translation>
+    </message>
+    <message>
+        <source>Reseat the unit: screws tight, cable free, table undisturbed. Then repeat.</source>
+        <translation>请重新安装产品：螺钉拧紧，电缆不受力，转台不受干扰。然后重做。</translation>
+    </message>
+    <message>
+        <source>Set the unit aside and scan the next.</source>
+        <translation>把产品放到一边，扫描下一个。</translation>
+    </message>
+    <message>
+        <source>Repeat the calibration: press START.</source>
+        <translation>请重做：按“开始全参数标定”。</translation>
+    </message>
+    <message>
+        <source>The finished stages are kept: continue behind them, or press START to begin again.</source>
+        <translation>已完成的阶段保留：可以接着做，或按“开始全参数标定”从头再来。</translation>
+    </message>
+    <message>
+        <source>Press START to begin again.</source>
+        <translation>按“开始全参数标定”从头再来。</translation>
+    </message>
+    <message>
+        <source>{stage}: the measurements do not fit together (NIS {value:.2f}, at most {limit:.2f}).</source>
+        <translation>{stage}：测量数据互相不吻合（NIS {value:.2f}，最大 {limit:.2f}）。</translation>
+    </message>
+    <message>
+        <source>The data did not determine {names}.</source>
+        <translation>数据不足以确定{names}。</translation>
+    </message>
+    <message>
+        <source>{name} is {value} {unit}, allowed are {limit}.</source>
+        <translation>{name} 为 {value} {unit}，允许 {limit}。</translation>
+    </message>
+    <message>
+        <source>{name} is known to {value} {unit} only, wanted are {limit}.</source>
+        <translation>{name} 的标准差为 {value} {unit}，要求不大于 {limit}。</translation>
+    </message>
+</context>
+</TS>

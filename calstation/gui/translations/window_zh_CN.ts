@@ -1,0 +1,626 @@
+<?xml version="1.0" encoding="utf-8"?>
+<!DOCTYPE TS>
+<TS version="2.1" language="zh_CN">
+<context>
+    <name>JobRow</name>
+    <message>
+        <source>Cancel</source>
+        <translation>取消</translation>
+    </message>
+    <message>
+        <source>waiting for other work</source>
+        <translation>等待其他任务完成</translation>
+    </message>
+    <message>
+        <source>{0} left</source>
+        <translation>剩余 {0}</translation>
+    </message>
+</context>
+<context>
+    <name>MainWindow</name>
+    <message>
+        <source>STOP</source>
+        <translation>停止</translation>
+    </message>
+    <message>
+        <source>Stops the run safely; Esc does the same. It is no emergency stop.</source>
+        <translation>安全停止本次标定，按 Esc 键同样有效。这不是急停按钮。</translation>
+    </message>
+    <message>
+        <source>Light or dark</source>
+        <translation>浅色或深色</translation>
+    </message>
+    <message>
+        <source>Engineer</source>
+        <translation>工程师</translation>
+    </message>
+    <message>
+        <source>Operator</source>
+        <translation>操作员</translation>
+    </message>
+    <message>
+        <source>Lock: back to the operator's role</source>
+        <translation>锁定，回到操作员身份</translation>
+    </message>
+    <message>
+        <source>Unlock with the engineer's PIN</source>
+        <translation>用工程师密码解锁</translation>
+    </message>
+    <message>
+        <source>no station</source>
+        <translation>无工位</translation>
+    </message>
+    <message>
+        <source>virtual bench</source>
+        <translation>虚拟台</translation>
+    </message>
+    <message>
+        <source>Table and unit are software: nothing moves.</source>
+        <translation>转台和产品都由软件模拟，没有任何东西在动。</translation>
+    </message>
+</context>
+<context>
+    <name>RolePanel</name>
+    <message>
+        <source>Choose the engineer's PIN</source>
+        <translation>设置工程师密码</translation>
+    </message>
+    <message>
+        <source>Engineer</source>
+        <translation>工程师</translation>
+    </message>
+    <message>
+        <source>No PIN has been set here yet. At least four characters; it opens what changes results.</source>
+        <translation>本机还没有设置密码。至少四个字符，用来开放会影响结果的设置。</translation>
+    </message>
+    <message>
+        <source>The PIN opens settings that change results, and registers.</source>
+        <translation>密码开放会影响结果的设置和寄存器操作。</translation>
+    </message>
+    <message>
+        <source>new PIN</source>
+        <translation>新密码</translation>
+    </message>
+    <message>
+        <source>PIN</source>
+        <translation>密码</translation>
+    </message>
+    <message>
+        <source>the same again</source>
+        <translation>再输一遍</translation>
+    </message>
+    <message>
+        <source>Set PIN</source>
+        <translation>设置密码</translation>
+    </message>
+    <message>
+        <source>Unlock</source>
+        <translation>解锁</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>取消</translation>
+    </message>
+    <message>
+        <source>The PIN is wrong.</source>
+        <translation>密码不对。</translation>
+    </message>
+    <message>
+        <source>The two are not the same.</source>
+        <translation>两次输入不一致。</translation>
+    </message>
+    <message>
+        <source>Wait {seconds:.0f} s.</source>
+        <translation>请等 {seconds:.0f} 秒。</translation>
+    </message>
+</context>
+<context>
+    <name>RunStrip</name>
+    <message>
+        <source>{time} left</source>
+        <translation>剩余 {time}</translation>
+    </message>
+</context>
+<context>
+    <name>faults</name>
+    <message>
+        <source>Table</source>
+        <translation>转台</translation>
+    </message>
+    <message>
+        <source>IMU</source>
+        <translation>惯组</translation>
+    </message>
+    <message>
+        <source>Virtual bench</source>
+        <translation>虚拟台</translation>
+    </message>
+    <message>
+        <source>Program</source>
+        <translation>程序</translation>
+    </message>
+    <message>
+        <source>Configuration</source>
+        <translation>配置</translation>
+    </message>
+    <message>
+        <source>Data</source>
+        <translation>数据</translation>
+    </message>
+    <message>
+        <source>table: fault '{0}' is latched; remove its cause and reset it at the table</source>
+        <translation>转台：故障“{0}”未复位；请排除原因，然后在转台上复位</translation>
+    </message>
+    <message>
+        <source>table: fault '{0}'; remove its cause and reset it at the table</source>
+        <translation>转台：故障“{0}”；请排除原因，然后在转台上复位</translation>
+    </message>
+    <message>
+        <source>table: the interlock is open; close the cover and start again</source>
+        <translation>转台：安全联锁断开；请关好防护罩，再重新开始</translation>
+    </message>
+    <message>
+        <source>table: the interlock was opened; close the cover and start again</source>
+        <translation>转台：运行中安全联锁被断开；请关好防护罩，再重新开始</translation>
+    </message>
+    <message>
+        <source>table: the watchdog is off (0); set its timeout in the drive, e.g. 1000 ms, before any run</source>
+        <translation>转台：看门狗未启用（0）；标定前请在驱动器里设置超时，例如 1000 ms</translation>
+    </message>
+    <message>
+        <source>table: the axes are not enabled; check the drive's enable input</source>
+        <translation>转台：轴没有使能；请检查驱动器的使能输入</translation>
+    </message>
+    <message>
+        <source>table: the axes are not homed; home the table first</source>
+        <translation>转台：轴还没有回零；请先让转台回零</translation>
+    </message>
+    <message>
+        <source>table: the drive switched the axes off; look at the drive's display</source>
+        <translation>转台：驱动器自行断开了轴使能；请查看驱动器面板</translation>
+    </message>
+    <message>
+        <source>table: the drive does not enable its axes</source>
+        <translation>转台：驱动器无法使能各轴；请检查驱动器的使能输入</translation>
+    </message>
+    <message>
+        <source>table: does not come to rest after a stop command</source>
+        <translation>转台：发出停止命令后没有停下来；请立即查看转台</translation>
+    </message>
+    <message>
+        <source>table: did not reach outer {0}°, inner {1}° in time; look for an obstacle or a stalled drive</source>
+        <translation>转台：没有按时转到外框 {0}°、内框 {1}°；请检查有无障碍物，或驱动器是否堵转</translation>
+    </message>
+    <message>
+        <source>table: port {0} cannot be opened; check cable, power and the port in the station file</source>
+        <translation>转台：端口 {0} 打不开；请检查电缆、电源和工位文件中的端口</translation>
+    </message>
+    <message>
+        <source>table: {0} on {1} ({2}); check cable, power and unit number</source>
+        <translation>转台：{1} 上通信出错（{0}，{2}）；请检查电缆、电源和站号</translation>
+    </message>
+    <message>
+        <source>IMU: no data; check port, baud and power</source>
+        <translation>惯组：没有数据；请检查端口、波特率和电源</translation>
+    </message>
+    <message>
+        <source>IMU: no data any more; check cable, power and port</source>
+        <translation>惯组：数据中断；请检查电缆、电源和端口</translation>
+    </message>
+    <message>
+        <source>IMU: no data during a turn; check cable, power and port</source>
+        <translation>惯组：转动时没有数据；请检查电缆、电源和端口</translation>
+    </message>
+    <message>
+        <source>IMU: samples are lost again and again; check cable, baud and the load of this computer</source>
+        <translation>惯组：反复丢数；请检查电缆、波特率和本机负荷</translation>
+    </message>
+    <message>
+        <source>IMU: the output saturates in this step; lower the rate in the product's schedule</source>
+        <translation>惯组：这一步输出饱和；请在产品流程中降低转速</translation>
+    </message>
+    <message>
+        <source>IMU: {0} s of data did not come in time; check the link and the sample rate</source>
+        <translation>惯组：没有按时收到 {0} s 的数据；请检查链路和采样率</translation>
+    </message>
+    <message>
+        <source>IMU: the unit answers to serial number '{0}', not '{1}'; check the unit in the fixture and the number given</source>
+        <translation>惯组：产品回答的编号是“{0}”，不是“{1}”；请核对夹具上的产品和输入的编号</translation>
+    </message>
+    <message>
+        <source>IMU: not ready after {0} s; check power, port, baud and parity</source>
+        <translation>惯组：{0} s 后仍未就绪；请检查电源、端口、波特率和校验位</translation>
+    </message>
+    <message>
+        <source>IMU: the unit reports a failed self-test; replace the unit</source>
+        <translation>惯组：产品自检不通过；请更换产品</translation>
+    </message>
+    <message>
+        <source>IMU: temperature still drifts by {0} °C/min after {1} s; wait, or allow more in the product's warm_up</source>
+        <translation>惯组：{1} s 后温度仍以 {0} °C/min 变化；请再等一等，或放宽产品的预热条件（warm_up）</translation>
+    </message>
+    <message>
+        <source>IMU: data have gaps already at rest; check cable, baud and sample rate</source>
+        <translation>惯组：静止时就有丢数；请检查电缆、波特率和采样率</translation>
+    </message>
+    <message>
+        <source>IMU: gravity measures {0} m/s², expected {1} m/s²; check the IMU profile's accel_lsb and output, and the unit</source>
+        <translation>惯组：测得重力 {0} m/s²，应为 {1} m/s²；请检查惯组配置里的 accel_lsb 和 output，以及产品本身</translation>
+    </message>
+    <message>
+        <source>IMU: gravity points {0}° away from the declared mounting; check how the unit is mounted and the table profile's axes</source>
+        <translation>惯组：重力方向与声明的安装方式相差 {0}°；请检查产品的安装和转台配置中的轴向</translation>
+    </message>
+    <message>
+        <source>IMU: a turn of the {0} axis measures {1}° away from the declared axis; check how the unit is mounted and the table profile's axes</source>
+        <translation>惯组：{0} 轴转动时测得的转轴与声明的相差 {1}°；请检查产品的安装和转台配置中的轴向</translation>
+    </message>
+    <message>
+        <source>IMU: a turn of {0}° of the {1} axis measures {2}° about it; check axes, mounting and gyro_lsb</source>
+        <translation>惯组：{1} 轴转了 {0}°，陀螺测得 {2}°；请检查轴向、安装和 gyro_lsb</translation>
+    </message>
+    <message>
+        <source>IMU: port {0} cannot be opened ({1}); {2}</source>
+        <translation>惯组：端口 {0} 打不开（{1}）；{2}</translation>
+    </message>
+    <message>
+        <source>IMU: reading {0} failed ({1})</source>
+        <translation>惯组：读取 {0} 失败（{1}）；请检查电缆和端口</translation>
+    </message>
+    <message>
+        <source>IMU: no answer on {0} within {1} s, not a byte came; check power, cable and port</source>
+        <translation>惯组：{0} 在 {1} s 内没有应答，一个字节也没收到；请检查电源、电缆和端口</translation>
+    </message>
+    <message>
+        <source>IMU: bytes come on {0} but no frame is recognised; check baud, parity, stop bits and the IMU profile</source>
+        <translation>惯组：{0} 上有字节，但识别不出数据帧；请检查波特率、校验位、停止位和惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: {0} = {1} does not fit register {2} ({3} to {4}); nothing was written</source>
+        <translation>惯组：{0} = {1} 超出寄存器 {2} 的范围（{3} 到 {4}）；没有写入任何内容</translation>
+    </message>
+    <message>
+        <source>IMU: register {0} was not taken; nothing was committed</source>
+        <translation>惯组：寄存器 {0} 没有写进去；没有保存任何内容</translation>
+    </message>
+    <message>
+        <source>IMU: the unit refused to commit its registers; power it off and on, try again</source>
+        <translation>惯组：产品拒绝保存寄存器；请断电重启后再试</translation>
+    </message>
+    <message>
+        <source>virtual bench: its process has ended; start the run again</source>
+        <translation>虚拟台：它的进程已经结束；请重新开始</translation>
+    </message>
+    <message>
+        <source>virtual bench: lost ({0}); start the run again</source>
+        <translation>虚拟台：连接中断（{0}）；请重新开始</translation>
+    </message>
+    <message>
+        <source>engine: its process ended unexpectedly{0}; the table's watchdog stops the table; look at the table, then start again or resume the run at its last finished stage</source>
+        <translation>引擎：它的进程意外结束{0}；转台由自己的看门狗停住；请先看转台，再重新开始，或从最后完成的阶段继续</translation>
+    </message>
+    <message>
+        <source>engine: it gives no sign of life any more; the table's watchdog stops the table; look at the table, then start again or resume the run at its last finished stage</source>
+        <translation>引擎：不再有任何响应；转台由自己的看门狗停住；请先看转台，再重新开始，或从最后完成的阶段继续</translation>
+    </message>
+    <message>
+        <source>serial number '{0}' does not fit the product's pattern '{1}'; choose the product that belongs to the unit</source>
+        <translation>编号“{0}”不符合产品的规则“{1}”；请选择与产品对应的型号</translation>
+    </message>
+    <message>
+        <source>The safety circuit (interlock) was opened; close the cover, then reset the fault at the table</source>
+        <translation>安全联锁被断开；请关好防护罩，然后在转台上复位故障</translation>
+    </message>
+    <message>
+        <source>The table's watchdog stopped it, the computer had fallen silent; reset the fault at the table</source>
+        <translation>计算机一度没有响应，转台的看门狗把它停住了；请在转台上复位故障</translation>
+    </message>
+    <message>
+        <source>An axis ran into its limit; see what drove it there, then reset the fault at the table</source>
+        <translation>有一个轴碰到了限位；请查清原因，然后在转台上复位故障</translation>
+    </message>
+    <message>
+        <source>The drive reports a fault; read its display, remove the cause, reset the fault at the table</source>
+        <translation>驱动器报告故障；请查看驱动器面板，排除原因，再在转台上复位故障</translation>
+    </message>
+    <message>
+        <source>An axis is blocked or overloaded; free it, then reset the fault at the table</source>
+        <translation>有一个轴被卡住或过载；请排除阻碍，然后在转台上复位故障</translation>
+    </message>
+    <message>
+        <source>The program made a mistake: {0}</source>
+        <translation>程序出错：{0}</translation>
+    </message>
+    <message>
+        <source>Start the run again; if it comes back, send the log and this text to whoever looks after calstation.</source>
+        <translation>请重新开始；如果再次出现，请把记录文件和这段文字交给负责 calstation 的人。</translation>
+    </message>
+</context>
+<context>
+    <name>wording</name>
+    <message>
+        <source>Rate</source>
+        <translation>速率</translation>
+    </message>
+    <message>
+        <source>Six positions</source>
+        <translation>六位置</translation>
+    </message>
+    <message>
+        <source>Excitation</source>
+        <translation>激励</translation>
+    </message>
+    <message>
+        <source>Azimuth flips</source>
+        <translation>方位翻转</translation>
+    </message>
+    <message>
+        <source>Multi-position</source>
+        <translation>多位置</translation>
+    </message>
+    <message>
+        <source>Gimbal</source>
+        <translation>框架</translation>
+    </message>
+    <message>
+        <source>Cross-calibration</source>
+        <translation>互标定</translation>
+    </message>
+    <message>
+        <source>gyro bias</source>
+        <translation>陀螺零偏</translation>
+    </message>
+    <message>
+        <source>gyro scale factor</source>
+        <translation>陀螺刻度系数</translation>
+    </message>
+    <message>
+        <source>gyro misalignment</source>
+        <translation>陀螺安装误差</translation>
+    </message>
+    <message>
+        <source>accel bias</source>
+        <translation>加表零偏</translation>
+    </message>
+    <message>
+        <source>accel scale factor</source>
+        <translation>加表刻度系数</translation>
+    </message>
+    <message>
+        <source>accel misalignment</source>
+        <translation>加表安装误差</translation>
+    </message>
+    <message>
+        <source>accel quadratic</source>
+        <translation>加表二次项</translation>
+    </message>
+    <message>
+        <source>inner lever arm</source>
+        <translation>内杆臂</translation>
+    </message>
+    <message>
+        <source>outer lever arm</source>
+        <translation>外杆臂</translation>
+    </message>
+    <message>
+        <source>Table {table} ({table_serial}), IMU {imu} {serial}.</source>
+        <translation>转台 {table}（{table_serial}），惯组 {imu} {serial}。</translation>
+    </message>
+    <message>
+        <source>An earlier run did not reach its end: {log} (its samples can be solved again).</source>
+        <translation>有一次标定没有做完：{log}（数据可以离线解算）。</translation>
+    </message>
+    <message>
+        <source>Waiting for the unit to be ready.</source>
+        <translation>等待产品就绪。</translation>
+    </message>
+    <message>
+        <source>Homing the table, slowly.</source>
+        <translation>转台正在慢速回零。</translation>
+    </message>
+    <message>
+        <source>Warming up, {seconds:g} s at least.</source>
+        <translation>预热，至少 {seconds:g} s。</translation>
+    </message>
+    <message>
+        <source>Checking gravity, signs and data flow.</source>
+        <translation>检查重力、极性和数据流。</translation>
+    </message>
+    <message>
+        <source>{text}</source>
+        <translation>{text}</translation>
+    </message>
+    <message>
+        <source>Step repeated ({reason}), attempt {attempt}.</source>
+        <translation>重做这一步（{reason}），第 {attempt} 次。</translation>
+    </message>
+    <message>
+        <source>To the load angle, axes off.</source>
+        <translation>转到装卸位置，断开轴使能。</translation>
+    </message>
+    <message>
+        <source>Safe stop: {text}</source>
+        <translation>安全停止：{text}</translation>
+    </message>
+    <message>
+        <source>{stage}: azimuth found from the data, not from the station file.</source>
+        <translation>{stage}：方位角由数据求得，没有用工位文件中的值。</translation>
+    </message>
+    <message>
+        <source>{stage}: {passes} passes did not settle the answer; take its sigmas with care.</source>
+        <translation>{stage}：迭代 {passes} 次仍未收敛，其标准差请谨慎使用。</translation>
+    </message>
+    <message>
+        <source>{stage}: no encoder angles; every turn is taken for whole.</source>
+        <translation>{stage}：没有编码器角度，每次转动都按整圈计算。</translation>
+    </message>
+    <message>
+        <source>{stage}: force jumps at rest in {count} places; nothing is taken from the motions there.</source>
+        <translation>{stage}：静止时有 {count} 处比力跳变，这些地方的运动不参与解算。</translation>
+    </message>
+    <message>
+        <source>{stage}: in {count} motions the gyros contradict gravity; they are left out.</source>
+        <translation>{stage}：有 {count} 段运动陀螺与重力矛盾，已剔除。</translation>
+    </message>
+    <message>
+        <source>{stage}: no motion between rests was recorded; gyro matrices are not determined.</source>
+        <translation>{stage}：静止之间没有记录到运动，无法确定陀螺矩阵。</translation>
+    </message>
+    <message>
+        <source>{stage}: the recording scatters more than the profile's noise (rests {force:.2g} m/s² and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.</source>
+        <translation>{stage}：数据散布大于配置的噪声（静止 {force:.2g} m/s²、{rate:.2g} rad/s，转动 {turn:.2g} rad），标准差已计入。</translation>
+    </message>
+    <message>
+        <source>Inside the limits: writing the registers.</source>
+        <translation>在限差之内：正在写寄存器。</translation>
+    </message>
+    <message>
+        <source>The stop came while the registers were written: the transfer was finished first.</source>
+        <translation>停止时正在写寄存器：先写完才停止。</translation>
+    </message>
+    <message>
+        <source>Carrying on {log} behind its finished stages: {stages}.</source>
+        <translation>接着 {log} 继续，已完成的阶段：{stages}。</translation>
+    </message>
+    <message>
+        <source>Hand-over: {count} waiting, {folder} cannot be reached ({reason}).</source>
+        <translation>结果上交：{count} 份等待中，{folder} 无法访问（{reason}）。</translation>
+    </message>
+    <message>
+        <source>Hand-over: {count} results went to {folder}.</source>
+        <translation>结果上交：{count} 份结果已送到 {folder}。</translation>
+    </message>
+    <message>
+        <source>Outside the limits: the unit keeps its registers.</source>
+        <translation>超出限差：产品保留原有寄存器。</translation>
+    </message>
+    <message>
+        <source>Registers written, read back and equal.</source>
+        <translation>寄存器已写入，回读一致。</translation>
+    </message>
+    <message>
+        <source>{stage} is outside the limits: the remaining stages are left out.</source>
+        <translation>{stage} 超出限差：其余阶段不再进行。</translation>
+    </message>
+    <message>
+        <source>Stopped safely: {reason}.</source>
+        <translation>已安全停止：{reason}。</translation>
+    </message>
+    <message>
+        <source>samples lost</source>
+        <translation>丢数</translation>
+    </message>
+    <message>
+        <source>no data</source>
+        <translation>没有数据</translation>
+    </message>
+    <message>
+        <source>output saturated</source>
+        <translation>输出饱和</translation>
+    </message>
+    <message>
+        <source>the computer asked the program to end</source>
+        <translation>计算机要求程序结束</translation>
+    </message>
+    <message>
+        <source>the window was closed</source>
+        <translation>窗口被关闭</translation>
+    </message>
+    <message>
+        <source>the window did not answer any more</source>
+        <translation>窗口不再响应</translation>
+    </message>
+    <message>
+        <source>READY</source>
+        <translation>就绪</translation>
+    </message>
+    <message>
+        <source>STARTING</source>
+        <translation>启动中</translation>
+    </message>
+    <message>
+        <source>PREPARING</source>
+        <translation>准备中</translation>
+    </message>
+    <message>
+        <source>RUNNING</source>
+        <translation>标定中</translation>
+    </message>
+    <message>
+        <source>COMING TO REST</source>
+        <translation>正在停稳</translation>
+    </message>
+    <message>
+        <source>PAUSED</source>
+        <translation>已暂停</translation>
+    </message>
+    <message>
+        <source>STOPPING</source>
+        <translation>正在停止</translation>
+    </message>
+    <message>
+        <source>STOPPED</source>
+        <translation>已停止</translation>
+    </message>
+    <message>
+        <source>FAULT</source>
+        <translation>故障</translation>
+    </message>
+    <message>
+        <source>PASS</source>
+        <translation>合格</translation>
+    </message>
+    <message>
+        <source>FAIL</source>
+        <translation>不合格</translation>
+    </message>
+    <message>
+        <source>INCOMPLETE</source>
+        <translation>未完成</translation>
+    </message>
+    <message>
+        <source>To the start of the stage</source>
+        <translation>转到本阶段起点</translation>
+    </message>
+    <message>
+        <source>Bringing axis {1} into place</source>
+        <translation>{1} 轴转到位</translation>
+    </message>
+    <message>
+        <source>Turning about {1} by {2:g}°</source>
+        <translation>绕 {1} 轴转动 {2:g}°</translation>
+    </message>
+    <message>
+        <source>Unwinding before the next turn about {1}</source>
+        <translation>绕 {1} 轴转动前先回绕</translation>
+    </message>
+    <message>
+        <source>Turning {1} up</source>
+        <translation>{1} 轴朝上</translation>
+    </message>
+    <message>
+        <source>Half turn about the vertical, {1:+g}°</source>
+        <translation>绕铅垂轴翻转 {1:+g}°</translation>
+    </message>
+    <message>
+        <source>Back to the start of the step</source>
+        <translation>回到这一步的起点</translation>
+    </message>
+    <message>
+        <source>A small turn to check mounting and signs</source>
+        <translation>小角度转动，检查安装和极性</translation>
+    </message>
+    <message>
+        <source>To the load angle</source>
+        <translation>转到装卸位置</translation>
+    </message>
+    <message>
+        <source>Resting</source>
+        <translation>静止采集</translation>
+    </message>
+    <message>
+        <source>Moving</source>
+        <translation>转动</translation>
+    </message>
+</context>
+</TS>
