@@ -4,17 +4,20 @@ import os
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import tomli_w
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from calstation.gui import language, theme
 from calstation.gui.app import create_window
 from calstation.gui.main_window import MainWindow
+from calstation.gui.run_status import RunStatus
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 SERIAL = "SN-000042"
@@ -87,3 +90,81 @@ def window(place: Place, qtbot: QtBot) -> Iterator[MainWindow]:
     yield made
     made.app.close()
     language.use("en")
+
+
+class Operator:
+    """What an operator does at a window, and what stands on it: all through its widgets."""
+
+    def __init__(self, window: MainWindow, qtbot: QtBot, place: Place) -> None:
+        self.window, self.qtbot, self.place = window, qtbot, place
+        self.choose("short")
+
+    def widget(self, name: str, kind: type[Any] = QWidget) -> Any:
+        """The widget of an object name."""
+        found = self.window.findChild(kind, name)
+        assert found is not None, name
+        return found
+
+    def choose(self, product: str) -> None:
+        """Choose a product as a hand would."""
+        combo = self.widget("product_combo", QComboBox)
+        combo.setCurrentIndex(combo.findText(product))
+        combo.activated.emit(combo.currentIndex())
+
+    def press(self, name: str) -> None:
+        """Click a button that can be clicked."""
+        button = self.widget(name, QPushButton)
+        assert button.isVisible(), name
+        assert button.isEnabled(), (name, button.toolTip())
+        self.qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+
+    def scan(self, serial: str) -> None:
+        """What a scanner sends: the number and Enter."""
+        edit = self.widget("serial_edit", QLineEdit)
+        edit.setFocus()
+        edit.selectAll()
+        self.qtbot.keyClicks(edit, serial)
+        self.qtbot.keyClick(edit, Qt.Key.Key_Return)
+
+    def until(self, condition: Callable[[], object], seconds: float = 120.0) -> None:
+        """Wait, however loaded the computer is."""
+        self.qtbot.waitUntil(lambda: bool(condition()), timeout=round(1000 * seconds))
+
+    def until_state(self, state: str) -> None:
+        """Wait for a state of the run."""
+        self.until(lambda: self.run.state == state)
+
+    def until_ended(self) -> None:
+        """Wait until the engine has gone."""
+        self.until(lambda: not self.window.app.engine_link.running)
+
+    def in_a_stage(self) -> bool:
+        """Whether a stage is in hand and has come some way."""
+        return self.run.stage is not None and self.run.stage.fraction > 0.1
+
+    @property
+    def run(self) -> RunStatus:
+        """Where the run stands."""
+        return self.window.app.run
+
+    @property
+    def verdict(self) -> str:
+        """The word that fills the eye, "" where none does."""
+        label = self.widget("verdict_label", QLabel)
+        return str(label.text()) if label.isVisible() else ""
+
+    @property
+    def message(self) -> str:
+        """The line at the bottom."""
+        return str(self.widget("message_label", QLabel).text())
+
+    def says(self) -> str:
+        """All words that can be seen."""
+        labels = [w for w in self.window.findChildren(QLabel) if w.isVisible()]
+        return "\n".join(label.text() for label in labels)
+
+
+@pytest.fixture
+def operator(window: MainWindow, qtbot: QtBot, place: Place) -> Operator:
+    """An operator at the window, with the short product chosen."""
+    return Operator(window, qtbot, place)

@@ -1,0 +1,251 @@
+"""An operator's day, by real clicks, with the real engine on a short product of the virtual bench."""
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, QProgressBar, QPushButton
+
+from calstation.gui.app import create_window
+from calstation.gui.main_window import MainWindow
+from calstation.sequencer.events import Message, StepStarted
+from tests.gui.conftest import SERIAL, STATION, Operator, Place
+
+ONE_STAGE = {"stages": ["six_position"]}
+
+
+def results(place: Place) -> list[dict[str, Any]]:
+    """Results of the runs made here, oldest first."""
+    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(place.runs.glob("SN-*.json"))]
+
+
+def test_one_click_runs_to_pass_while_the_language_changes(operator: Operator) -> None:
+    serial = operator.widget("serial_edit", QLineEdit).text()
+    assert serial == "SN-000001"
+    assert "virtual bench" in operator.says()
+    operator.press("start_button")
+    stages = operator.widget("stage_list", QListWidget)
+    operator.until(lambda: operator.run.stages and operator.run.stages[1].state == "active")
+    assert not operator.widget("serial_edit").isEnabled()
+
+    language = operator.widget("language_combo", QComboBox)
+    language.setCurrentIndex(1)
+    assert operator.widget("start_button", QPushButton).text() != "START"
+    assert "六位置" in stages.item(1).data(Qt.ItemDataRole.AccessibleTextRole)
+    operator.until(lambda: operator.run.stages[2].fraction > 0.3)
+    language.setCurrentIndex(0)
+
+    operator.until(lambda: operator.verdict)
+    assert operator.verdict == "PASS"
+    assert "Remove the unit, scan the next" in operator.says()
+    texts = [stages.item(i).data(Qt.ItemDataRole.AccessibleTextRole) for i in range(stages.count())]
+    assert [text.split(",")[1].strip() for text in texts] == ["ok"] * 4
+    progress = operator.widget("run_progress", QProgressBar)
+    assert progress.value() == progress.maximum()
+    operator.until_ended()
+    (result,) = results(operator.place)
+    assert (result["unit"]["serial"], result["outcome"], result["passed"]) == (serial, "passed", True)
+    assert operator.widget("serial_edit", QLineEdit).text() == "SN-000002"
+
+
+def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
+    operator.place.write(ONE_STAGE)
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    pause = operator.widget("pause_button", QPushButton)
+    assert not pause.isEnabled()
+    assert pause.toolTip()
+    operator.until(operator.in_a_stage)
+    operator.press("pause_button")
+    operator.until_state("paused")
+    assert pause.text() == "Resume"
+    assert "Paused" in operator.message
+    operator.press("pause_button")
+    operator.until_state("running")
+
+    operator.window.show_page("history_page")
+    operator.qtbot.keyClick(operator.window, Qt.Key.Key_Escape)
+    assert operator.run.state == "stopping"
+    operator.until_ended()
+    operator.window.show_page("operator_page")
+    assert operator.verdict == "STOPPED"
+    assert "at rest" in operator.says()
+    assert results(operator.place)[0]["outcome"] == "stopped"
+    assert operator.widget("start_button").isEnabled()
+
+
+def test_a_fault_is_told_latched_and_recovered_from_and_a_passed_unit_is_asked_for(
+    operator: Operator,
+) -> None:
+    operator.place.write(ONE_STAGE, orders=[{"order": "interlock", "value": 0, "at": 35.0}])
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict == "FAULT")
+    operator.until_ended()
+    assert "Where: Table" in operator.says()
+    assert "Close the cover" in operator.says()
+    start = operator.widget("start_button", QPushButton)
+    assert not start.isEnabled()
+    assert "Understood" in start.toolTip()
+    operator.press("acknowledge_button")
+    assert operator.verdict == ""
+
+    operator.place.write(ONE_STAGE)
+    operator.scan(SERIAL)
+    assert "attempt 2" in operator.says()
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict == "PASS")
+    operator.until_ended()
+
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    assert not operator.window.app.engine_link.running
+    assert f"{SERIAL} has already passed" in operator.says()
+    operator.press("cancel_choice")
+    assert "already passed" not in operator.says()
+    operator.press("start_button")
+    operator.press("repeat_choice")
+    assert operator.window.app.engine_link.running
+    operator.press("stop_button")
+    operator.until_ended()
+    assert [r["outcome"] for r in results(operator.place)] == ["fault", "passed", "stopped"]
+
+
+def test_the_scanners_enter_checks_and_only_a_press_starts(operator: Operator) -> None:
+    start = operator.widget("start_button", QPushButton)
+    operator.scan("WRONG 1")
+    assert "does not fit this product" in operator.says()
+    assert "Serial number: not valid" in operator.says()
+    assert operator.window.focusWidget() is operator.widget("serial_edit")
+    operator.scan(SERIAL)
+    assert "does not fit" not in operator.says()
+    assert operator.window.focusWidget() is start
+    operator.qtbot.keyClick(start, Qt.Key.Key_Return)
+    assert not operator.window.app.engine_link.running
+    operator.qtbot.keyClick(start, Qt.Key.Key_S)
+    edit = operator.widget("serial_edit", QLineEdit)
+    assert operator.window.focusWidget() is edit
+    assert edit.text().lower() == "s"
+    assert not operator.window.app.engine_link.running
+
+
+def test_a_failed_unit_is_told_what_to_do(operator: Operator) -> None:
+    operator.place.write(ONE_STAGE, out_of_limits=True)
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict == "FAIL")
+    assert "accel scale factor y is" in operator.says()
+    assert "Reseat the unit" in operator.says()
+    operator.until_ended()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_a_dying_engine_is_a_fault(operator: Operator) -> None:
+    operator.place.write(ONE_STAGE)
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(operator.in_a_stage)
+    engine = operator.window.app.engine_link._engine
+    assert engine is not None
+    assert engine.process.pid is not None
+    os.kill(engine.process.pid, signal.SIGKILL)
+    operator.until(lambda: operator.verdict == "FAULT", 10.0)
+    assert "Where: Program" in operator.says()
+    assert "watchdog stops the table" in operator.says()
+    operator.press("acknowledge_button")
+    assert operator.widget("start_button").isEnabled()
+
+
+def test_closing_during_a_run_asks_and_then_stops(operator: Operator) -> None:
+    operator.place.write(ONE_STAGE)
+    operator.press("start_button")
+    operator.until(operator.in_a_stage)
+    operator.window.show_page("station_page")
+    operator.window.close()
+    assert operator.window.isVisible()
+    assert QApplication.activeModalWidget() is None
+    assert "A calibration is going on" in operator.says()
+    operator.press("stay_choice")
+    assert operator.window.app.engine_link.running
+    operator.window.close()
+    operator.press("close_choice")
+    operator.until(lambda: not operator.window.isVisible())
+    assert results(operator.place)[0]["outcome"] == "stopped"
+
+
+def test_an_interrupted_run_is_offered_at_the_start_and_continued(operator: Operator, place: Place) -> None:
+    place.write({"stages": ["six_position", "rate"]})
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.run.stages and operator.run.stages[1].fraction > 0.1)
+    operator.press("stop_button")
+    operator.until_ended()
+
+    again = create_window(place.station)
+    assert isinstance(again, MainWindow)
+    operator.qtbot.addWidget(again)
+    again.show()
+    second = Operator(again, operator.qtbot, place)
+    second.until(lambda: f"{SERIAL} was interrupted in stage 2, Rate" in second.says())
+    second.press("resume_choice")
+    second.until(lambda: second.verdict)
+    assert second.verdict == "PASS"
+    second.until_ended()
+    assert [r["outcome"] for r in results(place)] == ["stopped", "passed"]
+    assert results(place)[1]["stages"] == ["six_position", "rate"]
+    again.app.close()
+
+
+def test_a_real_table_is_asked_for_before_it_moves(operator: Operator, place: Place) -> None:
+    hardware = {
+        **STATION,
+        "name": "station 7",
+        "table": {"profile": "bench", "port": "tcp://127.0.0.1:9"},
+        "imu": {"port": "socket://127.0.0.1:9"},
+    }
+    place.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
+    operator.window.app.set_station(place.station)
+    assert "station 7" in operator.says()
+    assert "virtual bench" not in operator.says()
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    assert "The table of 'station 7' is going to move" in operator.says()
+    operator.qtbot.keyClick(operator.window, Qt.Key.Key_Escape)
+    assert "is going to move" not in operator.says()
+    operator.press("start_button")
+    operator.press("clear_choice")
+    operator.until(lambda: operator.verdict == "FAULT")
+    assert "127.0.0.1:9" in operator.says()
+    operator.until_ended()
+
+
+def test_a_prompt_waits_for_continue(operator: Operator) -> None:
+    operator.run.state = "running"
+    operator.window.app.engine_link.event.emit(Message("prompt", {"text": "Turn the unit over."}))
+    assert "Turn the unit over." in operator.says()
+    operator.press("continue_choice")
+    assert "Turn the unit over." not in operator.says()
+    operator.window.app.engine_link.event.emit(Message("prompt", {"text": "And back."}))
+    operator.window.app.engine_link.event.emit(StepStarted("rate", 1, "move"))
+    assert "And back." not in operator.says()
+
+
+def test_a_broken_product_stands_where_it_can_be_mended(operator: Operator, place: Place) -> None:
+    place.product.write_text("name = 1", encoding="utf-8")
+    operator.window.app.product_changed.emit()
+    assert "cannot run" in operator.says()
+    assert not operator.widget("start_button").isEnabled()
+    place.write()
+    operator.window.app.product_changed.emit()
+    assert "cannot run" not in operator.says()
+    assert operator.widget("start_button").isEnabled()
+
+
+def test_runs_go_to_the_folder_of_runs(operator: Operator) -> None:
+    assert operator.window.app.runs_folder == Path("runs")
