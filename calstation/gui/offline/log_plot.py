@@ -215,18 +215,17 @@ class LogPlot(QWidget):
         """Say the axes' names in the language in force."""
         x, y, z = (_coloured(axis, theme.AXIS_COLOURS[axis]) for axis in "xyz")
         c = theme.colours()
-        for note, text in zip(
+        outer, inner = _coloured(self.tr("outer"), c.accent), _coloured(self.tr("inner"), c.caution)
+        for note, (name, lines) in zip(
             self._notes,
             (
-                self.tr("Gyro, °/s") + f"&nbsp;&nbsp;{x} {y} {z}",
-                self.tr("Accelerometer, m/s²") + f"&nbsp;&nbsp;{x} {y} {z}",
-                self.tr("Table, °")
-                + f"&nbsp;&nbsp;{_coloured(self.tr('outer'), c.accent)}"
-                + f" {_coloured(self.tr('inner'), c.caution)}",
+                (self.tr("Gyro, °/s"), (x, y, z)),
+                (self.tr("Accelerometer, m/s²"), (x, y, z)),
+                (self.tr("Table, °"), (outer, inner)),
             ),
             strict=True,
         ):
-            note.setHtml(f'<span style="color:{c.text}">{text}</span>')
+            note.setHtml(f'<span style="color:{c.text}">{name}&nbsp;&nbsp;{" ".join(lines)}</span>')
         self.setAccessibleName(self.tr("The log's curves"))
         self._graph.viewport().update()
 

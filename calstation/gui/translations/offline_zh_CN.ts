@@ -1,0 +1,496 @@
+<?xml version="1.0" encoding="utf-8"?>
+<!DOCTYPE TS>
+<TS version="2.1" language="zh_CN">
+<context>
+    <name>Comparison</name>
+    <message>
+        <source>unit</source>
+        <translation>单位</translation>
+    </message>
+    <message>
+        <source>run</source>
+        <translation>在线</translation>
+    </message>
+    <message>
+        <source>offline</source>
+        <translation>离线</translation>
+    </message>
+    <message>
+        <source>difference</source>
+        <translation>差值</translation>
+    </message>
+    <message>
+        <source>in σ</source>
+        <translation>差值/σ</translation>
+    </message>
+    <message>
+        <source>Run</source>
+        <translation>在线标定</translation>
+    </message>
+    <message>
+        <source>Offline</source>
+        <translation>离线解算</translation>
+    </message>
+    <message>
+        <source>Difference</source>
+        <translation>比较</translation>
+    </message>
+    <message>
+        <source>Parameters and their sigmas will stand here once a range is solved.</source>
+        <translation>解算完成后，这里显示各参数及其标准差。</translation>
+    </message>
+    <message>
+        <source>The run&apos;s parameters and those solved offline</source>
+        <translation>在线标定与离线解算的参数</translation>
+    </message>
+    <message>
+        <source>No result: this run did not reach its end</source>
+        <translation>没有结果：这次标定没有做完</translation>
+    </message>
+    <message>
+        <source>The log holds no result of a run</source>
+        <translation>记录中没有在线标定结果</translation>
+    </message>
+    <message>
+        <source>Not solved yet</source>
+        <translation>尚未解算</translation>
+    </message>
+    <message>
+        <source>Solved; the log names no limits to compare with</source>
+        <translation>已解算；记录中没有可比较的限差</translation>
+    </message>
+    <message>
+        <source>Inside every limit of the product</source>
+        <translation>各项都在产品限差之内</translation>
+    </message>
+    <message>
+        <source>Outside the limits: {0} of {1} checks</source>
+        <translation>超出限差：{1} 项检查中有 {0} 项</translation>
+    </message>
+    <message>
+        <source>Identical bit for bit</source>
+        <translation>逐位完全一致</translation>
+    </message>
+    <message>
+        <source>At most {0} σ, {1}</source>
+        <translation>最大相差 {0} σ（{1}）</translation>
+    </message>
+    <message>
+        <source>{0}; beyond 3 σ: {1}</source>
+        <translation>{0}；超过 3 σ 的有 {1} 项</translation>
+    </message>
+    <message>
+        <source>From samples {0} to {1}, part of the log.</source>
+        <translation>只解算了记录的一部分：采样 {0} 至 {1}。</translation>
+    </message>
+    <message>
+        <source>Stages solved: {0}.</source>
+        <translation>解算的阶段：{0}。</translation>
+    </message>
+    <message>
+        <source>Not determined by these data: {0} of {1} parameters, marked below.</source>
+        <translation>{1} 个参数中有 {0} 个无法由这些数据确定，已在下表标出。</translation>
+    </message>
+</context>
+<context>
+    <name>LogHead</name>
+    <message>
+        <source>Closer (+)</source>
+        <translation>放大 (+)</translation>
+    </message>
+    <message>
+        <source>Further away (−)</source>
+        <translation>缩小 (−)</translation>
+    </message>
+    <message>
+        <source>Bring the chosen range into view</source>
+        <translation>显示所选范围</translation>
+    </message>
+    <message>
+        <source>Bring the whole log into view (Home)</source>
+        <translation>显示整个记录 (Home)</translation>
+    </message>
+    <message>
+        <source>Range</source>
+        <translation>范围</translation>
+    </message>
+    <message>
+        <source>All</source>
+        <translation>全部</translation>
+    </message>
+    <message>
+        <source>{0} samples at {1} Hz</source>
+        <translation>{0} 个采样，{1} Hz</translation>
+    </message>
+    <message>
+        <source>gaps: {0}</source>
+        <translation>中断 {0} 处</translation>
+    </message>
+    <message>
+        <source>spoilt samples: {0}</source>
+        <translation>无效采样 {0} 个</translation>
+    </message>
+</context>
+<context>
+    <name>LogPlot</name>
+    <message>
+        <source>outer</source>
+        <translation>外轴</translation>
+    </message>
+    <message>
+        <source>inner</source>
+        <translation>内轴</translation>
+    </message>
+    <message>
+        <source>Gyro, °/s</source>
+        <translation>陀螺，°/s</translation>
+    </message>
+    <message>
+        <source>Accelerometer, m/s²</source>
+        <translation>加表，m/s²</translation>
+    </message>
+    <message>
+        <source>Table, °</source>
+        <translation>转台，°</translation>
+    </message>
+    <message>
+        <source>The log&apos;s curves</source>
+        <translation>记录曲线</translation>
+    </message>
+</context>
+<context>
+    <name>OfflinePage</name>
+    <message>
+        <source>Offline</source>
+        <translation>离线解算</translation>
+    </message>
+    <message>
+        <source>Another log can be opened when this work is done or cancelled.</source>
+        <translation>等当前任务完成或取消后，才能打开另一个记录。</translation>
+    </message>
+    <message>
+        <source>Export the log</source>
+        <translation>导出记录</translation>
+    </message>
+    <message>
+        <source>Compressed CSV (*.csv.gz)</source>
+        <translation>压缩 CSV (*.csv.gz)</translation>
+    </message>
+    <message>
+        <source>Export the result</source>
+        <translation>导出结果</translation>
+    </message>
+    <message>
+        <source>Parameters as CSV (*.csv)</source>
+        <translation>参数表 CSV (*.csv)</translation>
+    </message>
+    <message>
+        <source>This log cannot be opened</source>
+        <translation>无法打开这个记录</translation>
+    </message>
+    <message>
+        <source>This range cannot be solved</source>
+        <translation>这个范围无法解算</translation>
+    </message>
+    <message>
+        <source>Written</source>
+        <translation>已写入</translation>
+    </message>
+    <message>
+        <source>The export failed</source>
+        <translation>导出失败</translation>
+    </message>
+    <message>
+        <source>Sample {0}</source>
+        <translation>采样 {0}</translation>
+    </message>
+    <message>
+        <source>Open a log first</source>
+        <translation>请先打开一个记录</translation>
+    </message>
+    <message>
+        <source>Wait for the work at hand, or cancel it</source>
+        <translation>请等当前任务完成，或取消它</translation>
+    </message>
+    <message>
+        <source>The range holds no stage; widen it</source>
+        <translation>所选范围内没有任何阶段，请扩大范围</translation>
+    </message>
+    <message>
+        <source>Tick a stage to solve</source>
+        <translation>请勾选要解算的阶段</translation>
+    </message>
+    <message>
+        <source>Solve the log first</source>
+        <translation>请先解算</translation>
+    </message>
+    <message>
+        <source>A stored log, drawn and solved again</source>
+        <translation>查看数据记录并离线解算</translation>
+    </message>
+    <message>
+        <source>Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range, and the same solver as in the run answers beside the run&apos;s own result.</source>
+        <translation>打开原始记录（.h5），或与 TOML 放在一起的 CSV，也可以把文件拖到这里。选定范围后，用与在线标定相同的算法解算，结果与在线结果并列显示。</translation>
+    </message>
+    <message>
+        <source>Open a log…</source>
+        <translation>打开记录…</translation>
+    </message>
+    <message>
+        <source>Reading the log</source>
+        <translation>正在读取记录</translation>
+    </message>
+    <message>
+        <source>Start offline solve</source>
+        <translation>开始离线解算</translation>
+    </message>
+    <message>
+        <source>Export result…</source>
+        <translation>导出结果…</translation>
+    </message>
+    <message>
+        <source>Export log…</source>
+        <translation>导出记录…</translation>
+    </message>
+    <message>
+        <source>Close</source>
+        <translation>关闭</translation>
+    </message>
+</context>
+<context>
+    <name>RangeBar</name>
+    <message>
+        <source>First sample</source>
+        <translation>起始采样</translation>
+    </message>
+    <message>
+        <source>Last sample</source>
+        <translation>结束采样</translation>
+    </message>
+    <message>
+        <source>Set to…</source>
+        <translation>设为…</translation>
+    </message>
+    <message>
+        <source>The whole log, or one of its stages</source>
+        <translation>整个记录，或其中一个阶段</translation>
+    </message>
+    <message>
+        <source>Whole log</source>
+        <translation>整个记录</translation>
+    </message>
+</context>
+<context>
+    <name>SourceBar</name>
+    <message>
+        <source>Open a log</source>
+        <translation>打开记录</translation>
+    </message>
+    <message>
+        <source>Logs (*.h5 *.csv *.csv.gz)</source>
+        <translation>数据记录 (*.h5 *.csv *.csv.gz)</translation>
+    </message>
+    <message>
+        <source>All files (*)</source>
+        <translation>所有文件 (*)</translation>
+    </message>
+    <message>
+        <source>Log</source>
+        <translation>记录</translation>
+    </message>
+    <message>
+        <source>Path of a raw log (.h5) or of a CSV with its TOML beside it</source>
+        <translation>原始记录（.h5）的路径，或旁边有 TOML 的 CSV 的路径</translation>
+    </message>
+    <message>
+        <source>Open…</source>
+        <translation>打开…</translation>
+    </message>
+    <message>
+        <source>Recent</source>
+        <translation>最近打开</translation>
+    </message>
+    <message>
+        <source>No log has been opened here yet</source>
+        <translation>这里还没有打开过记录</translation>
+    </message>
+</context>
+<context>
+    <name>StageChoice</name>
+    <message>
+        <source>The range holds no sample of this stage</source>
+        <translation>所选范围内没有这个阶段的采样</translation>
+    </message>
+</context>
+<context>
+    <name>logs</name>
+    <message>
+        <source>the log holds no samples; record some</source>
+        <translation>记录中没有采样，请先采集</translation>
+    </message>
+    <message>
+        <source>samples or configuration differ from what the run recorded (sha256); use an unchanged copy of the log</source>
+        <translation>采样或配置与标定时写入的不一致（sha256），请使用未改动的记录副本</translation>
+    </message>
+    <message>
+        <source>not a log; give a raw log (.h5) or a .csv(.gz) beside its .toml</source>
+        <translation>不是数据记录，请选择原始记录（.h5），或旁边有 .toml 的 .csv(.gz)</translation>
+    </message>
+    <message>
+        <source>no such file; give the path of an existing log</source>
+        <translation>文件不存在，请给出已有记录的路径</translation>
+    </message>
+    <message>
+        <source>damaged, cut short or no raw log; use a copy of the log</source>
+        <translation>文件损坏、不完整或不是原始记录，请使用记录的副本</translation>
+    </message>
+    <message>
+        <source>not a raw log of this program; give a .h5 log or a .csv</source>
+        <translation>不是本程序的原始记录，请选择 .h5 记录或 .csv</translation>
+    </message>
+    <message>
+        <source>row {0} is damaged; use a copy of the log</source>
+        <translation>第 {0} 行已损坏，请使用记录的副本</translation>
+    </message>
+    <message>
+        <source>its configuration is damaged ({0}); use a copy of the log</source>
+        <translation>其中的配置已损坏（{0}），请使用记录的副本</translation>
+    </message>
+    <message>
+        <source>is empty; give a header row and samples</source>
+        <translation>文件是空的，请给出表头和采样</translation>
+    </message>
+    <message>
+        <source>column &apos;{0}&apos; is missing; add it to the header and rows</source>
+        <translation>缺少列 &apos;{0}&apos;，请在表头和各行中补上</translation>
+    </message>
+    <message>
+        <source>column &apos;{0}&apos; is missing; is it &apos;{1}&apos;?</source>
+        <translation>缺少列 &apos;{0}&apos;，是不是 &apos;{1}&apos;？</translation>
+    </message>
+    <message>
+        <source>column &apos;{0}&apos; is there twice; remove one</source>
+        <translation>列 &apos;{0}&apos; 出现了两次，请删去一个</translation>
+    </message>
+    <message>
+        <source>line {0} has {1} cells, the header {2}; complete the row or remove it</source>
+        <translation>第 {0} 行有 {1} 个单元格，表头有 {2} 个，请补全或删去这一行</translation>
+    </message>
+    <message>
+        <source>line {0}: {1} is empty; correct the cell or remove the row</source>
+        <translation>第 {0} 行：{1} 为空，请改正单元格或删去这一行</translation>
+    </message>
+    <message>
+        <source>line {0}: {1} is NaN; correct the cell or remove the row</source>
+        <translation>第 {0} 行：{1} 为 NaN，请改正单元格或删去这一行</translation>
+    </message>
+    <message>
+        <source>line {0}: {1} is infinite; correct the cell or remove the row</source>
+        <translation>第 {0} 行：{1} 为无穷大，请改正单元格或删去这一行</translation>
+    </message>
+    <message>
+        <source>line {0}: {1} = &apos;{2}&apos; is not a number; correct the cell or remove the row</source>
+        <translation>第 {0} 行：{1} = &apos;{2}&apos; 不是数字，请改正单元格或删去这一行</translation>
+    </message>
+    <message>
+        <source>line {0}: {1} = {2} is not a whole number; correct the cell or remove the row</source>
+        <translation>第 {0} 行：{1} = {2} 不是整数，请改正单元格或删去这一行</translation>
+    </message>
+    <message>
+        <source>line {0}: the log&apos;s rows are repeated from here; remove them</source>
+        <translation>从第 {0} 行起内容重复，请删去重复的行</translation>
+    </message>
+    <message>
+        <source>line {0}: seq {1} is repeated; remove repeated rows and sort the rest as they were sampled</source>
+        <translation>第 {0} 行：seq {1} 重复，请删去重复的行，其余按采样顺序排列</translation>
+    </message>
+    <message>
+        <source>line {0}: seq falls from {1} to {2}; remove repeated rows and sort the rest as they were sampled</source>
+        <translation>第 {0} 行：seq 从 {1} 降到 {2}，请删去重复的行，其余按采样顺序排列</translation>
+    </message>
+    <message>
+        <source>line {0}: time_s falls from {1} to {2} s; remove repeated rows and sort the rest as they were sampled</source>
+        <translation>第 {0} 行：time_s 从 {1} 降到 {2} s，请删去重复的行，其余按采样顺序排列</translation>
+    </message>
+    <message>
+        <source>rows near line {0} do not fit the header; save it again</source>
+        <translation>第 {0} 行附近与表头不符，请重新保存</translation>
+    </message>
+    <message>
+        <source>time_s runs at {0} Hz but imu.sample_rate_hz = {1}; correct one of them</source>
+        <translation>time_s 的频率为 {0} Hz，而 imu.sample_rate_hz = {1}，请改正其中之一</translation>
+    </message>
+    <message>
+        <source>the compressed file is damaged or cut short; copy it again</source>
+        <translation>压缩文件损坏或不完整，请重新复制</translation>
+    </message>
+    <message>
+        <source>not UTF-8 text; save it as UTF-8</source>
+        <translation>不是 UTF-8 文本，请存为 UTF-8</translation>
+    </message>
+    <message>
+        <source>cannot be read ({0})</source>
+        <translation>无法读取（{0}）</translation>
+    </message>
+    <message>
+        <source>cannot be written ({0}); choose another folder</source>
+        <translation>无法写入（{0}），请选择其他文件夹</translation>
+    </message>
+    <message>
+        <source>the log&apos;s picture cannot be written ({0}); make room on its disk</source>
+        <translation>曲线缓存无法写入（{0}），请腾出磁盘空间</translation>
+    </message>
+    <message>
+        <source>no samples after the header; record some</source>
+        <translation>表头之后没有采样，请先采集</translation>
+    </message>
+    <message>
+        <source>no such file; give the path of an existing TOML file</source>
+        <translation>文件不存在，请给出已有 TOML 文件的路径</translation>
+    </message>
+    <message>
+        <source>an export&apos;s name ends in .csv or .csv.gz; rename the target</source>
+        <translation>导出文件名应以 .csv 或 .csv.gz 结尾，请改名</translation>
+    </message>
+    <message>
+        <source>is the log itself; choose another name</source>
+        <translation>这就是记录本身，请换一个文件名</translation>
+    </message>
+    <message>
+        <source>stage &apos;{0}&apos;: the solution diverged ({1}); check site.azimuth_deg, the axes in [table] and the sigmas in [prior]</source>
+        <translation>阶段“{0}”：解算发散（{1}），请检查 site.azimuth_deg、[table] 中的轴向和 [prior] 中的标准差</translation>
+    </message>
+    <message>
+        <source>stage &apos;{0}&apos;: {1}: no rest of at least 1 s in {2} s of samples to align on; include the rest before the first turn</source>
+        <translation>阶段“{0}”：{2} s 的采样中没有至少 1 s 的静止段可供对准，请把第一次转动之前的静止段包括进来</translation>
+    </message>
+    <message>
+        <source>stage &apos;{0}&apos;: six_position: no rest of {1} s or more with {2} upward ({3} rests found); include all six faces</source>
+        <translation>阶段“{0}”：{2} 朝上时没有 {1} s 以上的静止段（共找到 {3} 个静止段），请包括全部六个面</translation>
+    </message>
+    <message>
+        <source>stage &apos;{0}&apos;: rate: no whole turn about {1} between two rests ({2} turns found); include both ways about every axis with the rests before and after</source>
+        <translation>阶段“{0}”：两个静止段之间没有绕 {1} 的整圈转动（共找到 {2} 次转动），请包括各轴的正反转动及其前后的静止段</translation>
+    </message>
+    <message>
+        <source>stage &apos;{0}&apos;: rate: no whole turn about {1} between two rests ({2} turns found, {3} gaps or spoilt stretches, each of which costs its turn); include both ways about every axis with the rests before and after</source>
+        <translation>阶段“{0}”：两个静止段之间没有绕 {1} 的整圈转动（共找到 {2} 次转动；{3} 处中断或无效段，各使所在的转动作废），请包括各轴的正反转动及其前后的静止段</translation>
+    </message>
+    <message>
+        <source>no sample from {0} to {1}; the log holds {2} to {3}, choose the range in there</source>
+        <translation>{0} 至 {1} 之间没有采样，记录的范围是 {2} 至 {3}，请在其中选择</translation>
+    </message>
+    <message>
+        <source>no sample in the chosen range belongs to a stage; widen the range, or name stages in the column &apos;stage&apos;</source>
+        <translation>所选范围内没有属于任何阶段的采样，请扩大范围，或在 &apos;stage&apos; 列中写明阶段</translation>
+    </message>
+    <message>
+        <source>no samples of stage &apos;{0}&apos; in the chosen range, which holds {1}; choose other stages or widen the range</source>
+        <translation>所选范围内没有阶段“{0}”的采样（只有 {1}），请另选阶段或扩大范围</translation>
+    </message>
+    <message>
+        <source>stage &apos;{0}&apos; was recorded twice; choose a range that holds it once, or leave it out</source>
+        <translation>阶段“{0}”记录了两次，请选择只含一次的范围，或不解算它</translation>
+    </message>
+</context>
+</TS>
