@@ -11,6 +11,11 @@ from calstation.physics.units import display
 from calstation.station.forecast import Forecast
 
 
+def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
+    """Marks a text for the translators under the name that lupdate looks for."""
+    return text
+
+
 def _say(text: str) -> str:
     return QCoreApplication.translate("forecast", text)
 
@@ -24,8 +29,15 @@ def names(forecast: Forecast) -> tuple[str, ...]:
 def columns(forecast: Forecast) -> list[Column]:
     """Unit, before, after each stage, limit, target, verdict."""
     made = [
-        Column(lambda: _say("Unit"), lambda name: display(name, 0.0)[1], number=False),
-        Column(lambda: _say("σ before"), lambda name: shown(name, float(forecast.before[INDEX[name]]))),
+        Column(
+            lambda: _say(QT_TRANSLATE_NOOP("forecast", "Unit")),
+            lambda name: display(name, 0.0)[1],
+            number=False,
+        ),
+        Column(
+            lambda: _say(QT_TRANSLATE_NOOP("forecast", "σ before")),
+            lambda name: shown(name, float(forecast.before[INDEX[name]])),
+        ),
     ]
     for number, stage in enumerate(forecast.stages):
         made.append(
@@ -35,12 +47,22 @@ def columns(forecast: Forecast) -> list[Column]:
                 hint=partial(_hint, forecast, number),
             )
         )
-    made.append(Column(lambda: _say("σ limit"), lambda name: _bound(name, forecast.limits.get(name))))
-    if forecast.targets:
-        made.append(Column(lambda: _say("σ target"), lambda name: _bound(name, forecast.targets.get(name))))
     made.append(
         Column(
-            lambda: _say("Expected"),
+            lambda: _say(QT_TRANSLATE_NOOP("forecast", "σ limit")),
+            lambda name: _bound(name, forecast.limits.get(name)),
+        )
+    )
+    if forecast.targets:
+        made.append(
+            Column(
+                lambda: _say(QT_TRANSLATE_NOOP("forecast", "σ target")),
+                lambda name: _bound(name, forecast.targets.get(name)),
+            )
+        )
+    made.append(
+        Column(
+            lambda: _say(QT_TRANSLATE_NOOP("forecast", "Expected")),
             partial(_verdict, forecast),
             number=False,
             state=partial(_state, forecast),
@@ -58,7 +80,7 @@ def shown(name: str, sigma: float) -> str:
 
 
 def _after(stage: str) -> str:
-    return _say("after {0}").format(word_stage(stage))
+    return _say(QT_TRANSLATE_NOOP("forecast", "after {0}")).format(word_stage(stage))
 
 
 def _sigma_after(forecast: Forecast, number: int, name: str) -> str:
@@ -72,9 +94,11 @@ def _hint(forecast: Forecast, number: int, name: str) -> str:
         return stage.error
     before = forecast.before if number == 0 else forecast.stages[number - 1].sigma
     if name not in stage.estimated or before is None:
-        return _say("This stage leaves it as it was.")
+        return _say(QT_TRANSLATE_NOOP("forecast", "This stage leaves it as it was."))
     gain = float(before[INDEX[name]] / stage.sigma[INDEX[name]]) if stage.sigma[INDEX[name]] > 0 else 1.0
-    return _say("{0:.3g} times better known than before this stage").format(gain)
+    return _say(QT_TRANSLATE_NOOP("forecast", "{0:.3g} times better known than before this stage")).format(
+        gain
+    )
 
 
 def _bound(name: str, bound: float | None) -> str:
@@ -95,8 +119,12 @@ def reached(forecast: Forecast, name: str) -> bool | None:
 def _verdict(forecast: Forecast, name: str) -> str:
     met = reached(forecast, name)
     if met is None:
-        return _say("no limit") if name not in forecast.limits else "—"
-    return _say("reached") if met else _say("missed")
+        return _say(QT_TRANSLATE_NOOP("forecast", "no limit")) if name not in forecast.limits else "—"
+    return (
+        _say(QT_TRANSLATE_NOOP("forecast", "reached"))
+        if met
+        else _say(QT_TRANSLATE_NOOP("forecast", "missed"))
+    )
 
 
 def _state(forecast: Forecast, name: str) -> str | None:

@@ -232,7 +232,7 @@ class HeatMap(QWidget):
     def event(self, event: QEvent) -> bool:
         """Tell a cell's value where the pointer rests."""
         if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            found = self._at(event.pos())
+            found = self.at(event.pos())
             if found is None:
                 QToolTip.hideText()
             else:
@@ -240,7 +240,8 @@ class HeatMap(QWidget):
             return True
         return super().event(event)
 
-    def _at(self, at: QPoint) -> tuple[int, int] | None:
+    def at(self, at: QPoint) -> tuple[int, int] | None:
+        """Row and column of the cell at a place, None where there is none."""
         for row in range(len(self._names)):
             if self.cell(row, 0).top() <= at.y() < self.cell(row, 0).bottom():
                 for column in range(len(self._steps)):

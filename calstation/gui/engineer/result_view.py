@@ -25,7 +25,7 @@ class ResultView(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._finished: Finished | None = None
+        self.shown: Finished | None = None
         self._cells: dict[str, dict[str, str]] = {}
         self._states: dict[str, str] = {}
         self._changed: frozenset[str] = frozenset()
@@ -65,7 +65,7 @@ class ResultView(QWidget):
 
     def show_run(self, finished: Finished) -> None:
         """Show this run."""
-        self._finished = finished
+        self.shown = finished
         result = finished.result
         parameters = result["parameters"]
         names = [name for name in NAMES if name in parameters]
@@ -108,9 +108,9 @@ class ResultView(QWidget):
         super().changeEvent(event)
 
     def _say(self) -> None:
-        if self._finished is None:
+        if self.shown is None:
             return
-        result = self._finished.result
+        result = self.shown.result
         outcome = str(result["outcome"])
         checks: Sequence[Mapping[str, Any]] = result["checks"]
         if outcome == "resolved":
