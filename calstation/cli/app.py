@@ -105,6 +105,66 @@ def study(
     raise typer.Exit(study_command(grade, seeds, json))
 
 
+registers = typer.Typer(
+    help="Registers written into units: list transfers, finish an interrupted one, restore earlier values.",
+    no_args_is_help=True,
+)
+app.add_typer(registers, name="registers")
+
+SerialArgument = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the unit.")]
+StationOption = Annotated[Path | None, typer.Option(help="Station file; default: the virtual bench.")]
+ProductOption = Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")]
+RunsOption = Annotated[Path, typer.Option("--out", help="Folder of the runs, where the journal is.")]
+YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask before writing.")]
+
+
+@registers.command("list")
+def list_(
+    serial: Annotated[str | None, typer.Argument(metavar="SERIAL", help="One unit; default: all.")] = None,
+    out: RunsOption = Path("runs"),
+    json: JsonOption = None,
+) -> None:
+    """Show what was written into units, when and by whom, and what is still open."""
+    from calstation.cli.registers import list_command
+
+    raise typer.Exit(list_command(out, serial, json))
+
+
+@registers.command()
+def finish(
+    serial: SerialArgument,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: RunsOption = Path("runs"),
+    json: JsonOption = None,
+    yes: YesOption = False,
+) -> None:
+    """Bring a unit's interrupted transfer to its end. Nothing moves."""
+    from calstation.cli.registers import finish_command, unit_request
+
+    request = unit_request(serial, station, product, out)
+    raise typer.Exit(finish_command(request, json, yes=yes))
+
+
+@registers.command()
+def restore(
+    serial: SerialArgument,
+    transfer: Annotated[
+        str | None, typer.Option(help="As before this transfer of the list; default: the latest.", metavar="ID")
+    ] = None,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: RunsOption = Path("runs"),
+    json: JsonOption = None,
+    yes: YesOption = False,
+) -> None:
+    """Put back the registers that a unit held before a transfer. Nothing moves."""
+    from calstation.cli.registers import restore_command, unit_request
+
+    request = unit_request(serial, station, product, out)
+    raise typer.Exit(restore_command(request, transfer, json, yes=yes))
+
+
 def run_app(arguments: list[str]) -> int:
     """Run a command; returns the contract's exit code, errors told in a line or two on standard error."""
     debug = "--debug" in arguments

@@ -23,7 +23,11 @@ MESSAGES: dict[str, str] = {
     "noisier_than_profile": "{stage}: the recording scatters more than the profile's noise (rests {force:.2g} m/s² "
     "and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
-    "registers_written": "Registers written, read back and equal.",
+    "registers_transfer": "Inside the limits: writing the registers.",
+    "registers_written": "Registers written, read back, and the output right with them.",
+    "transfer_kept": "An earlier transfer to {serial} was interrupted; the unit kept its registers.",
+    "transfer_open": "An earlier transfer to {serial} was interrupted ({utc}); the unit holds {holds} registers.",
+    "transfer_settled": "The interrupted transfer to {serial} is settled: {closing}.",
     "resumed": "Carrying on {log} behind its finished stages: {stages}.",
     "transfer_finished": "Stop came while the registers were written: the transfer was finished first.",
     "handover_waiting": "Hand-over: {count} waiting, {folder} cannot be reached ({reason}).",

@@ -136,6 +136,7 @@ class Sequencer:
         self._pulse.hear()
         passed = self._conclude(tuple(self._solutions), self._aside)
         if passed:
+            self._aside(self._imu.start)
             scale = to_si(self._task.imu)
             data = fresh_data(self._pulse, self._acquisition, self._runner, self._task.geometry, scale)
             self._prove(data, self._aside)

@@ -7,7 +7,6 @@ from typing import Any
 from calstation.devices.interfaces import Imu
 from calstation.devices.registers import RegisterMap
 from calstation.devices.transfer import Closing, Entry, Step, Transferred, restore, transfer
-from calstation.errors import DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.physics.parameters import NAMES
 from calstation.records.limits import estimated_stage
@@ -19,7 +18,7 @@ from calstation.sequencer.fresh_data import FreshData
 from calstation.sequencer.sequencer import Aside
 from calstation.station import register_journal
 from calstation.station.compose import compose
-from calstation.station.proof import Proven, prove
+from calstation.station.proof import prove, refuted
 from calstation.station.result import judge
 from calstation.station.setup import Setup
 from calstation.station.solve import StageChain
@@ -111,12 +110,3 @@ class Conclusion:
         self.registers |= {"old": dict(old), "new": None, "verified": False}
         self.log.event({"event": "OldRegisters", "registers": dict(old)})
         self.log.flush()
-
-
-def refuted(check: Proven, so: str) -> DeviceFaultError:
-    """The fault of a unit whose corrected output is wrong; `so` : what became of its registers."""
-    return DeviceFaultError(
-        f"IMU: with its new registers {check.name} measures {check.value:.6g} {check.unit}, expected"
-        f" {check.expected:.6g} within {check.tolerance:.2g}; {so}; look whether the table was disturbed and"
-        " whether the IMU profile's registers mean what the unit makes of them, then run again"
-    )

@@ -5,8 +5,7 @@ old values, on disk before the first register is written.
 """
 
 import struct
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,19 +14,19 @@ import numpy as np
 
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import Closing, Entry, transfer
+from calstation.devices.transfer import Entry, transfer
 from calstation.errors import InputError
 from calstation.records.log import open_log
 from calstation.station import register_journal
-from calstation.station.clock import BenchClock
 from calstation.station.compose import compose
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup, configured
-from calstation.station.wiring import endpoints, open_imu
+from calstation.station.unfinished import refuse_interrupted
+from calstation.station.unit_alone import prove_at_rest, unit_alone
 from calstation.station.worker import Tell
 
-_SHARES = (0.1, 0.4, 0.6)
-"""Told when the link is open, the unit named, the old registers read."""
+_READ, _PROVING = 0.6, 0.8
+"""Told when the old registers are read, and when the new ones are to be proved."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +90,9 @@ def read_unit(tell: Tell, request: RunRequest, runs: Path) -> UnitRegisters:
     `runs` : folder of the runs, for what was written before. Raises DeviceFaultError, ConfigurationError.
     """
     setup, _ = configured(request)
-    with _unit(tell, setup) as (imu, identity):
-        values = imu.read_registers()
-    return _held(setup, identity, values, runs)
+    with unit_alone(tell, setup) as unit:
+        values = unit.imu.read_registers()
+    return _held(setup, unit.identity, values, runs)
 
 
 def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any]) -> Wanted:
@@ -133,7 +132,7 @@ def write_unit(
     engineer: str,
     runs: Path,
 ) -> UnitRegisters:
-    """Work for the workshop, never to be killed: write registers, read back, commit, restart, read again.
+    """Work for the workshop, never to be killed: write registers, read back, commit, restart, read again, prove.
 
     Parameters
     ----------
@@ -146,36 +145,23 @@ def write_unit(
     Raises
     ------
     DeviceFaultError
-        where another unit answers, a value does not fit, or a register does not read back.
+        where another unit answers, an earlier transfer is open, a value does not fit, a register does not read back,
+        or the unit's output at rest is wrong with them; it then has its old ones again.
     ConfigurationError
         where the journal cannot be written; nothing was written then.
     """
     setup, _ = configured(request)
 
     def begin(old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
-        tell(_SHARES[2])
+        tell(_READ)
         return register_journal.begin(runs, serial, old, new, by=engineer, why="hand", source=source)
 
-    with _unit(tell, setup) as (imu, identity):
-        done = transfer(imu, _map(setup), serial, values, begin)
-        done.entry.close(Closing.DONE)
-    return _held(setup, identity, done.found, runs)
-
-
-@contextmanager
-def _unit(tell: Tell, setup: Setup) -> "Iterator[tuple[Any, ImuIdentity]]":
-    """The IMU alone, open and named; closed on the way out."""
-    with endpoints(setup) as at:
-        tell(_SHARES[0])
-        imu = open_imu(setup, at.imu)
-        try:
-            if isinstance(at.clock, BenchClock):
-                at.clock.attach(lambda: imu.received)
-            identity = imu.identify()
-            tell(_SHARES[1])
-            yield imu, identity
-        finally:
-            imu.close()
+    with unit_alone(tell, setup) as unit:
+        refuse_interrupted(unit.imu, runs, serial)
+        done = transfer(unit.imu, _map(setup), serial, values, begin)
+        tell(_PROVING)
+        prove_at_rest(unit.imu, unit.clock, setup, done)
+    return _held(setup, unit.identity, done.found, runs)
 
 
 def _held(setup: Setup, identity: ImuIdentity, values: Mapping[str, float], runs: Path) -> UnitRegisters:

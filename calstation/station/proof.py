@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from calstation.errors import DeviceFaultError
 from calstation.estimation.context import SolveContext
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import RATE, normal_gravity
@@ -90,6 +91,15 @@ def prove(
         rate, _ = compensate(correction, turn.rate[None], np.zeros((1, 3)))
         checks += _turn(name, turn, rate[0], scale_sigma, context)
     return tuple(checks)
+
+
+def refuted(check: Proven, so: str) -> DeviceFaultError:
+    """The fault of a unit whose corrected output is wrong; `so` : what became of its registers."""
+    return DeviceFaultError(
+        f"IMU: with its new registers {check.name} measures {check.value:.6g} {check.unit}, expected"
+        f" {check.expected:.6g} within {check.tolerance:.2g}; {so}; look whether the table was disturbed and"
+        " whether the IMU profile's registers mean what the unit makes of them, then run again"
+    )
 
 
 def _turn(

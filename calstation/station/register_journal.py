@@ -147,7 +147,7 @@ def _now() -> str:
 def _lines(path: Path) -> list[dict[str, Any]]:
     try:
         content = path.read_bytes()
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as exc:
         raise ConfigurationError(

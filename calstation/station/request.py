@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,8 @@ class RunRequest:
     speed, seed : of the virtual bench; None for the station file's
     resume : log of a run that did not reach its end, to be carried on behind its last finished stage, beside it
         and with its stages and schedule; `stages`, `schedule`, `out` and `seed` do not count then
+    unfinished : what to do about an interrupted transfer of the unit's registers, "finish" or "restore"; None refuses
+        the run and tells the offers
     beyond_attempts : an engineer allows a unit whose attempts are used up
     schedule : parameters of stages' methods in place of the product's, by stage; None for the product's
     """
@@ -35,3 +37,4 @@ class RunRequest:
     schedule: Mapping[str, Mapping[str, Any]] | None = None
     resume: Path | None = None
     beyond_attempts: bool = False
+    unfinished: Literal["finish", "restore"] | None = None

@@ -30,6 +30,7 @@ from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.resume import Continuation
 from calstation.station.setup import Setup, prepare
 from calstation.station.solve import StageChain, one_blas_thread
+from calstation.station.unfinished import settle
 from calstation.station.wiring import Devices, connected
 
 _OUTCOMES = {
@@ -145,6 +146,7 @@ def _connect(place: _Place) -> None:
     run: _Run | None = None
     try:
         with connected(place.setup) as devices:
+            settle(devices.imu, devices.clock, place.setup, place.folder, place.emit)
             meta = place.meta(devices.imu.read_registers())
             run = _Run(place, meta, place.log(meta), StageChain(meta))
             _run(run, devices)
@@ -223,6 +225,7 @@ def _close(run: _Run, ended: Ended, duration: float) -> None:
     place, log, serial = run.place, run.log, run.meta.imu.serial
     outcome = _OUTCOMES[ended.state]
     failures = place.history.failures(serial) + (outcome == "failed")
+    finished = bool(ended.solutions) and not run.registers.get("new")
     ending = Ending(
         outcome,
         str(log.path),
@@ -231,7 +234,7 @@ def _close(run: _Run, ended: Ended, duration: float) -> None:
         registers=run.registers or None,
         error=None if ended.error is None else str(ended.error),
         stop_reason=place.control.stop_reason if outcome == "stopped" else None,
-        advice=advice(place.setup.product, outcome, failures, finished=bool(ended.solutions)),
+        advice=advice(place.setup.product, outcome, failures, finished),
     )
     judgement = judge(run.meta, run.chain.prior, ended.solutions)
     result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending)

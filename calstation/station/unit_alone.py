@@ -1,0 +1,99 @@
+"""The unit in the fixture without the table: open and named, its output at rest taken where that is asked for."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from calstation.devices.interfaces import Imu, ImuIdentity, SampleBatch
+from calstation.devices.registers import RegisterMap
+from calstation.devices.transfer import Closing, Step, Transferred, restore
+from calstation.errors import DeviceFaultError
+from calstation.physics.arrays import FloatArray
+from calstation.records.meta import context_from_meta, prior_from_meta
+from calstation.sequencer.acquisition import to_si
+from calstation.sequencer.fresh_data import REST, FreshData
+from calstation.sequencer.ports import Clock
+from calstation.station.clock import BenchClock
+from calstation.station.proof import Proven, prove, refuted
+from calstation.station.setup import Setup
+from calstation.station.wiring import endpoints, open_imu
+from calstation.station.worker import Tell
+
+_SHARES = (0.1, 0.4)
+"""Told when the link is open, and the unit named."""
+
+_WITHIN = 60.0
+_TICK = 0.05
+
+
+@dataclass(frozen=True)
+class UnitAlone:
+    """An open unit, who it is, and the clock that it lives by."""
+
+    imu: Imu
+    identity: ImuIdentity
+    clock: Clock
+
+
+@contextmanager
+def unit_alone(tell: Tell, setup: Setup) -> Iterator[UnitAlone]:
+    """The IMU alone; closed on the way out. Raises DeviceFaultError, ConfigurationError."""
+    with endpoints(setup) as at:
+        tell(_SHARES[0])
+        imu = open_imu(setup, at.imu)
+        try:
+            if isinstance(at.clock, BenchClock):
+                at.clock.attach(lambda: imu.received)
+            identity = imu.identify()
+            tell(_SHARES[1])
+            yield UnitAlone(imu, identity, at.clock)
+        finally:
+            imu.close()
+
+
+def prove_at_rest(imu: Imu, clock: Clock, setup: Setup, done: Transferred) -> None:
+    """Judge a restarted unit that nobody turns by what any unit of its type may be off; close the journal's entry.
+
+    One whose corrected output is wrong gets its old registers back. Raises DeviceFaultError.
+    """
+    wrong = [check for check in _checks(imu, clock, setup, done) if not check.passed]
+    if wrong:
+        done.entry.note(Step.REFUTED)
+        restore(imu, RegisterMap(tuple(setup.imu.registers)), done.entry)
+        raise refuted(wrong[0], "its old registers were put back")
+    done.entry.close(Closing.DONE)
+
+
+def _checks(imu: Imu, clock: Clock, setup: Setup, done: Transferred) -> tuple[Proven, ...]:
+    meta = setup.meta(datetime.now(UTC), 1, {})
+    context = context_from_meta(meta)
+    rest = _rest(imu, clock, setup.imu.status.ready, round(REST * context.imu.sample_rate))
+    registers = None if setup.after_registers else done.found
+    fresh = FreshData(rest * to_si(context.imu), REST)
+    return prove(fresh, registers, prior_from_meta(meta).covariance, context)
+
+
+def _rest(imu: Imu, clock: Clock, ready: int, count: int) -> FloatArray:
+    """Mean counts of `count` samples in a row of a unit that is ready, shape (6,). Raises DeviceFaultError."""
+    imu.start()
+    deadline = clock.now() + _WITHIN
+    parts: list[SampleBatch] = []
+    while sum(map(len, parts)) < count:
+        if clock.now() > deadline:
+            raise DeviceFaultError(
+                f"IMU: no rest without a gap within {_WITHIN:g} s of its restart; check cable, power and port"
+            )
+        clock.sleep(_TICK)
+        batch = imu.read()
+        if not len(batch):
+            continue
+        seq = np.concatenate([parts[-1].seq[-1:] if parts else batch.seq[:0], batch.seq])
+        if (ready and not (batch.status & ready).all()) or not (np.diff(seq) == 1).all():
+            parts.clear()
+        else:
+            parts.append(batch)
+    mean: FloatArray = np.concatenate([part.counts for part in parts]).mean(axis=0)
+    return mean
