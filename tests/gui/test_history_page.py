@@ -237,7 +237,7 @@ def test_details_say_why(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot)
     assert page.details.reason_label.text() == "Every value is inside its limits."
     assert page.details.trend.points == 3
     look_at(page, 2, qtbot)
-    assert page.details.reason_label.text() == "No data any more. Check cable, power and port."
+    assert page.details.reason_label.text() == "No data any more.\nCheck cable, power and port."
     assert not button(page, "history_log_button").isEnabled()
     look_at(page, 3, qtbot)
     assert page.details.badge.text() == "FAIL"

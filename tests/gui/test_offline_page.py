@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import pyqtgraph as pg
 import pytest
 import tomli_w
 from PySide6.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QUrl
@@ -111,6 +112,12 @@ def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     language.use("en")
     yield made
     made.close()
+
+
+@pytest.fixture(autouse=True)
+def every_mouse_event_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Moves of a test come faster than a hand's, and plots leave out what comes too fast."""
+    monkeypatch.setitem(pg.CONFIG_OPTIONS, "mouseRateLimit", 0)
 
 
 @pytest.fixture

@@ -164,7 +164,7 @@ class RunDetails(QFrame):
     def _reason(self, run: RunRecord) -> str:
         if run.outcome == "fault" and run.error:
             words = word_fault("", run.error)
-            return f"{words.reason} {words.mend}".strip()  # what can be done then, its mend says
+            return "\n".join(text for text in (words.reason, words.mend) if text)
         if run.outcome in ("passed", "failed") and self._result is not None:
             if any(not check["passed"] for check in self._result["checks"]):
                 return self.tr("Outside its limits:")
@@ -174,9 +174,9 @@ class RunDetails(QFrame):
             "incomplete": self.tr("The run did not reach its end."),
         }.get(run.outcome, "")
         if self._standing[2]:
-            return f"{said} " + self.tr("It can be resumed behind its last finished stage, or closed.")
-        if run.closed:
-            return f"{said} " + self.tr("It was closed and is not to be resumed.")
+            said += "\n" + self.tr("It can be resumed behind its last finished stage, or closed.")
+        elif run.closed:
+            said += "\n" + self.tr("It was closed and is not to be resumed.")
         return said
 
     def _fill_facts(self, run: RunRecord) -> None:

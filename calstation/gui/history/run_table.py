@@ -5,7 +5,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QCoreApplication,
+    QModelIndex,
+    QPersistentModelIndex,
+    Qt,
+    Signal,
+)
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
 from calstation.gui import theme
@@ -173,4 +180,5 @@ def utc_text(started_utc: str) -> str:
 
 def stages_text(run: RunRecord) -> str:
     """The stages that were solved."""
-    return ", ".join(word_stage(stage) for stage in run.stages)
+    comma = QCoreApplication.translate("RunModel", ", ")
+    return comma.join(word_stage(stage) for stage in run.stages)

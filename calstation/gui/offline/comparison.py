@@ -209,7 +209,7 @@ class Comparison(QWidget):
             )
         run = None if self._overview.stored is None else self._overview.stored["stages"]
         if run and run != result["stages"]:
-            stages = ", ".join(word_stage(stage) for stage in result["stages"])
+            stages = self.tr(", ").join(word_stage(stage) for stage in result["stages"])
             notes.append(self.tr("Stages solved: {0}.").format(stages))
         if self._lost:
             notes.append(

@@ -88,7 +88,8 @@
     </message>
     <message>
         <source>Passed, failed, stopped, faulty and incomplete ones, with their results and logs. Start a run on the first page.</source>
-        <translation>合格、不合格、停止、故障和未完成的标定，连同结果和数据记录。请在第一页开始标定。</translation>
+        <translation>合格、不合格、停止、故障和未完成的标定，连同结果和数据记录。
+请在第一页开始标定。</translation>
     </message>
 </context>
 <context>
@@ -255,6 +256,10 @@
     <message>
         <source>Stages</source>
         <translation>阶段</translation>
+    </message>
+    <message>
+        <source>, </source>
+        <translation>、</translation>
     </message>
 </context>
 <context>

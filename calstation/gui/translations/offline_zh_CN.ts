@@ -84,6 +84,10 @@
         <translation>只解算了记录的一部分：采样 {0} 至 {1}。</translation>
     </message>
     <message>
+        <source>, </source>
+        <translation>、</translation>
+    </message>
+    <message>
         <source>Stages solved: {0}.</source>
         <translation>解算的阶段：{0}。</translation>
     </message>

@@ -23,6 +23,7 @@ class EmptyState(QWidget):
         middle = QWidget()
         middle.setFixedWidth(_WIDTH)
         self._box = QVBoxLayout(middle)
+        self._box.setContentsMargins(0, 0, 0, 0)
         self._box.setSpacing(2 * theme.GRID)
         self._box.addStretch(2)
         self._box.addWidget(self._title)
