@@ -13,7 +13,9 @@ from calstation.bench.imu_frames import crc16
 from calstation.bench.imu_link import SocketLine, TerminalLine
 from calstation.bench.live import LiveBench
 from calstation.bench.simulate import Simulator
+from calstation.bench.table_line import TableLine
 from calstation.bench.table_link import TableLink
+from calstation.bench.table_text import LANGUAGES, Axes
 from calstation.physics.motion import Dwell, Move, Step
 
 #: Host time between looks of the watchdog and, where time follows the host's, between its steps, s.
@@ -28,7 +30,10 @@ class BenchProcess:
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
         self._bench = LiveBench(config, time.monotonic)
-        self._table = TableLink(self._bench.registers)
+        self._table: TableLink | TableLine = TableLink(self._bench.registers)
+        if config.table_protocol in LANGUAGES:
+            axes = Axes(self._bench.machine, **self._bench.table_clocks())
+            self._table = TableLine(LANGUAGES[config.table_protocol](axes, config.table_serial))
         line_kind = SocketLine if config.imu_transport == "socket" else TerminalLine
         self._line: SocketLine | TerminalLine = line_kind(self._bench.answer)
         self._clock = ClockLink(self._advance, self._bench.obey, self._report, self.stop)

@@ -69,14 +69,18 @@ class TableDrive:
     ) -> None:
         """Start both joints towards `targets` (rad) at `time` (s), each with its own trapezoid."""
         for joint, target in enumerate(targets):
-            profile = self.profiles[joint]
-            moved = profile.move(time, target, rates[joint], accelerations[joint])
-            if moved is not profile:
-                start = profile.target
-                error = float(self._repeatability(joint, np.array([start]))[0])
-                drawn = self._encoder.stop_sigma * float(self._random.standard_normal())
-                self._course[joint] = (start, target, error, drawn)
-                self.profiles[joint] = moved
+            self.move_joint(time, joint, target, rates[joint], accelerations[joint])
+
+    def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
+        """Start one joint, whatever the other does."""
+        profile = self.profiles[joint]
+        moved = profile.move(time, target, rate, acceleration)
+        if moved is not profile:
+            start = profile.target
+            error = float(self._repeatability(joint, np.array([start]))[0])
+            drawn = self._encoder.stop_sigma * float(self._random.standard_normal())
+            self._course[joint] = (start, target, error, drawn)
+            self.profiles[joint] = moved
 
     def stop(self, time: float, decelerations: tuple[float, float]) -> None:
         """Decelerate both joints to rest from `time`, s; rad/s²."""

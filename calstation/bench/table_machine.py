@@ -127,8 +127,12 @@ class TableMachine:
         """Finish homing once the joints have settled at home."""
         if self._homing and self.settled(time):
             self._homing = False
-            self.homed = True
-            self._zero = np.zeros(2)
+            self.know_zero()
+
+    def know_zero(self) -> None:
+        """The encoders tell angles from home: homed, or absolute ones."""
+        self.homed = True
+        self._zero = np.zeros(2)
 
     def settled(self, time: float) -> bool:
         """Both joints at rest, and that for the settling time."""
@@ -175,12 +179,8 @@ class TableMachine:
         accelerations: tuple[float, float],
     ) -> None:
         """Start both joints; the move under way, sent again, changes nothing. Raises a `Refusal`."""
-        limits = self.limits
         for joint in (0, 1):
-            if not limits.low[joint] <= targets[joint] <= limits.high[joint]:
-                raise OutOfRange
-            if not (0.0 < rates[joint] <= limits.rate and 0.0 < accelerations[joint] <= limits.acceleration):
-                raise OutOfRange
+            self._allow(joint, targets[joint], rates[joint], accelerations[joint])
         if not self.homed:
             raise NotPermitted
         going = time < self.drive.end and targets == tuple(p.target for p in self.drive.profiles)
@@ -188,6 +188,30 @@ class TableMachine:
             return
         self._permit(time)
         self.drive.move(time, targets, rates, accelerations)
+
+    def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
+        """Start one joint, whatever the other does; its move under way, sent again, changes nothing."""
+        self._allow(joint, target, rate, acceleration)
+        if not self.homed:
+            raise NotPermitted
+        profile = self.drive.profiles[joint]
+        if time < profile.end and profile.target == target and self.power is Power.ENABLED:
+            return
+        self._permit(time, profile.end)
+        self.drive.move_joint(time, joint, target, rate, acceleration)
+
+    def turn(self, time: float, rates: tuple[float, float], accelerations: tuple[float, float]) -> None:
+        """Turn both joints at these rates until stopped, or up to the end of their travel. Raises a `Refusal`."""
+        for joint in (0, 1):
+            self.turn_joint(time, joint, rates[joint], accelerations[joint])
+
+    def turn_joint(self, time: float, joint: int, rate: float, acceleration: float) -> None:
+        """Turn one joint, whatever the other does. Raises a `Refusal`."""
+        end = self.limits.high[joint] if rate > 0.0 else self.limits.low[joint]
+        if rate == 0.0:
+            self._permit(time, self.drive.profiles[joint].end)
+        else:
+            self.move_joint(time, joint, end, abs(rate), acceleration)
 
     def stop(self, time: float) -> None:
         """Decelerate to rest, stay enabled."""
@@ -213,11 +237,19 @@ class TableMachine:
             word |= LIMIT_BIT
         return word
 
-    def _permit(self, time: float) -> None:
-        """Raise NotPermitted unless a motion may start."""
+    def _allow(self, joint: int, target: float, rate: float, acceleration: float) -> None:
+        """Raise OutOfRange where the table cannot do this."""
+        limits = self.limits
+        if not limits.low[joint] <= target <= limits.high[joint]:
+            raise OutOfRange
+        if not (0.0 < rate <= limits.rate and 0.0 < acceleration <= limits.acceleration):
+            raise OutOfRange
+
+    def _permit(self, time: float, end: float | None = None) -> None:
+        """Raise NotPermitted unless a motion may start; `end` of the one before, of both joints where None."""
         halted = bool(self._controlword & 0x100)
         ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self._interlock_closed
-        if not ready or halted or time < self.drive.end:
+        if not ready or halted or time < (self.drive.end if end is None else end):
             raise NotPermitted
 
     def _halt(self, time: float) -> None:

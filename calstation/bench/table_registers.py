@@ -17,7 +17,7 @@ JOINTS = (30, 50)
 POSITION, RATE, TARGET, TARGET_RATE, TARGET_ACCELERATION, LOW, HIGH = 0, 2, 4, 6, 8, 10, 12
 JOINT_WORDS = 14
 
-MOVE, STOP, HOME = 1, 2, 3
+MOVE, STOP, HOME, TURN = 1, 2, 3, 4
 
 #: Registers that may be written, as (first, count); all others are read-only, the reserved ones read 0.
 WRITABLE: tuple[tuple[int, int], ...] = ((CONTROL, 1), (WATCHDOG, 3), *((j + TARGET, 6) for j in JOINTS))
@@ -113,7 +113,7 @@ class TableRegisters:
         self.words[COMMAND] = 0
 
     def _command(self, command: int, time: float) -> None:
-        if command == MOVE:
+        if command in (MOVE, TURN):
             outer, inner = (
                 (
                     self._get(first + TARGET) * _ANGLE,
@@ -123,7 +123,10 @@ class TableRegisters:
                 for first in JOINTS
             )
             targets, rates, accelerations = zip(outer, inner, strict=True)
-            self._machine.move(time, targets, rates, accelerations)
+            if command == MOVE:
+                self._machine.move(time, targets, rates, accelerations)
+            else:
+                self._machine.turn(time, rates, accelerations)
         elif command == STOP:
             self._machine.stop(time)
         elif command == HOME:

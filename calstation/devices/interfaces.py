@@ -34,9 +34,9 @@ class TableStatus:
     ----------
     angles, rates : of the joints outer, inner, cumulative, rad and rad/s, shape (2,)
     enabled, homed, moving, settled : of both axes
-    fault : what is latched, None where nothing is
+    fault : what is latched or keeps the table from obeying, None where nothing does
     interlock_closed : True where the axes may be powered
-    watchdog : timeout of the table's own watchdog, host seconds, 0 where it is off
+    watchdog : timeout of the table's own watchdog, host seconds; 0 where it is off, infinite where it has none
     limits : travel set in the table; its rates and accelerations are the profile's
     """
 
@@ -73,6 +73,13 @@ class Table(Protocol):
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
         """Start both joints towards absolute angles, rad, with rad/s and rad/s² at most; does not wait."""
 
+    def rate(self, outer: float, inner: float, acceleration: float) -> None:
+        """Turn both joints endlessly, rad/s and rad/s², until stopped; does not wait.
+
+        Raises ConfigurationError where the table would not stop by itself once the link is lost: where no watchdog
+        is on and the profile states no stop of its own.
+        """
+
     def stop(self) -> None:
         """Decelerate to rest; does not wait."""
 
@@ -80,7 +87,7 @@ class Table(Protocol):
         """Clear a latched fault; never restarts motion."""
 
     def heartbeat(self) -> None:
-        """Feed the table's watchdog."""
+        """Feed the table's watchdog, where it has one."""
 
     def close(self) -> None:
         """Hang up."""

@@ -1,6 +1,7 @@
 """One serial link: opens any port that pyserial knows and turns its many exceptions into one."""
 
 import select
+from contextlib import suppress
 from typing import Literal
 
 import serial
@@ -110,10 +111,11 @@ class SerialLink:
 
     def close(self) -> None:
         """Close the port; never raises."""
-        try:
+        with suppress(*LINK_ERRORS):
             self._serial.close()
-        except LINK_ERRORS:
-            return
+        # pyserial leaves a socket open whose far end has gone.
+        if (left_open := getattr(self._serial, "_socket", None)) is not None:
+            left_open.close()
 
     def _lost(self, exc: BaseException) -> PortLostError:
         return PortLostError(

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from calstation.devices.endless import check_endless
 from calstation.devices.interfaces import OtherModelError, TableIdentity, TableStatus
 from calstation.devices.link import SerialSettings
 from calstation.devices.modbus_link import ModbusLink
-from calstation.devices.table_profile import JOINTS, ModbusRegister, TableProfile
+from calstation.devices.table_profile import JOINTS, RATE_COMMAND, ModbusRegister, TableProfile
 from calstation.errors import ConfigurationError
 from calstation.estimation.samples import snap_angles
 from calstation.physics.table import JointLimits
@@ -61,7 +62,9 @@ class ModbusTable:
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         self._profile = profile
         modbus = profile.modbus
+        assert modbus is not None
         self._link = ModbusLink(port, modbus.unit, modbus.timeout_s, serial or modbus.serial)
+        self._powered = False
         self._spans = _spans([profile.registers[name] for name in _POLLED], modbus.gap)
         geometry = profile.geometry().limits
         self._rate, self._acceleration = geometry.rate, geometry.acceleration
@@ -84,8 +87,6 @@ class ModbusTable:
         value = {name: self._pick(words, name) for name in _POLLED}
         bits = self._profile.status_bits
         word = int(value["statusword"])
-        code = int(value["fault"])
-        latched = bool(word >> bits["fault"] & 1) or code != 0
         degrees = {
             n: np.array([value[f"{j}_{n}"] for j in JOINTS]) for n in ("position", "rate", "low", "high")
         }
@@ -97,7 +98,7 @@ class ModbusTable:
             homed=bool(word >> bits["homed"] & 1),
             moving=bool(word >> bits["moving"] & 1),
             settled=bool(word >> bits["settled"] & 1),
-            fault=self._profile.faults.get(str(code), f"code {code}") if latched else None,
+            fault=self._fault(word, int(value["fault"])),
             interlock_closed=int(value["interlock"]) == 1,
             watchdog=value["watchdog"],
             limits=JointLimits(
@@ -112,9 +113,11 @@ class ModbusTable:
         """Switch both axes on, by the CiA 402 sequence."""
         for word in (SHUTDOWN, SWITCH_ON, ENABLE):
             self._write("controlword", word)
+        self._powered = True
 
     def disable(self) -> None:
         """Switch both axes off."""
+        self._powered = False
         self._write("controlword", SHUTDOWN)
 
     def home(self) -> None:
@@ -133,12 +136,28 @@ class ModbusTable:
             )
         self._write("command", self._profile.commands["move"])
 
+    def rate(self, outer: float, inner: float, acceleration: float) -> None:
+        """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
+        command = self._profile.commands.get(RATE_COMMAND)
+        if command is None:
+            raise ConfigurationError("table: the profile has no commands.rate; add it")
+        check_endless(self._profile, self.status().watchdog, (outer, inner), acceleration)
+        for joint, rate in zip(JOINTS, (outer, inner), strict=True):
+            self._write_together(
+                {
+                    f"{joint}_target_rate": float(np.rad2deg(rate)),
+                    f"{joint}_acceleration": float(np.rad2deg(acceleration)),
+                }
+            )
+        self._write("command", command)
+
     def stop(self) -> None:
         """Decelerate to rest."""
         self._write("command", self._profile.commands["stop"])
 
     def reset_fault(self) -> None:
         """Clear a latched fault by a rising edge of the reset bit; the axes stay off."""
+        self._powered = False
         for word in (SHUTDOWN, FAULT_RESET, SHUTDOWN):
             self._write("controlword", word)
 
@@ -154,6 +173,20 @@ class ModbusTable:
     def heard(self) -> bytes:
         """The bytes that came last, whether they make sense or not."""
         return self._link.heard
+
+    def _fault(self, word: int, code: int) -> str | None:
+        """What is latched, or keeps the table from obeying: a fault first, then what bits 5, 9 and 11 say."""
+        bits = self._profile.status_bits
+        if word >> bits["fault"] & 1 or code != 0:
+            return self._profile.faults.get(str(code), f"code {code}")
+        if "remote" in bits and not word >> bits["remote"] & 1:
+            return "local control"
+        # A drive that is off may show anything in this bit (CiA 402-2, table 30).
+        if "quick_stop" in bits and self._powered and not word >> bits["quick_stop"] & 1:
+            return "quick stop"
+        if "limit" in bits and word >> bits["limit"] & 1:
+            return "limit"
+        return None
 
     def _write(self, name: str, value: float, repeat: bool = True) -> None:
         register = self._profile.registers[name]

@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calstation.configuration import StrictModel, load, suggestion
 from calstation.devices.link import SerialSettings
+from calstation.devices.text_profile import TextSection
 from calstation.physics.table import JointLimits, TableGeometry
 
 RegisterType = Literal["u16", "i16", "u32", "i32", "text"]
@@ -28,7 +29,11 @@ REGISTERS = (
     *(f"{joint}_{name}" for joint in JOINTS for name in JOINT_REGISTERS),
 )
 STATUS_BITS = ("enabled", "fault", "settled", "homed", "moving")
+HINDRANCE_BITS = ("quick_stop", "remote", "limit")
+"""Bits that a profile may name besides: 0 while a quick stop is in force, 0 under local control, 1 at a limit."""
 COMMANDS = ("move", "stop", "home")
+RATE_COMMAND = "rate"
+"""The command that a profile may name besides: turn endlessly at the target rates."""
 _WORDS = {"u16": 1, "i16": 1, "u32": 2, "i32": 2}
 
 
@@ -105,13 +110,17 @@ class TableProfile(StrictModel):
     """One type of table: all that driver, plans and solvers must know of it.
 
     model : text that the table's own model name must contain
+    protocol : "modbus", by the sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; or text by
+        `[text]`: "atl" with a prompt, "acl" in plain lines, "mn" in checked lines
     status_bits : bit numbers in the statusword; commands : values of the command register
     faults : meaning of the fault codes; settle_s : from the end of a move's course until the table says settled
+    link_loss_stop_s : a table without a watchdog stops its axes by itself so long after the last line that it
+        hears, s; left out where it does not: then only moves to angles are allowed, never an endless rate
     """
 
     name: str
     model: str
-    protocol: Literal["modbus"]
+    protocol: Literal["modbus", "atl", "acl", "mn"]
     outer_axis: list[float] = Field(min_length=3, max_length=3)
     inner_axis: list[float] = Field(min_length=3, max_length=3)
     outer_lever: Literal["estimated", "fixed"]
@@ -119,11 +128,13 @@ class TableProfile(StrictModel):
     outer: JointSection
     inner: JointSection
     accuracy: AccuracySection
-    modbus: ModbusSection
-    status_bits: dict[str, int]
-    commands: dict[str, int]
+    link_loss_stop_s: float | None = Field(default=None, gt=0, le=60)
     faults: dict[str, str]
-    registers: dict[str, ModbusRegister]
+    modbus: ModbusSection | None = None
+    status_bits: dict[str, int] = Field(default_factory=dict)
+    commands: dict[str, int] = Field(default_factory=dict)
+    registers: dict[str, ModbusRegister] = Field(default_factory=dict)
+    text: TextSection | None = None
 
     @field_validator("outer_axis", "inner_axis")
     @classmethod
@@ -136,8 +147,19 @@ class TableProfile(StrictModel):
     def _whole(self) -> "TableProfile":
         if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
             raise ValueError("outer_axis and inner_axis are less than 60° apart; correct one of them")
-        _complete("status_bits", self.status_bits, STATUS_BITS)
-        _complete("commands", self.commands, COMMANDS)
+        if self.protocol == "modbus":
+            self._check_modbus()
+        else:
+            self._check_text()
+        return self
+
+    def _check_modbus(self) -> None:
+        if self.modbus is None:
+            raise ValueError('protocol = "modbus" needs [modbus]; add it')
+        if self.text is not None:
+            raise ValueError('[text] does not belong to protocol = "modbus"; remove it')
+        _complete("status_bits", self.status_bits, STATUS_BITS, HINDRANCE_BITS)
+        _complete("commands", self.commands, COMMANDS, (RATE_COMMAND,))
         _complete("registers", self.registers, REGISTERS)
         for name, bit in self.status_bits.items():
             if not 0 <= bit <= 15:
@@ -152,7 +174,56 @@ class TableProfile(StrictModel):
                     f"registers.{first} ({a.address}-{a.address + a.count - 1}) and registers.{second}"
                     f" ({b.address}) overlap; correct an address"
                 )
-        return self
+        if RATE_COMMAND in self.commands:
+            for joint in JOINTS:
+                if self.registers[f"{joint}_target_rate"].type[0] == "u":
+                    raise ValueError(
+                        f"commands.rate: registers.{joint}_target_rate has no sign, so it cannot turn both ways;"
+                        " correct its type or remove the command"
+                    )
+
+    def _check_text(self) -> None:
+        if self.text is None:
+            raise ValueError(f'protocol = "{self.protocol}" needs [text]; add it')
+        for name in ("modbus", "status_bits", "commands", "registers"):
+            if getattr(self, name):
+                raise ValueError(f'[{name}] does not belong to protocol = "{self.protocol}"; remove it')
+        if (self.protocol == "atl") != bool(self.text.prompt):
+            raise ValueError(
+                f'text.prompt belongs to protocol = "atl", not "{self.protocol}"; add or remove it'
+            )
+        if (self.protocol == "mn") != (self.text.checked is not None):
+            raise ValueError(
+                f'[text.checked] belongs to protocol = "mn", not "{self.protocol}"; add or remove it'
+            )
+
+    @property
+    def serial(self) -> SerialSettings:
+        """Settings of a serial port, where a station has none of its own."""
+        if self.text is not None:
+            return self.text.serial
+        return self.modbus.serial if self.modbus is not None else SerialSettings()
+
+    @property
+    def timeout_s(self) -> float:
+        """Host time for an answer, s."""
+        section = self.text or self.modbus
+        return section.timeout_s if section is not None else 1.0
+
+    @property
+    def unit(self) -> int | None:
+        """Modbus unit number, None where it has none."""
+        return self.modbus.unit if self.modbus is not None else None
+
+    def at_place(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
+        """The profile with a station's own time for an answer and unit number, where it has them."""
+        if self.text is not None:
+            changed = {"timeout_s": timeout_s} if timeout_s is not None else {}
+            return self.model_copy(update={"text": self.text.model_copy(update=changed)})
+        told = {"timeout_s": timeout_s, "unit": unit}
+        assert self.modbus is not None
+        modbus = self.modbus.model_copy(update={k: v for k, v in told.items() if v is not None})
+        return self.model_copy(update={"modbus": modbus})
 
     def geometry(self) -> TableGeometry:
         """Axes and limits in rad."""
@@ -169,13 +240,16 @@ class TableProfile(StrictModel):
         )
 
 
-def _complete(section: str, found: Mapping[str, object], needed: tuple[str, ...]) -> None:
+def _complete(
+    section: str, found: Mapping[str, object], needed: tuple[str, ...], allowed: tuple[str, ...] = ()
+) -> None:
     for name in needed:
         if name not in found:
             raise ValueError(f"{section}.{name} is missing; add it")
+    known = needed + allowed
     for name in found:
-        if name not in needed:
-            raise ValueError(f"{section}.{name} is unknown{suggestion(name, needed) or '; remove it'}")
+        if name not in known:
+            raise ValueError(f"{section}.{name} is unknown{suggestion(name, known) or '; remove it'}")
 
 
 def _radians(outer: float, inner: float) -> tuple[float, float]:

@@ -44,11 +44,11 @@ def try_table(tell: Tell, order: Order) -> Report:
     found: list[Finding] = []
     with _at(tell, setup) as at:
         tell(0.3, note="opening")
-        settings = setup.station.table.serial or setup.table.modbus.serial
+        settings = setup.station.table.serial or setup.table.serial
         try:
             table = open_table(setup, at.table)
         except (DeviceFaultError, ConfigurationError) as exc:
-            found.append(_not_opened(at.table, settings, table_profile(setup).modbus.timeout_s, exc))
+            found.append(_not_opened(at.table, settings, table_profile(setup).timeout_s, exc))
             return Report("table", tuple(found))
         try:
             found.append(_opened(at.table))

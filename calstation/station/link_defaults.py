@@ -38,10 +38,10 @@ class LinkDefaults:
 def table_defaults(profile: str) -> LinkDefaults | None:
     """Of a table profile; None where there is no sound one of that name."""
     try:
-        modbus = load_table_profile(library.find("tables", profile)).modbus
+        table = load_table_profile(library.find("tables", profile))
     except ConfigurationError:
         return None
-    return LinkDefaults(profile, modbus.serial, modbus.timeout_s, modbus.unit)
+    return LinkDefaults(profile, table.serial, table.timeout_s, table.unit)
 
 
 def imu_defaults(product: Path | None) -> LinkDefaults | None:
@@ -51,5 +51,4 @@ def imu_defaults(product: Path | None) -> LinkDefaults | None:
         profile = load_imu_profile(library.find("imus", found.imu))
     except ConfigurationError:
         return None
-    timeout = profile.commands.timeout_s if profile.commands is not None else None
-    return LinkDefaults(found.imu, profile.link, timeout, None)
+    return LinkDefaults(found.imu, profile.link, profile.timeout_s, None)

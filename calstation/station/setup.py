@@ -140,6 +140,7 @@ class Setup:
         told: dict[str, Any] = {
             "grade": self.product.bench_grade,
             "serial": self.request.serial,
+            "table_protocol": table.protocol,
             "sample_rate_hz": stream.sample_rate_hz,
             "output": stream.output,
             "outer_lever": table.outer_lever,

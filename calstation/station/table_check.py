@@ -1,5 +1,6 @@
 """What a table answers on its open link: who it is, how it stands, what it says of limits and watchdog."""
 
+import math
 import time
 from collections.abc import Iterator
 
@@ -11,6 +12,7 @@ from calstation.devices.link import SerialSettings
 from calstation.devices.modbus_link import ModbusRefusalError
 from calstation.devices.modbus_table import ModbusTable
 from calstation.devices.table_profile import JOINTS, TableProfile
+from calstation.devices.text_table import TextTable
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import SLOWEST_POLL
 from calstation.station.finding import Finding, State, Value
@@ -25,7 +27,7 @@ _ALIKE = 0.01
 
 
 def ask(
-    table: ModbusTable, profile: TableProfile, settings: SerialSettings, port: str, tell: Tell
+    table: ModbusTable | TextTable, profile: TableProfile, settings: SerialSettings, port: str, tell: Tell
 ) -> Iterator[Finding]:
     """Findings of an open table, up to the first that makes the rest meaningless."""
     tell(0.5, note="asking")
@@ -40,9 +42,12 @@ def ask(
     except OtherModelError as exc:
         yield Finding("wrong_model", "wrong", {"found": exc.found, "expected": exc.expected})
     except ModbusRefusalError as exc:
-        yield Finding("exception", "wrong", {"code": exc.code, "unit": profile.modbus.unit})
+        yield Finding("exception", "wrong", {"code": exc.code, "unit": profile.unit or 0})
     except DeviceFaultError as exc:
-        yield _unanswered(table.heard, profile, settings, port, str(exc))
+        if isinstance(table, ModbusTable):
+            yield _unanswered(table.heard, profile, settings, port, str(exc))
+        else:
+            yield Finding("lost", "wrong", {"words": str(exc)})
     else:
         yield Finding("identified", "ok", {"model": identity.model, "serial": identity.serial})
         worst = max(times)
@@ -55,9 +60,10 @@ def ask(
 
 
 def _standing(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
-    if status.watchdog > 0.0:
-        yield Finding("watchdog", "ok", {"seconds": status.watchdog})
-    else:
+    stops_after = profile.link_loss_stop_s if math.isinf(status.watchdog) else status.watchdog
+    if stops_after:
+        yield Finding("watchdog", "ok", {"seconds": stops_after})
+    elif not math.isinf(status.watchdog):
         yield Finding("watchdog_off", "wrong")
     if status.fault is not None:
         yield Finding("fault", "look", {"fault": status.fault})
@@ -91,8 +97,8 @@ def _unanswered(
     heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, words: str
 ) -> Finding:
     """Why nothing that makes sense came, by the bytes that did."""
-    unit = profile.modbus.unit
-    values: dict[str, Value] = {"unit": unit, "seconds": profile.modbus.timeout_s, "words": words}
+    unit = profile.unit or 0
+    values: dict[str, Value] = {"unit": unit, "seconds": profile.timeout_s, "words": words}
     if port.startswith("tcp://"):
         return Finding("not_modbus" if heard else "silent_tcp", "wrong", {**values, "count": len(heard)})
     values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}

@@ -8,8 +8,10 @@ from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.devices.modbus_table import ModbusTable
 from calstation.devices.open_imu import open_imu as imu_on
+from calstation.devices.open_table import open_table as table_on
 from calstation.devices.streamed_imu import StreamedImu
 from calstation.devices.table_profile import TableProfile
+from calstation.devices.text_table import TextTable
 from calstation.sequencer.ports import Clock
 from calstation.station.bench_host import BenchHost
 from calstation.station.clock import BenchClock, RealClock
@@ -20,7 +22,7 @@ from calstation.station.setup import Setup
 class Devices:
     """Open devices and the clock that they live by."""
 
-    table: ModbusTable
+    table: ModbusTable | TextTable
     imu: StreamedImu
     clock: Clock
 
@@ -70,9 +72,9 @@ def endpoints(setup: Setup) -> Iterator[Endpoints]:
             clock.close()
 
 
-def open_table(setup: Setup, port: str) -> ModbusTable:
+def open_table(setup: Setup, port: str) -> ModbusTable | TextTable:
     """The table on its port. Raises DeviceFaultError or ConfigurationError."""
-    return ModbusTable(port, table_profile(setup), setup.station.table.serial)
+    return table_on(port, table_profile(setup), setup.station.table.serial)
 
 
 def open_imu(setup: Setup, port: str) -> StreamedImu:
@@ -89,9 +91,7 @@ def imu_settings(setup: Setup) -> SerialSettings:
 def table_profile(setup: Setup) -> TableProfile:
     """The table's profile with this place's timeout and unit number."""
     table = setup.station.table
-    changed = {"timeout_s": table.timeout_s, "unit": table.unit}
-    modbus = setup.table.modbus.model_copy(update={k: v for k, v in changed.items() if v is not None})
-    return setup.table.model_copy(update={"modbus": modbus})
+    return setup.table.at_place(table.timeout_s, table.unit)
 
 
 def imu_profile(setup: Setup) -> ImuProfile:

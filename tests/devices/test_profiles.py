@@ -114,9 +114,56 @@ def test_a_wrong_imu_profile_is_told_by_its_entry(tmp_path: Path, where: str, va
         ("inner_axis", [1.0, 0.0, 0.0], "less than 60° apart"),
         ("outer/low_deg", 2000.0, "low_deg = 2000 must be below high_deg = 1080"),
         ("accuracy/velocity_sigma", 0.0, "must be greater than 0"),
+        ("status_bits/remot", 9, "status_bits.remot is unknown; did you mean 'remote'?"),
+        ("commands/turn", 5, "commands.turn is unknown"),
+        ("registers/outer_target_rate/type", "u32", "commands.rate: registers.outer_target_rate has no sign"),
+        ("modbus", None, 'protocol = "modbus" needs [modbus]'),
+        ("protocol", "atl", 'protocol = "atl" needs [text]'),
+        ("link_loss_stop_s", 0.0, "link_loss_stop_s = 0.0 is out of range"),
     ],
 )
 def test_a_wrong_table_profile_is_told_by_its_entry(
     tmp_path: Path, where: str, value: Any, told: str
 ) -> None:
     assert told in refused(tmp_path, load_table_profile, "tables", where, value)
+
+
+def text_table(name: str) -> dict[str, Any]:
+    return tomllib.loads((DATA / "tables" / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "value", "told"),
+    [
+        ("aerosmith_atl", "protocol", "mn", 'text.prompt belongs to protocol = "atl", not "mn"'),
+        ("aerosmith_atl", "text/prompt", "", 'text.prompt belongs to protocol = "atl"'),
+        ("mn_ascii", "text/checked", None, '[text.checked] belongs to protocol = "mn"'),
+        ("mn_ascii", "modbus", {"unit": 1, "timeout_s": 1.0}, "[modbus] does not belong to protocol"),
+        ("mn_ascii", "text/commands/move", ["POS,{axes},{angle}"], "move: '{axes}' in 'POS,{axes},{angle}' is unknown"),
+        ("mn_ascii", "text/commands/stop", [], "text.commands.stop"),
+        ("mn_ascii", "text/queries/state/answer", "(?P<value", "is no regular expression"),
+        ("mn_ascii", "text/queries/state/answer", "[0-9]+", "has no named group"),
+        ("mn_ascii", "text/queries/position/answer", "(?P<outer>.*)", "position: the answer needs a group inner"),
+        ("mn_ascii", "text/queries/identity/answer", "(?P<serial>.*)", "identity: the answer needs a group model"),
+        ("mn_ascii", "text/queries/rate", None, "queries.rate is missing; add it"),
+        ("mn_ascii", "text/flags/enabled", None, "flags.enabled is missing; add it"),
+        ("mn_ascii", "text/flags/enable", {"always": True}, "flags.enable is unknown; did you mean 'enabled'?"),
+        ("mn_ascii", "text/flags/homed", {"query": "stat", "bit": 0}, "homed: there is no query 'stat'; did you mean"),
+        ("mn_ascii", "text/flags/homed", {"query": "state", "bit": 0, "group": "x"}, "query 'state' has no group 'x'"),
+        ("mn_ascii", "text/flags/homed", {"query": "state"}, "needs one of bit, matches and always"),
+        ("mn_ascii", "text/flags/homed", {"bit": 0}, "needs the query that tells it"),
+        ("aerosmith_atl", "text/flush", "stat", "flush: there is no query 'stat'; did you mean 'state'?"),
+        ("aerosmith_atl", "text/silent", "JOG(", "is no regular expression"),
+    ],
+)
+def test_a_wrong_text_table_is_told_by_its_entry(
+    tmp_path: Path, name: str, where: str, value: Any, told: str
+) -> None:
+    data = text_table(name)
+    edit(data, where, value)
+    path = tmp_path / "profile.toml"
+    path.write_text(tomli_w.dumps(data), encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        load_table_profile(path)
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,104 @@
+"""Of a Modbus table: an endless rate only under a watchdog; what bits 5, 9 and 11 of the statusword say."""
+
+import numpy as np
+import pytest
+from test_modbus_table import image, long, quick, read, table, write
+
+from calstation.devices.table_profile import TableProfile
+from calstation.errors import ConfigurationError
+
+RATE = 4
+
+
+def polled(status: int = 0x1627, fault: int = 0, watchdog: int = 1500) -> tuple[bytes, bytes]:
+    words = image(status, fault)
+    words[20] = watchdog
+    return read(17, words[17:64])
+
+
+def test_an_endless_rate_on_the_wire() -> None:
+    pairs = [
+        polled(),
+        write(36, *long(100000), *long(200000)),
+        write(56, *long(-55000), *long(200000)),
+        write(22, RATE),
+    ]
+    with table(pairs) as (driver, _):
+        driver.rate(*np.deg2rad([10.0, -5.5, 20.0]))
+
+
+def test_no_endless_rate_while_the_watchdog_is_off() -> None:
+    with (
+        table([polled(watchdog=0)]) as (driver, _),
+        pytest.raises(ConfigurationError, match="a lost link would leave it turning"),
+    ):
+        driver.rate(0.1, 0.0, 0.1)
+
+
+def test_a_stop_of_its_own_stands_in_for_the_watchdog() -> None:
+    stated = quick().model_copy(update={"link_loss_stop_s": 0.5})
+    pairs = [
+        polled(watchdog=0),
+        write(36, *long(0), *long(200000)),
+        write(56, *long(0), *long(200000)),
+        write(22, RATE),
+    ]
+    with table(pairs, stated) as (driver, _):
+        driver.rate(0.0, 0.0, np.deg2rad(20.0))
+
+
+@pytest.mark.parametrize(
+    ("rates", "told"),
+    [((130.0, 0.0, 10.0), "rate 130 °/s of the outer axis"), ((1.0, 1.0, 0.0), "acceleration 0")],
+)
+def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], told: str) -> None:
+    with table([polled()]) as (driver, _), pytest.raises(ConfigurationError, match=told):
+        driver.rate(*np.deg2rad(rates))
+
+
+def test_a_profile_without_the_command_says_so() -> None:
+    without: TableProfile = quick().model_copy(update={"commands": {"move": 1, "stop": 2, "home": 3}})
+    with (
+        table([], without) as (driver, _),
+        pytest.raises(ConfigurationError, match=r"no commands\.rate; add it"),
+    ):
+        driver.rate(0.1, 0.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("status", "fault", "told"),
+    [
+        (0x1627, 0, None),
+        (0x1427, 0, "local control"),
+        (0x1E27, 0, "limit"),
+        (0x1C27, 0, "local control"),
+        (0x1628, 0, "code 0"),
+        (0x1E27, 4, "drive"),
+    ],
+)
+def test_what_the_statusword_s_bits_say(status: int, fault: int, told: str | None) -> None:
+    with table([polled(status, fault)]) as (driver, _):
+        assert driver.status().fault == told
+
+
+def test_a_quick_stop_counts_only_while_the_axes_are_to_be_powered() -> None:
+    enable = [write(16, word) for word in (0x06, 0x07, 0x0F)]
+    stopped = polled(0x1607)
+    pairs = [stopped, *enable, polled(0x1627), stopped, write(16, 0x06), stopped]
+    with table(pairs) as (driver, _):
+        assert driver.status().fault is None, "a drive that is off may show anything"
+        driver.enable()
+        assert driver.status().fault is None
+        assert driver.status().fault == "quick stop"
+        driver.disable()
+        assert driver.status().fault is None
+
+
+def test_bits_that_the_profile_does_not_name_are_left_alone() -> None:
+    named = {
+        name: bit
+        for name, bit in quick().status_bits.items()
+        if name not in ("remote", "limit", "quick_stop")
+    }
+    with table([polled(0x1C07)], quick().model_copy(update={"status_bits": named})) as (driver, _):
+        assert driver.status().fault is None

@@ -1,0 +1,462 @@
+"""Tables that take lines of text, as byte pairs on the wire: ATL with its prompt, ACL in plain lines, $MN with sums."""
+
+import math
+import os
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calstation.devices.interfaces import OtherModelError
+from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.devices.text_link import Checked, Plain, Prompted, TextRefusalError
+from calstation.devices.text_table import TextTable
+from calstation.errors import ConfigurationError, DeviceFaultError
+
+TABLES = Path(__file__).parents[2] / "data" / "tables"
+Pairs = list[tuple[bytes, bytes]]
+
+
+def profile(name: str, **text: Any) -> TableProfile:
+    found = load_table_profile(TABLES / f"{name}.toml")
+    assert found.text is not None
+    return found.model_copy(update={"text": found.text.model_copy(update={"timeout_s": 0.3, **text})})
+
+
+class ScriptedLine:
+    """A far end that expects bytes in order and answers each with its reply, b"" for silence."""
+
+    def __init__(self, pairs: Pairs) -> None:
+        self.pairs = list(pairs)
+        self.unexpected = b""
+        self._heard = b""
+        self.connections = 0
+
+    def take(self, data: bytes) -> bytes:
+        self._heard += data
+        replies = b""
+        while self.pairs and self._heard.startswith(self.pairs[0][0]):
+            request, reply = self.pairs.pop(0)
+            self._heard = self._heard[len(request) :]
+            replies += reply
+        if self._heard and not (self.pairs and self.pairs[0][0].startswith(self._heard)):
+            self.unexpected += self._heard
+            self._heard = b""
+        return replies
+
+
+@contextmanager
+def over_tcp(line: ScriptedLine) -> Iterator[str]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve(peer: socket.socket) -> None:
+            with suppress(OSError), peer:
+                while data := peer.recv(4096):
+                    peer.sendall(line.take(data))
+
+        def accept() -> None:
+            with suppress(OSError):
+                while True:
+                    peer, _ = server.accept()
+                    line.connections += 1
+                    threading.Thread(target=serve, args=(peer,), daemon=True).start()
+
+        threading.Thread(target=accept, daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with suppress(OSError):
+            server.shutdown(socket.SHUT_RDWR)
+
+
+@contextmanager
+def over_terminal(line: ScriptedLine) -> Iterator[str]:
+    import tty
+
+    master, slave = os.openpty()
+    tty.setraw(slave)
+
+    def serve() -> None:
+        with suppress(OSError):
+            while data := os.read(master, 4096):
+                os.write(master, line.take(data))
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    yield os.ttyname(slave)
+    os.close(slave)
+    thread.join(5.0)
+    os.close(master)
+
+
+@contextmanager
+def table(
+    pairs: Pairs, used: TableProfile, place: Any = over_tcp
+) -> Iterator[tuple[TextTable, ScriptedLine]]:
+    line = ScriptedLine(pairs)
+    with place(line) as port:
+        driver = TextTable(port, used)
+        try:
+            yield driver, line
+        finally:
+            driver.close()
+    assert line.pairs == []
+    assert line.unexpected == b""
+
+
+# ATL -------------------------------------------------------------------------------------------------------------
+
+ATL_STATE: Pairs = [
+    (b"1STA\r\n", b"43 0\r\n>"),
+    (b"2STA\r\n", b"2STA\r\n43 0\r\n>"),
+    (b"1PPO\r\n", b"-45.0000\r\n>"),
+    (b"2PPO\r\n", b"360.0001\r\n>"),
+    (b"1PVE\r\n", b"0.0\r\n>"),
+    (b"2PVE\r\n", b"-0.0005\r\n>"),
+]
+places = pytest.mark.parametrize(
+    "place",
+    [
+        over_tcp,
+        pytest.param(over_terminal, marks=pytest.mark.skipif(sys.platform == "win32", reason="terminals")),
+    ],
+)
+
+
+@places
+def test_atl_on_the_wire(place: Any) -> None:
+    pairs: Pairs = [
+        (b"IDN\r\n", b"AERO 4000,SN77\r\n>"),
+        *ATL_STATE,
+        (b"1SRV1\r\n", b">"),
+        (b"2SRV1\r\n", b"1>"),
+        (b"1HOM\r\n", b">"),
+        (b"2HOM\r\n", b">"),
+        (b"1ACL40.0000\r\n", b">"),
+        (b"2ACL40.0000\r\n", b">"),
+        (b"1VEL20.0000\r\n", b">"),
+        (b"2VEL20.0000\r\n", b">"),
+        (b"1MOV-90.0000\r\n", b">"),
+        (b"2MOV720.0000\r\n", b">"),
+        (b"1STO\r\n", b">"),
+        (b"2STO\r\n", b">"),
+        (b"1SRV0\r\n", b">"),
+        (b"2SRV0\r\n", b">"),
+        (b"1CLR\r\n", b">"),
+        (b"2CLR\r\n", b">"),
+    ]
+    with table(pairs, profile("aerosmith_atl"), place) as (driver, _):
+        identity = driver.identify()
+        assert (identity.model, identity.serial) == ("AERO 4000", "SN77")
+        status = driver.status()
+        np.testing.assert_allclose(status.angles, np.deg2rad([-45.0, 360.0001]), atol=1e-12)
+        np.testing.assert_allclose(status.rates, np.deg2rad([0.0, -0.0005]))
+        assert (status.enabled, status.homed, status.moving, status.settled) == (True, True, False, True)
+        assert status.fault is None
+        assert status.interlock_closed
+        assert math.isinf(status.watchdog), "it has none that must be fed"
+        driver.enable()
+        driver.home()
+        driver.move(*np.deg2rad([-90.0, 720.0, 20.0, 40.0]))
+        driver.heartbeat()
+        driver.stop()
+        driver.disable()
+        driver.reset_fault()
+
+
+def test_atl_a_fault_is_told_by_its_code() -> None:
+    faulty = [(b"1STA\r\n", b"26 3\r\n>"), *ATL_STATE[1:]]
+    with table([*faulty, (b"1STA\r\n", b"26 9\r\n>"), *ATL_STATE[1:]], profile("aerosmith_atl")) as (
+        driver,
+        _,
+    ):
+        status = driver.status()
+        assert (status.fault, status.enabled, status.interlock_closed) == ("limit", False, False)
+        assert driver.status().fault == "code 9"
+
+
+def test_atl_the_late_prompt_of_a_jog_is_never_taken_for_an_angle() -> None:
+    stated = profile("aerosmith_atl").model_copy(update={"link_loss_stop_s": 1.0})
+    pairs: Pairs = [
+        *ATL_STATE,
+        (b"1ACL20.0000\r\n", b">"),
+        (b"2ACL20.0000\r\n", b">"),
+        (b"1JOG5.0000\r\n", b""),
+        (b"1STA\r\n", b">47 0\r\n>"),
+        (b"2JOG-2.5000\r\n", b""),
+        (b"1STA\r\n", b"JOG OK\r\n>47 0\r\n>"),
+        *ATL_STATE,
+    ]
+    with table(pairs, stated) as (driver, _):
+        driver.rate(*np.deg2rad([5.0, -2.5, 20.0]))
+        assert driver.status().angles[0] == pytest.approx(np.deg2rad(-45.0))
+
+
+@pytest.mark.parametrize("name", ["aerosmith_atl", "acutronic_acl", "mn_ascii"])
+def test_an_endless_rate_is_refused_where_nothing_would_end_it(name: str) -> None:
+    answers = {"aerosmith_atl": ATL_STATE, "acutronic_acl": ACL_STATE, "mn_ascii": MN_STATE}[name]
+    with (
+        table(answers, profile(name)) as (driver, _),
+        pytest.raises(ConfigurationError, match="a lost link would leave it turning"),
+    ):
+        driver.rate(0.1, 0.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("rates", "told"), [((121.0, 0.0, 10.0), "rate 121"), ((1.0, 1.0, 101.0), "acceleration")]
+)
+def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], told: str) -> None:
+    stated = profile("aerosmith_atl").model_copy(update={"link_loss_stop_s": 1.0})
+    with table(ATL_STATE, stated) as (driver, _), pytest.raises(ConfigurationError, match=told):
+        driver.rate(*np.deg2rad(rates))
+
+
+def test_atl_a_refusal_is_told_and_not_repeated() -> None:
+    with (
+        table([(b"1SRV1\r\n", b"ERROR 7\r\n>")], profile("aerosmith_atl")) as (driver, _),
+        pytest.raises(TextRefusalError, match="'1SRV1' is refused with 'ERROR 7'"),
+    ):
+        driver.enable()
+
+
+@places
+def test_a_lost_reply_is_asked_for_again_but_homing_is_not(place: Any) -> None:
+    stop = (b"1STO\r\n", b""), (b"1STO\r\n", b""), (b"1STO\r\n", b">"), (b"2STO\r\n", b">")
+    with table([*stop, (b"1HOM\r\n", b"")], profile("aerosmith_atl"), place) as (driver, line):
+        driver.stop()
+        with pytest.raises(DeviceFaultError, match=r"'1HOM' is not answered on .* within 0.3 s; check cable"):
+            driver.home()
+        assert line.connections in (0, 3), "a socket is opened anew after each loss, a serial line only waits"
+
+
+def test_a_reply_that_the_profile_does_not_expect_is_told_by_its_entry() -> None:
+    with (
+        table([(b"1STA\r\n", b"ready\r\n>")], profile("aerosmith_atl")) as (driver, _),
+        pytest.raises(DeviceFaultError, match=r"answered with 'ready', which queries.state of the profile"),
+    ):
+        driver.status()
+
+
+def test_another_model_is_refused() -> None:
+    other = profile("aerosmith_atl").model_copy(update={"model": "AERO 812"})
+    with (
+        table([(b"IDN\r\n", b"AERO 4000,1\r\n>")], other) as (driver, _),
+        pytest.raises(OtherModelError, match="choose the right table profile"),
+    ):
+        driver.identify()
+
+
+# ACL -------------------------------------------------------------------------------------------------------------
+
+ACL_STATE: Pairs = [
+    (b":Interlock? 1\n", b"Closed\n"),
+    (b":Interlock? 2\n", b"INTERLOCK Closed\n"),
+    (b":Mode? 1\n", b"Position\n"),
+    (b":Mode? 2\n", b"Off\n"),
+    (b":Read:Pos? 1\n", b"12.5000\n"),
+    (b":Read:Pos? 2\n", b":READ:POS -7.25\n"),
+    (b":Limit:Absolute? 1\n", b"1000,8300,100000,-720,720,1100\n"),
+    (b":Limit:Absolute? 2\n", b"1000,8300,100000,-1080,1080,1100\n"),
+    (b":Read:Rate? 1\n", b"0.0001\n"),
+    (b":Read:Rate? 2\n", b"0\n"),
+]
+
+
+def heard(line: bytes) -> Pairs:
+    """A command, and the question behind it that shows it was heard."""
+    return [(line, b""), (b":Mode? 1\n", b"Position\n")]
+
+
+@places
+def test_acl_on_the_wire(place: Any) -> None:
+    pairs: Pairs = [
+        (b"*IDN?\n", b"ACUTRONIC SCHWEIZ,ACU 2000,A-5,2.1\n"),
+        *ACL_STATE,
+        *heard(b":Int:Close 1\n"),
+        *heard(b":Int:Close 2\n"),
+        *heard(b":Mode:Pos 1\n"),
+        *heard(b":Mode:Pos 2\n"),
+        *heard(b":Lim:Acc pos,1,40.00000\n"),
+        *heard(b":Lim:Acc pos,2,40.00000\n"),
+        *heard(b":Lim:Rate pos,1,20.00000\n"),
+        *heard(b":Lim:Rate pos,2,20.00000\n"),
+        *heard(b":Mode:Pos 1\n"),
+        *heard(b":Mode:Pos 2\n"),
+        *heard(b":Dem:Pos 1,-90.00000\n"),
+        *heard(b":Dem:Pos 2,0.00000\n"),
+        *heard(b":Mode:Rate 1\n"),
+        *heard(b":Mode:Rate 2\n"),
+        *heard(b":Dem:Rate 1,0\n"),
+        *heard(b":Dem:Rate 2,0\n"),
+        *heard(b":Mode:Off 1\n"),
+        *heard(b":Mode:Off 2\n"),
+        *heard(b":Int:Open 1\n"),
+        *heard(b":Int:Open 2\n"),
+        *heard(b":Interlock:Reset\n"),
+        *ACL_STATE,
+    ]
+    with table(pairs, profile("acutronic_acl"), place) as (driver, _):
+        assert driver.identify().model == "ACUTRONIC SCHWEIZ,ACU 2000"
+        status = driver.status()
+        np.testing.assert_allclose(status.angles, np.deg2rad([12.5, -7.25]))
+        np.testing.assert_allclose(status.limits.high, np.deg2rad([720.0, 1080.0]))
+        np.testing.assert_allclose(status.limits.low, np.deg2rad([-720.0, -1080.0]))
+        assert (status.enabled, status.homed, status.moving, status.settled) == (True, True, False, False)
+        assert status.fault is None
+        driver.enable()
+        driver.move(np.deg2rad(-90.0), -1e-9, *np.deg2rad([20.0, 40.0]))
+        driver.stop()
+        driver.disable()
+        driver.reset_fault()
+        driver.status()
+        with pytest.raises(ConfigurationError, match="no command home"):
+            driver.home()
+
+
+def test_acl_settles_once_the_angles_stay() -> None:
+    quick = profile("acutronic_acl", settled_polls=3)
+    moved = [(b":Read:Pos? 1\n", b"12.6\n") if b"Pos? 1" in q else (q, a) for q, a in ACL_STATE]
+    with table([*ACL_STATE * 4, *moved, *moved], quick) as (driver, _):
+        assert [driver.status().settled for _ in range(4)] == [False, False, False, True]
+        assert not driver.status().settled
+        assert not driver.status().settled
+
+
+def test_acl_a_fault_and_an_axis_that_turns() -> None:
+    answers = dict(ACL_STATE)
+    answers[b":Interlock? 2\n"] = b"Fault\n"
+    answers[b":Read:Rate? 1\n"] = b"-5.5\n"
+    with table(list(answers.items()), profile("acutronic_acl")) as (driver, _):
+        status = driver.status()
+        assert (status.fault, status.enabled, status.moving) == ("fault", False, True)
+
+
+# $MN -------------------------------------------------------------------------------------------------------------
+
+
+def mn(head: str, words: str) -> bytes:
+    return f"${head}{words}*{sum(words.encode()) & 0xFF:02X}\r\n".encode()
+
+
+def pair(request: str, reply: str) -> tuple[bytes, bytes]:
+    return mn("MN", request), mn("AS", reply)
+
+
+MN_STATE: Pairs = [pair("STS,0", "STS,OK,-45.00000,0.00000,360.00010,-2.00000,004F,0")]
+
+
+@places
+def test_mn_on_the_wire(place: Any) -> None:
+    each = [
+        "REM", "ENB,1", "ENB,2", "HMZ,1", "HMZ,2", "MOD,1,POS", "MOD,2,POS", "ACC,1,40.00000", "ACC,2,40.00000",
+        "VEL,1,20.00000", "VEL,2,20.00000", "POS,1,-90.00000", "POS,2,720.00000", "RUN,1", "RUN,2", "STP,1", "STP,2",
+        "DIS,1", "DIS,2", "CLR",
+    ]  # fmt: skip
+    commands = [pair(words, f"{words[:3]},OK") for words in each]
+    pairs: Pairs = [pair("CHK", "CHK,OK,MN-3A,T9"), *MN_STATE, *commands]
+    with table(pairs, profile("mn_ascii"), place) as (driver, _):
+        assert driver.identify().serial == "T9"
+        status = driver.status()
+        np.testing.assert_allclose(status.angles, np.deg2rad([-45.0, 360.0001]), atol=1e-12)
+        np.testing.assert_allclose(status.rates, np.deg2rad([0.0, -2.0]))
+        assert (status.enabled, status.homed, status.moving, status.settled) == (True, True, True, True)
+        assert not status.interlock_closed
+        driver.enable()
+        driver.home()
+        driver.move(*np.deg2rad([-90.0, 720.0, 20.0, 40.0]))
+        driver.stop()
+        driver.disable()
+        driver.reset_fault()
+
+
+def test_mn_known_bytes() -> None:
+    section = profile("mn_ascii").text
+    assert section is not None
+    assert section.checked is not None
+    framing = Checked(section, section.checked)
+    assert framing.request("CHK") == b"$MNCHK*D6\r\n"
+    headed = Checked(section, section.checked.model_copy(update={"counts_head": True}))
+    assert headed.request("CHK") == b"$MNCHK*95\r\n"
+    assert headed.reply("CHK", b"$ASCHK,OK*54\r\n") == ("CHK,OK", b"")
+
+
+def test_mn_a_wrong_sum_a_refusal_and_another_command_s_answer() -> None:
+    request, reply = pair("STP,1", "STP,OK")
+    other = pair("STP,2", "STP,OK")
+    hurt = reply.replace(b"OK", b"OO")
+    late = mn("AS", "RUN,OK")
+    with table([(request, hurt), (request, late + b"noise\r\n" + reply), other], profile("mn_ascii")) as (
+        driver,
+        _,
+    ):
+        driver.stop()
+    with (
+        table([(request, mn("AS", "STP,ERR,4"))], profile("mn_ascii")) as (driver, _),
+        pytest.raises(TextRefusalError, match="refused with 'STP,ERR,4'"),
+    ):
+        driver.stop()
+
+
+def test_mn_under_local_control_is_told() -> None:
+    local = [pair("STS,0", "STS,OK,0.0,0.0,0.0,0.0,002F,0")]
+    with table(local, profile("mn_ascii")) as (driver, _):
+        assert driver.status().fault == "local control"
+
+
+# Any table of text -----------------------------------------------------------------------------------------------
+
+
+def test_a_table_that_went_away_is_told_and_found_again() -> None:
+    request, reply = pair("CHK", "CHK,OK,MN-2A,T1")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer_once_each() -> None:
+            with suppress(OSError):
+                while True:
+                    peer, _ = server.accept()
+                    with peer:
+                        assert peer.recv(100) == request
+                        peer.sendall(reply)
+
+        threading.Thread(target=answer_once_each, daemon=True).start()
+        driver = TextTable(f"tcp://127.0.0.1:{server.getsockname()[1]}", profile("mn_ascii"))
+        assert driver.identify().serial == "T1"
+        with pytest.raises(DeviceFaultError, match="was lost"):
+            driver.identify()
+        assert driver.identify().serial == "T1"
+        driver.close()
+        with suppress(OSError):
+            server.shutdown(socket.SHUT_RDWR)
+
+
+def test_a_port_that_is_not_there_is_told() -> None:
+    with pytest.raises(DeviceFaultError, match="cannot be opened"):
+        TextTable("tcp://127.0.0.1:1", profile("acutronic_acl"))
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    noise=st.lists(
+        st.one_of(st.binary(max_size=30), st.sampled_from([b"\r\n", b">", b"$AS", b"*D6"])), max_size=20
+    )
+)
+def test_no_noise_breaks_a_framing(noise: list[bytes]) -> None:
+    heard = b"".join(noise)
+    for name in ("aerosmith_atl", "acutronic_acl", "mn_ascii"):
+        section = profile(name).text
+        assert section is not None
+        framing = (
+            Checked(section, section.checked)
+            if section.checked
+            else (Prompted if section.prompt else Plain)(section)
+        )
+        rest = heard
+        while (found := framing.reply("STP,1", rest)) is not None:
+            assert len(found[1]) < len(rest)
+            rest = found[1]
