@@ -9,6 +9,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.gui import language
 from calstation.gui.wording import QT_TRANSLATE_NOOP, word_stage
 
 _SAME: tuple[str, ...] = (
@@ -134,11 +135,9 @@ def word_log_error(text: str, path: Path | None = None) -> str:
             break
     if not head and said:
         said = said[0].upper() + said[1:]
-    return (
-        said
-        if said.endswith((".", "。", "?", "？"))
-        else said + ("。" if ord(said[-1:] or " ") > 0x2E80 else ".")
-    )
+    if said.endswith((".", "。", "?", "？")):
+        return said
+    return said + ("。" if language.current() == "zh_CN" else ".")
 
 
 def _stage_or_text(value: str) -> str:
