@@ -17,6 +17,7 @@ from calstation.estimation.samples import SampleBlock
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
 from calstation.gui.history.page import HistoryPage
+from calstation.gui.main_window import MainWindow
 from calstation.physics.units import DEGREE_PER_HOUR
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import STILL_WRITTEN, RawLogWriter
@@ -286,3 +287,18 @@ def test_a_run_that_ends_appears_by_itself(
     qtbot.waitUntil(lambda: rows(page)[0] == ("SN-000009", "PASS"), timeout=WAIT)
     assert page.table.run is not None
     assert page.table.run.serial == "SN-000003"  # what was looked at still is
+
+
+def test_resume_asks_on_the_operator_page_before_anything_moves(
+    window: MainWindow, folder: Path, qtbot: QtBot
+) -> None:
+    write_dead_log(folder)
+    window.app.runs_folder = folder
+    window.show_page("history_page")
+    history, operator = (window.findChild(QWidget, name) for name in ("history_page", "operator_page"))
+    assert isinstance(history, HistoryPage)
+    qtbot.waitUntil(lambda: button(history, "history_resume_button").isVisible(), timeout=WAIT)
+    button(history, "history_resume_button").click()
+    assert operator.isVisible()
+    qtbot.waitUntil(lambda: operator.findChild(QPushButton, "resume_choice") is not None, timeout=WAIT)
+    assert not window.app.engine_link.running

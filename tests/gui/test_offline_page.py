@@ -25,6 +25,8 @@ from calstation.bench.truth import BenchTruth
 from calstation.estimation.samples import SampleBlock
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
+from calstation.gui.history.page import HistoryPage
+from calstation.gui.main_window import MainWindow
 from calstation.gui.offline.page import OfflinePage
 from calstation.gui.widgets.count_spin import CountSpin
 from calstation.records.meta import LogMeta
@@ -391,3 +393,19 @@ def test_a_cancelled_export_leaves_nothing(
     button(page, "export_cancel_button").click()
     qtbot.waitUntil(lambda: not any(target.parent.iterdir()), timeout=WAIT)
     assert button(page, "export_log_button").isEnabled()
+
+
+def test_history_hands_a_log_over(window: MainWindow, run_log: Path, qtbot: QtBot) -> None:
+    window.app.runs_folder = run_log.parent
+    window.show_page("history_page")
+    history, offline = (window.findChild(QWidget, name) for name in ("history_page", "offline_page"))
+    assert isinstance(history, HistoryPage)
+    assert isinstance(offline, OfflinePage)
+    qtbot.waitUntil(lambda: history.table.run is not None, timeout=WAIT)
+    button(history, "history_log_button").click()
+    assert offline.isVisible()
+    qtbot.waitUntil(lambda: offline.log is not None, timeout=WAIT)
+    window.app.set_language("zh_CN")
+    qtbot.waitUntil(lambda: button(offline, "solve_button").text() == "开始离线解算", timeout=WAIT)
+    solve(offline, qtbot)
+    assert offline.comparison.difference_badge.text() == "逐位完全一致"

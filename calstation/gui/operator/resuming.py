@@ -52,7 +52,10 @@ class Resuming(QObject):
         if self._wanted is not None:
             chosen = [run for run in found if run.log.name == self._wanted.name]
             if chosen:
-                self._resume(chosen[0])
+                self._notice.dismiss()
+                self._offer(
+                    chosen
+                )  # asked first: it was looked for on another page, hands may be on the fixture
             else:
                 self._complain(
                     self.tr("This run has no finished stage to continue behind, or has ended since.")
