@@ -28,7 +28,10 @@ def use(code: str) -> None:
     global _current
     app = QCoreApplication.instance()
     assert app is not None
-    _current = code if code in dict(LANGUAGES) else "en"
+    code = code if code in dict(LANGUAGES) else "en"
+    if code == _current:
+        return
+    _current = code
     for translator in _installed:
         app.removeTranslator(translator)
     _installed.clear()

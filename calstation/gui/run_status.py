@@ -151,7 +151,7 @@ class RunStatus(QObject):
     def answer(self) -> None:
         """The operator has done what the prompt asked for."""
         self._link.send(Command.ANSWER)
-        self.prompt = ""
+        self.prompt, self.said = "", None
         self.changed.emit()
 
     def acknowledge(self) -> None:

@@ -97,9 +97,12 @@ def current() -> str:
 def apply(name: str) -> None:
     """Put a theme in force for the whole application."""
     global _current
-    _current = name if name in COLOURS else "light"
     app = QApplication.instance()
     assert isinstance(app, QApplication)
+    name = name if name in COLOURS else "light"
+    if name == _current and app.styleSheet():
+        return  # dressing every widget anew takes long
+    _current = name
     app.setPalette(palette(colours()))
     app.setStyleSheet(style_sheet(colours()))
 

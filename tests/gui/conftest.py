@@ -14,7 +14,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.gui import language, theme
+from calstation.gui import language
 from calstation.gui.app import create_window
 from calstation.gui.main_window import MainWindow
 from calstation.gui.run_status import RunStatus
@@ -58,6 +58,7 @@ class Place:
         self.product = self.home / "products" / "short.toml"
         for file in (self.station, self.product):
             file.parent.mkdir(parents=True)
+        (self.home / "window.ini").write_text("[General]\nlanguage=en\ntheme=light\n", encoding="utf-8")
         self.write()
 
     def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
@@ -81,8 +82,6 @@ def window(place: Place, qtbot: QtBot) -> Iterator[MainWindow]:
     """The window on the place's station, English, light, shown at 1366x768."""
     made = create_window(place.station)
     assert isinstance(made, MainWindow)
-    language.use("en")
-    theme.apply("light")
     qtbot.addWidget(made)
     made.resize(1366, 768)
     made.show()

@@ -16,7 +16,7 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     _built = False
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__(parent, enableMenu=False)
         self._built = True
         self.setMenuEnabled(False)
         self.hideButtons()
