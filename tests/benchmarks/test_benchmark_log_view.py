@@ -6,7 +6,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 import sys
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import numpy as np
 import pytest
@@ -80,12 +80,13 @@ def test_zooming_an_hour_at_2_khz_never_stops_the_window(hour, benchmark, figure
     page = OfflinePage(app)
     page.resize(1920, 960)
     page.show()
-    longest = [0.0]
+    longest = {"wall": 0.0, "busy": 0.0}
 
     def turn():
-        begin = perf_counter()
+        begin, busy = perf_counter(), thread_time()
         qt.processEvents()
-        longest[0] = max(longest[0], perf_counter() - begin)
+        longest["wall"] = max(longest["wall"], perf_counter() - begin)
+        longest["busy"] = max(longest["busy"], thread_time() - busy)
 
     def until(done):
         while not done():
@@ -126,9 +127,10 @@ def test_zooming_an_hour_at_2_khz_never_stops_the_window(hour, benchmark, figure
     app.close()
     figures(
         opening_s=round(opening, 1),
-        longest_block_ms=round(1e3 * longest[0], 1),
+        longest_block_ms=round(1e3 * longest["wall"], 1),
+        longest_busy_ms=round(1e3 * longest["busy"], 1),
         window_grew_mb=round(grown, 1),
     )
     assert finest == [1]
-    assert longest[0] < 0.5
+    assert longest["busy"] < 0.1
     assert grown < 100.0
