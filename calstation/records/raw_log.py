@@ -94,7 +94,7 @@ class RawLogWriter:
         self._rows: list[np.ndarray] = []
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed = self._synced = time.monotonic()
-        self._sync()
+        self.sync()
 
     def append(self, block: SampleBlock) -> None:
         """Keep a block; the end of a stage is flushed at once."""
@@ -135,7 +135,7 @@ class RawLogWriter:
         if now - self._flushed >= FLUSH_INTERVAL:
             self.flush()
         if now - self._synced >= SYNC_INTERVAL:
-            self._sync()
+            self.sync()
 
     def flush(self) -> None:
         """Hand everything to the operating system: safe from the death of this process."""
@@ -152,13 +152,21 @@ class RawLogWriter:
         self._file.flush()
         self._flushed = time.monotonic()
 
+    def sync(self) -> None:
+        """`flush`, and wait until it is on disk: safe from a power cut as well."""
+        self.flush()
+        os.fsync(self._sync_handle)
+        with suppress(OSError):
+            os.utime(self.path)  # a run that waits writes nothing, and yet is not dead
+        self._synced = time.monotonic()
+
     def close(self, outcome: str) -> LogFacts:
         """Write the closing word and close; later calls do nothing further."""
         facts = self.facts()
         if not self._file:
             return facts
         self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
-        self._sync()
+        self.sync()
         self._file.close()
         os.fsync(self._sync_handle)
         os.close(self._sync_handle)
@@ -166,13 +174,6 @@ class RawLogWriter:
 
     def _growing(self, name: str, dtype: DTypeLike, chunk: int) -> h5py.Dataset:
         return self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(chunk,))
-
-    def _sync(self) -> None:
-        self.flush()
-        os.fsync(self._sync_handle)
-        with suppress(OSError):
-            os.utime(self.path)  # a run that waits writes nothing, and yet is not dead
-        self._synced = time.monotonic()
 
     def _write_line(self, name: str, content: Mapping[str, Any]) -> None:
         self._lines[name].append(json.dumps(content, default=_plain, ensure_ascii=False) + "\n")

@@ -34,6 +34,9 @@ class Journal(Protocol):
     def service(self) -> None:
         """Write out what is due; called at every tick."""
 
+    def sync(self) -> None:
+        """Write out everything, to the disk."""
+
 
 class Solving(Protocol):
     """The chain of stage solvers."""

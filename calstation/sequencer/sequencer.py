@@ -221,6 +221,7 @@ class Sequencer:
         self._solutions.append(solution)
         for event in told(solution):
             self.emit(event)
+        self._journal.sync()  # a stage that is solved need not be done again, whatever happens next
         return self._verify(solution)
 
     def _drive(self, stage: StagePlan, duration: float) -> tuple[str, int]:

@@ -15,6 +15,9 @@ from calstation.records.meta import SiteSection
 from calstation.station import library
 from procedures import DEFAULT_STAGES, method
 
+Advice = Literal["reseat", "repeat", "set_aside"]
+"""What to do with a unit outside its limits: mount it anew, try again as it is, give it up for now."""
+
 DEFAULT_STATION = "virtual_bench"
 DEFAULT_PRODUCT = "nav_a"
 
@@ -124,9 +127,7 @@ class ProductConfig(StrictModel):
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
     end_on_failure: bool = False
-    advice: list[Literal["reseat", "repeat", "set_aside"]] = Field(
-        default_factory=lambda: ["reseat", "repeat", "set_aside"], min_length=1
-    )
+    advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
     attempts_allowed: int | None = Field(default=None, ge=1)
 
     @field_validator("serial_pattern")

@@ -252,6 +252,9 @@ class FakeJournal:
     def service(self) -> None:
         return
 
+    def sync(self) -> None:
+        return
+
 
 def quarter_turns() -> Iterator[Step]:
     """Two moves of the outer axis, a rest after each."""
