@@ -37,7 +37,12 @@ class ChoicePanel(QFrame):
         self._area = QScrollArea()
         self._area.setFrameShape(QFrame.Shape.NoFrame)
         self._area.setWidgetResizable(True)
+        held = QWidget()
+        self._held = QVBoxLayout(held)
+        self._held.setContentsMargins(0, 0, theme.GRID // 2, 0)
+        self._area.setWidget(held)
         self._area.viewport().setAutoFillBackground(False)
+        held.setAutoFillBackground(False)
         self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._lay_out()
         self.parts.changed.connect(self.changed)
@@ -81,12 +86,14 @@ class ChoicePanel(QFrame):
     def show_offer(self, offer: Offer) -> None:
         """Offer a product's stages with their schedules."""
         self._offer = offer
-        self._area.takeWidget()
         for form in self._forms.values():
+            form.setParent(None)
             form.deleteLater()
         self._forms = {stage: ScheduleForm(stage, offer) for stage in offer.offered}
         for form in self._forms.values():
             form.changed.connect(self.changed)
+            form.hide()
+            self._held.addWidget(form)
         self.parts.offer(offer.offered, offer.stages)
 
     def lock(self, choice: str, schedule: str, save: str) -> None:
@@ -122,10 +129,9 @@ class ChoicePanel(QFrame):
     def _look_at(self, stage: str) -> None:
         if stage not in self._forms:
             return
-        self._area.takeWidget()  # kept by this panel: the values typed stay
-        self._area.setWidget(self._forms[stage])
-        self._forms[stage].setAutoFillBackground(False)
-        self._forms[stage].show()
+        for name, form in self._forms.items():
+            form.setVisible(name == stage)
+        self._area.verticalScrollBar().setValue(0)
         self._head()
 
     def _head(self) -> None:

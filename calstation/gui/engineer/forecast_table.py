@@ -42,7 +42,7 @@ def columns(forecast: Forecast) -> list[Column]:
     for number, stage in enumerate(forecast.stages):
         made.append(
             Column(
-                partial(_after, stage.stage),
+                partial(word_stage, stage.stage),
                 partial(_sigma_after, forecast, number),
                 hint=partial(_hint, forecast, number),
             )
@@ -77,10 +77,6 @@ def shown(name: str, sigma: float) -> str:
     if value >= 1000.0:
         return f"{value:.0f}"
     return f"{value:#.3g}".rstrip(".") if value >= 1e-4 else f"{value:.2g}"
-
-
-def _after(stage: str) -> str:
-    return _say(QT_TRANSLATE_NOOP("forecast", "after {0}")).format(word_stage(stage))
 
 
 def _sigma_after(forecast: Forecast, number: int, name: str) -> str:

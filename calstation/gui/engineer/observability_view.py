@@ -192,7 +192,7 @@ class HeatMap(QWidget):
                 painter.setPen(QColor(c.muted))
                 label = QRectF(_NAMES_WIDTH - 6 * theme.GRID, box.top(), 6 * theme.GRID - 6, box.height())
                 side = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-                painter.drawText(label, side, self._names[end].rpartition("_")[2])
+                painter.drawText(label, side, word_component(self._names[end].rpartition("_")[2]))
                 end += 1
             span = QRectF(0, self.cell(row, 0).top(), _NAMES_WIDTH - 6 * theme.GRID, 0)
             span.setBottom(self.cell(end - 1, 0).bottom())
@@ -249,6 +249,15 @@ class HeatMap(QWidget):
                     if box.left() <= at.x() < box.right():
                         return row, column
         return None
+
+
+def word_component(component: str) -> str:
+    """A component of a group: a direction in words, an axis as it is."""
+    return {
+        "east": QCoreApplication.translate("HeatMap", "east"),
+        "north": QCoreApplication.translate("HeatMap", "north"),
+        "up": QCoreApplication.translate("HeatMap", "up"),
+    }.get(component, component)
 
 
 def word_state_group(group: str) -> str:

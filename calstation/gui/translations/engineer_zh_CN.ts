@@ -229,6 +229,18 @@
         <translation>步号</translation>
     </message>
     <message>
+        <source>east</source>
+        <translation>东</translation>
+    </message>
+    <message>
+        <source>north</source>
+        <translation>北</translation>
+    </message>
+    <message>
+        <source>up</source>
+        <translation>天</translation>
+    </message>
+    <message>
         <source>attitude</source>
         <translation>姿态</translation>
     </message>
@@ -704,10 +716,6 @@
     <message>
         <source>Expected</source>
         <translation>预期</translation>
-    </message>
-    <message>
-        <source>after {0}</source>
-        <translation>{0}后</translation>
     </message>
     <message>
         <source>This stage leaves it as it was.</source>

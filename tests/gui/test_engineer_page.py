@@ -1,0 +1,363 @@
+"""An engineer at the window, by real clicks: parts and schedules chosen, previewed, run, looked at, written."""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QEvent, QPoint, Qt
+from PySide6.QtGui import QGuiApplication, QHelpEvent
+from PySide6.QtWidgets import (
+    QApplication,
+    QCheckBox,
+    QComboBox,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QTabBar,
+    QTableView,
+    QToolButton,
+)
+
+from calstation.gui.engineer.observability_view import HeatMap
+from calstation.gui.engineer.page import EngineerPage
+from calstation.gui.engineer.residuals_view import face
+from calstation.station import register_journal, versions
+from tests.gui.conftest import PRODUCT, SERIAL, Operator, Place
+
+STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
+
+
+class Engineer(Operator):
+    """An operator who turns to the engineer page and may know the PIN."""
+
+    def open_page(self) -> "Engineer":
+        """Turn to the page and name the unit and oneself."""
+        self.window.show_page("engineer_page")
+        self.type("engineer_serial_edit", SERIAL)
+        self.type("engineer_name_edit", "wang")
+        return self
+
+    def unlock(self) -> "Engineer":
+        """Set this new place's PIN."""
+        self.press("unlock_schedule_button")
+        for name in ("pin_edit", "pin_again_edit"):
+            self.qtbot.keyClicks(self.widget(name, QLineEdit), "2468")
+        self.press("unlock_button")
+        assert self.window.app.role.engineer
+        return self
+
+    def type(self, name: str, text: str) -> None:
+        """Type into a field in place of what it held."""
+        edit = self.widget(name, QLineEdit)
+        edit.selectAll()
+        self.qtbot.keyClicks(edit, text) if text else self.qtbot.keyClick(edit, Qt.Key.Key_Delete)
+
+    def tick(self, *names: str) -> None:
+        """Tick exactly these of the parts and stages' boxes, by object name; the others not."""
+        for box in self.page.findChildren(QCheckBox):
+            if box.objectName().startswith("stage_check_"):
+                box.setChecked(False)
+        for name in names:
+            self.widget(name, QCheckBox).click()
+
+    def turn_to(self, view: int) -> None:
+        """Turn to a view: preview, parameters, innovations, residuals, observability, registers."""
+        self.widget("engineer_views", QTabBar).setCurrentIndex(view)
+
+    def preview(self) -> None:
+        """Press Preview and wait for it."""
+        self.turn_to(0)
+        self.press("preview_button")
+        self.until(lambda: not self.page.preview.watch.busy)
+
+    def start(self) -> dict[str, Any]:
+        """Press START, wait for the end and for the result to be shown."""
+        shown = self.page.result.shown
+        self.press("engineer_start_button")
+        self.until(lambda: self.page.result.shown is not shown or self.run.fault is not None)
+        self.until_ended()
+        assert self.run.fault is None, self.run.fault
+        assert self.page.result.shown is not None
+        return dict(self.page.result.shown.result)
+
+    def cells(self, table: str) -> dict[str, dict[str, str]]:
+        """A parameter table as it stands: texts by row and heading."""
+        model = self.widget(table, QTableView).model()
+        across, down = Qt.Orientation.Horizontal, Qt.Orientation.Vertical
+        headings = [model.headerData(i, across) for i in range(model.columnCount())]
+        return {
+            model.headerData(row, down): {
+                heading: str(model.index(row, column).data()).strip()
+                for column, heading in enumerate(headings)
+            }
+            for row in range(model.rowCount())
+        }
+
+    def why_not(self, name: str) -> str:
+        """The tooltip of a button that cannot be pressed."""
+        button = self.widget(name, QPushButton)
+        assert not button.isEnabled(), name
+        return str(button.toolTip())
+
+    @property
+    def page(self) -> EngineerPage:
+        """The page itself, for what no widget tells."""
+        found = self.window.findChild(EngineerPage, "engineer_page")
+        assert isinstance(found, EngineerPage)
+        return found
+
+
+@pytest.fixture
+def engineer(window: Any, qtbot: Any, place: Place) -> Engineer:
+    """At the engineer page, with the short product chosen, in the operator's role."""
+    return Engineer(window, qtbot, place).open_page()
+
+
+def number(text: str) -> float:
+    """A cell's number."""
+    return float(text)
+
+
+def test_each_part_is_previewed_run_and_shown(engineer: Engineer) -> None:
+    for part, stages in (
+        ("part_check_scale_factors", ("rate", "six_position")),
+        ("part_check_installation", ("excitation",)),
+        ("part_check_biases", ("azimuth_flip",)),
+    ):
+        engineer.tick(part)
+        ticked = [s for s in STAGES if engineer.widget(f"stage_check_{s}", QCheckBox).isChecked()]
+        assert tuple(ticked) == stages
+        engineer.preview()
+        foretold = engineer.cells("preview_table")
+        result = engineer.start()
+        assert result["stages"] == list(stages)
+        assert result["outcome"] == "passed", [c for c in result["checks"] if not c["passed"]]
+        assert result["operator"] == "wang"
+        shown = engineer.cells("result_table")
+        assert list(shown) == list(result["parameters"]) == list(foretold)
+        for name, row in shown.items():
+            assert row["Verdict"] in ("inside", "no limit")
+            if stages == ("excitation",):
+                last = list(foretold[name])[2]
+                assert number(foretold[name][last]) == pytest.approx(number(row["± σ"]), rel=0.15), name
+
+
+def test_single_stages_in_any_order(engineer: Engineer) -> None:
+    engineer.tick("stage_check_rate", "stage_check_excitation")
+    parts = {name: engineer.widget(f"part_check_{name}", QCheckBox) for name in ("scale_factors", "biases")}
+    assert parts["scale_factors"].checkState() == Qt.CheckState.PartiallyChecked
+    assert parts["biases"].checkState() == Qt.CheckState.Unchecked
+    engineer.widget("stage_down_rate", QToolButton).click()
+    engineer.widget("stage_down_rate", QToolButton).click()
+    assert engineer.page.choice.parts.stages == ("excitation", "rate")
+    assert engineer.window.app.stages == ("excitation", "rate")
+
+    engineer.window.show_page("operator_page")
+    assert "Not the whole calibration" in engineer.says()
+    assert "Excitation, Rate" in engineer.says()
+    engineer.press("whole_choice")
+    assert engineer.window.app.stages is None
+    assert engineer.page.choice.parts.stages == STAGES
+
+    engineer.window.show_page("engineer_page")
+    engineer.tick()
+    assert engineer.why_not("engineer_start_button") == "Choose at least one stage."
+    assert engineer.why_not("preview_button") == "Choose at least one stage."
+
+
+def test_a_wrong_value_is_told_beside_its_field_and_keeps_everything_from_starting(
+    engineer: Engineer,
+) -> None:
+    engineer.unlock()
+    engineer.tick("stage_check_rate")
+    engineer.page.choice.parts.look_at("rate")
+    for field, text, said in (
+        ("schedule_rate_dwell_s", "1", "Too small; enter 2 to 600 s."),
+        ("schedule_rate_dwell_s", "long", "Not a number; enter 2 to 600 s."),
+        ("schedule_rate_turns", "1.5", "Must be a whole number, 1 to 50."),
+        ("schedule_rate_rate_dps", "130", "The table does 120 °/s at most; lower it."),
+    ):
+        engineer.type(field, text)
+        assert said in engineer.says()
+        assert "Rate" in engineer.why_not("engineer_start_button")
+        assert "Rate" in engineer.why_not("preview_button")
+        engineer.press("reset_schedule_button")
+        assert said not in engineer.says()
+    assert engineer.widget("engineer_start_button").isEnabled()
+    assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() == "2"
+
+
+def test_a_preview_names_the_step_that_the_table_cannot_do(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.tick("stage_check_rate")
+    engineer.page.choice.parts.look_at("rate")
+    engineer.type("schedule_rate_turns", "7")
+    engineer.preview()
+    assert "lower turns in the schedule of rate" in engineer.widget("preview_violations", QLabel).text()
+    assert "beyond the table's limits" in engineer.says()
+    engineer.type("schedule_rate_turns", "2")
+    assert "out of date" in engineer.says()
+    engineer.preview()
+    assert not engineer.widget("preview_violations", QLabel).isVisible()
+    assert "within the table's limits" in engineer.says()
+    assert "9 moves" in engineer.widget("preview_summary", QLabel).text()
+    assert engineer.page.preview.forecast is not None
+    assert np.ptp(engineer.page.preview.forecast.outer) == pytest.approx(4.0 * np.pi)
+
+
+def test_a_departure_is_run_and_stands_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
+    engineer.tick("stage_check_six_position")
+    before = engineer.start()
+    engineer.unlock()
+    engineer.page.choice.parts.look_at("six_position")
+    engineer.type("schedule_six_position_dwell_s", "4")
+    after = engineer.start()
+    from calstation.records.log import open_log
+
+    assert open_log(Path(after["log"]["file"])).meta.schedule["six_position"]["dwell_s"] == 4.0
+    assert after["configuration_sha256"] != before["configuration_sha256"]
+    previous = {name: row["Previous"] for name, row in engineer.cells("result_table").items()}
+    for name, text in previous.items():
+        assert number(text) == pytest.approx(
+            before["parameters"][name]["value"] / SIZE[name.rpartition("_")[0]], abs=0.6
+        )
+
+    engineer.window.app.role.lock()
+    assert engineer.window.app.schedule is None
+    assert not engineer.widget("schedule_six_position_dwell_s", QLineEdit).isEnabled()
+    assert "PIN" in engineer.widget("schedule_six_position_dwell_s", QLineEdit).toolTip()
+    assert engineer.widget("schedule_six_position_dwell_s", QLineEdit).text() == "3"
+
+
+SIZE = {"accel_bias": 9.80665e-6, "accel_scale": 1e-6}
+
+
+def test_a_schedule_is_saved_to_the_product_as_a_version(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.page.choice.parts.look_at("rate")
+    assert "are the product's" in engineer.why_not("save_product_button")
+    engineer.type("schedule_rate_dwell_s", "6.5")
+    engineer.type("engineer_name_edit", "")
+    assert "name" in engineer.why_not("save_product_button")
+    engineer.type("engineer_name_edit", "wang")
+    engineer.press("save_product_button")
+    assert "Every later run of this product uses it" in engineer.says()
+    engineer.press("confirm_save_button")
+    engineer.until(lambda: "version" in engineer.says())
+    stored = tomllib.loads(engineer.place.product.read_text(encoding="utf-8"))
+    assert stored["schedule"]["rate"] == {**PRODUCT["schedule"]["rate"], "dwell_s": 6.5}
+    assert versions.list("products", "short")[0].author == "wang"
+    assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() == "6.5"
+    assert "are the product's" in engineer.why_not("save_product_button")
+
+
+def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
+    engineer.tick("stage_check_six_position", "stage_check_azimuth_flip")
+    result = engineer.start()
+    page = engineer.page
+    table = engineer.widget("result_table", QTableView)
+    engineer.turn_to(1)
+    table.setFocus()
+    engineer.qtbot.keyClick(table, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier)
+    lines = QGuiApplication.clipboard().text().splitlines()
+    assert lines[0].split("\t")[:3] == ["parameter", "Unit", "Value"]
+    assert [line.split("\t")[0] for line in lines[1:]] == list(result["parameters"])
+
+    engineer.turn_to(2)
+    engineer.until(lambda: page.innovations.isVisible())
+    combo = engineer.widget("innovation_stage_combo", QComboBox)
+    assert [combo.itemText(i) for i in range(combo.count())] == ["Six positions", "Azimuth flips"]
+    assert "beyond ±3 σ" in engineer.says()
+    nis = result["consistency"]["azimuth_flip"]["nis_mean"]
+    assert f"{nis:.3f}" in engineer.says()
+
+    engineer.turn_to(3)
+    assert page.residuals.isVisible()
+    plot = page.residuals.plots[0]
+    place = (
+        plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
+    )
+    engineer.qtbot.mouseMove(plot.viewport(), place.toPoint())
+    engineer.until(lambda: "rest" in engineer.widget("rest_label", QLabel).text())
+
+    engineer.turn_to(4)
+    assert "determined by this stage" in engineer.widget("unobservable_label", QLabel).text().lower()
+    heat = page.observability.map
+    row, column = 6, 0
+    told = HelpAt(heat, heat.cell(row, column).center().toPoint())
+    assert told.startswith("gyro_bias_x after step")
+
+    combo = engineer.widget("language_combo", QComboBox)
+    page.open(Path(result["log"]["file"]))
+    engineer.until(lambda: not page._loading.busy)
+    assert "SN-000042" in engineer.says()
+
+
+def HelpAt(heat: HeatMap, at: QPoint) -> str:
+    """What the picture tells where the pointer rests."""
+    QApplication.sendEvent(heat, QHelpEvent(QEvent.Type.ToolTip, at, heat.mapToGlobal(at)))
+    found = heat.at(at)
+    assert found is not None
+    return heat.word(*found)
+
+
+def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer: Engineer) -> None:
+    engineer.place.write(flash_file=str(engineer.place.folder / "flash.bin"), out_of_limits=True)
+    engineer.window.app.product_changed.emit()
+    engineer.tick("stage_check_six_position")
+    result = engineer.start()
+    assert result["outcome"] == "failed"
+    engineer.turn_to(5)
+    assert "PIN" in engineer.why_not("write_registers_button")
+    engineer.turn_to(0)
+    engineer.unlock()
+    engineer.turn_to(5)
+    assert "Read the unit first" in engineer.why_not("write_registers_button")
+    engineer.press("read_registers_button")
+    engineer.until(lambda: engineer.page.registers.unit is not None)
+    before = engineer.cells("register_table")
+    assert before["accel_scale_x"]["Address"] == "15"
+    assert before["accel_scale_x"]["Old"] == "0.0000"
+    engineer.press("write_registers_button")
+    assert f"Write 6 registers of unit {SERIAL}?" in engineer.says()
+    assert "12–15, 19, 23" in engineer.says()
+    assert "flash write number 1" in engineer.says()
+    assert register_journal.history(engineer.place.runs, SERIAL) == []
+    engineer.press("confirm_write_button")
+    engineer.until(lambda: "written and read back" in engineer.says())
+    (entry,) = register_journal.history(engineer.place.runs, SERIAL)
+    assert (entry.by, entry.why, entry.closing) == ("wang", "hand", "done")
+    after = engineer.cells("register_table")
+    assert after["accel_scale_x"]["Change"] == "0"
+    assert after["accel_scale_x"]["Old"] == before["accel_scale_x"]["New"]
+    assert "holds these values already" in engineer.why_not("write_registers_button")
+
+
+def test_nothing_of_it_is_open_while_a_run_is_going(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.tick("stage_check_six_position")
+    engineer.press("engineer_start_button")
+    for name in ("engineer_start_button", "read_registers_button", "write_registers_button"):
+        assert "going on" in engineer.why_not(name)
+    assert not engineer.widget("stage_check_rate").isEnabled()
+    assert not engineer.widget("schedule_six_position_dwell_s").isEnabled()
+    engineer.press("stop_button")
+    engineer.until_ended()
+    assert engineer.widget("engineer_start_button").isEnabled()
+
+
+def test_a_file_that_is_no_result_says_so(engineer: Engineer) -> None:
+    path = engineer.place.folder / "x.json"
+    path.write_text(json.dumps({"schema": "other"}), encoding="utf-8")
+    engineer.page.open(path)
+    engineer.until(lambda: "This file cannot be opened" in engineer.says())
+
+
+@pytest.mark.parametrize(
+    ("up", "name"), [((0.0, 0.1, 0.99), "+z"), ((-1.0, 0.0, 0.0), "−x"), ((0.6, 0.6, 0.5), "")]
+)
+def test_a_rest_goes_by_the_face_that_is_up(up: tuple[float, float, float], name: str) -> None:
+    assert face(np.array(up)) == name
