@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSizePolicy, QVBox
 from calstation.gui import theme
 from calstation.gui.history.run_table import local_time
 from calstation.gui.widgets.plot import ThemedPlot
-from calstation.physics.parameters import NAMES
+from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import display
 from calstation.records.run_index import IndexedRun
 
@@ -56,7 +56,8 @@ class Trend(QWidget):
         """
         self._runs, self._looked_at, self._limits = tuple(runs[-_MOST:]), looked_at, limits
         wanted = self.combo.currentData()
-        names = [name for name in NAMES if any(name in run.values for run in self._runs)]
+        found = dict.fromkeys(name for run in self._runs for name in run.values)
+        names = [*(n for n in NAMES if n in found), *(n for n in found if n not in INDEX)]
         self.combo.blockSignals(True)
         self.combo.clear()
         for name in names:

@@ -10,7 +10,7 @@ from calstation.gui import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.gui.wording import KINDS, word_message, word_stage, word_state
-from calstation.physics.parameters import NAMES
+from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import aligned, display, number
 from calstation.station.offline_solve import in_sigma
 from calstation.station.overview import Overview
@@ -125,7 +125,8 @@ class Comparison(QWidget):
 
     def _fill(self) -> None:
         online, offline = self._parameters()
-        names = [name for name in NAMES if name in online or name in offline]
+        found = dict.fromkeys((*online, *offline))
+        names = [*(n for n in NAMES if n in found), *(n for n in found if n not in INDEX)]
         self._cells = {name: _row(name, online.get(name), offline.get(name)) for name in names}
         self._marks = {n: in_sigma(offline[n], online[n]) for n in names if n in online and n in offline}
         checks = [] if self._solved is None else self._solved.result["checks"]
