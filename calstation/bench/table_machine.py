@@ -61,6 +61,9 @@ SETTLING_TIME = 0.1
 QUICK_STOP_BIT, FAULT_BIT, REMOTE_BIT, REACHED_BIT = 1 << 5, 1 << 3, 1 << 9, 1 << 10
 LIMIT_BIT, HOMED_BIT, MOVING_BIT = 1 << 11, 1 << 12, 1 << 14
 
+SWITCH_BEYOND = np.deg2rad(0.5)
+"""The limit switches lie this far behind the travel: a move to its end is no overtravel, rad."""
+
 
 class TableMachine:
     """State of the controller over the joints.
@@ -233,7 +236,8 @@ class TableMachine:
         if self.homed:
             word |= HOMED_BIT
         angles = self.drive.states(time)[:, 0]
-        if np.any(angles <= np.array(self.limits.low)) or np.any(angles >= np.array(self.limits.high)):
+        beyond = angles - np.clip(angles, self.limits.low, self.limits.high)
+        if np.any(np.abs(beyond) > SWITCH_BEYOND):
             word |= LIMIT_BIT
         return word
 
