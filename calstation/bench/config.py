@@ -20,12 +20,26 @@ OrderName = Literal[
     "drive_fault",
     "limit_fault",
     "stall",
+    "trip_watchdog",
+    "jam",
+    "overshoot",
+    "never_settle",
     "corrupt_frames",
     "drop_frames",
+    "duplicate_frames",
+    "reorder_frames",
+    "noise_bytes",
     "silence_imu",
+    "garble_imu",
+    "saturate_imu",
+    "freeze_channel",
+    "jump_counter",
     "reset_imu",
     "hang_up_imu",
     "mute_table",
+    "slow_table",
+    "garble_table",
+    "refuse_table",
     "brown_out_write",
     "brown_out_commit",
 ]
@@ -34,12 +48,19 @@ OrderName = Literal[
 class Order(BaseModel):
     """A fault on order.
 
-    order : interlock (value 1 closed, 0 open), drive_fault, limit_fault, stall, corrupt_frames (value: how
-        many get a flipped bit), drop_frames (value: how many are not sent), silence_imu (value: seconds
-        without frames), reset_imu, hang_up_imu, mute_table (value: how many requests stay unanswered),
-        brown_out_write, brown_out_commit (value: bytes of registers taken, or of flash burnt, before the unit's
+    order : of the table interlock (value 1 closed, 0 open), drive_fault, limit_fault, stall, trip_watchdog (each trips
+        and latches), jam (its joints stand still and it says nothing), overshoot (degrees that the next move goes too
+        far), never_settle (s);
+        of the stream corrupt_frames (so many get a flipped bit), drop_frames, duplicate_frames, reorder_frames (each
+        changes places with the next), noise_bytes (frames that get noise before them), silence_imu (s),
+        garble_imu (s as at a wrong baud), saturate_imu (s), freeze_channel (its number, 0 to 5), jump_counter (what it
+        counts next), reset_imu;
+        of the links hang_up_imu, mute_table (requests without an answer), slow_table (host seconds that an answer
+        takes, one), garble_table (answers with a flipped bit), refuse_table (the Modbus exception of the next answer);
+        of the supply brown_out_write, brown_out_commit (bytes of registers taken, or of flash burnt, before the unit's
         power breaks down for a moment)
     at : device time, s
+    after : device time from when the order is given, s
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -47,6 +68,7 @@ class Order(BaseModel):
     order: OrderName
     value: float = 1.0
     at: float = 0.0
+    after: NonNegative = 0.0
 
 
 class BenchConfig(BaseModel):
@@ -69,6 +91,7 @@ class BenchConfig(BaseModel):
     watchdog_ms : the table's timeout at power-on, host time
     flash_file : keeps the unit's flash over runs; flash_banks : 2, or 1 for a unit that has no spare
     orders : faults to come
+    report_file : where the bench writes at its end how it was left and which orders it has obeyed
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -122,6 +145,7 @@ class BenchConfig(BaseModel):
     flash_file: Path | None = None
     flash_banks: Literal[1, 2] = 2
     orders: tuple[Order, ...] = ()
+    report_file: Path | None = None
 
     def truth(self) -> BenchTruth:
         """The bench that this configuration and its seed draw."""

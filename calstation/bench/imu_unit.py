@@ -41,6 +41,7 @@ class ImuUnit:
 
     Attributes
     ----------
+    counter : of the next sample
     fails_writing, fails_committing : bytes after which the power breaks down for a moment while registers are
         written, or flash is burnt; None for a sound supply
     """
@@ -74,7 +75,7 @@ class ImuUnit:
     def _start(self, time: float) -> None:
         self.registers = self._flash.load()
         self._started = time
-        self._counter = 0
+        self.counter = 0
 
     def temperature(self, time: float) -> float:
         """Sensor temperature, °C."""
@@ -88,8 +89,8 @@ class ImuUnit:
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
         """Frames of samples that end at `ends`, s, shape (n,); none while it boots or its stream is off."""
         awake = ends > self._started + BOOT_TIME
-        counter = self._counter + np.cumsum(awake) - 1
-        self._counter += int(awake.sum())
+        counter = self.counter + np.cumsum(awake) - 1
+        self.counter += int(awake.sum())
         if not self.streaming or not awake.any():
             return b""
         status = np.where(ends >= self._started + self._ready_time, READY, 0)

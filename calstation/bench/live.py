@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from calstation.bench.config import BenchConfig, Order
-from calstation.bench.imu_frames import STREAM
 from calstation.bench.imu_unit import ImuUnit
+from calstation.bench.stream_faults import StreamFaults
 from calstation.bench.stream_truth import SensorStream
 from calstation.bench.table_drive import TableDrive
 from calstation.bench.table_machine import Fault, TableMachine
@@ -14,7 +14,20 @@ from calstation.bench.table_registers import TableRegisters
 
 TABLE_MODEL = "bench-table"
 
-_FAULTS = {"drive_fault": Fault.DRIVE, "limit_fault": Fault.LIMIT, "stall": Fault.STALL}
+_FAULTS = {
+    "drive_fault": Fault.DRIVE,
+    "limit_fault": Fault.LIMIT,
+    "stall": Fault.STALL,
+    "trip_watchdog": Fault.WATCHDOG,
+}
+_FRAMES = {
+    "corrupt_frames": "corrupt",
+    "drop_frames": "drop",
+    "duplicate_frames": "duplicate",
+    "reorder_frames": "reorder",
+    "noise_bytes": "noise",
+}
+_WHILES = {"silence_imu": "silent_until", "garble_imu": "garbled_until", "saturate_imu": "saturated_until"}
 
 #: Largest joint angle at power-on where it is drawn, rad.
 _START = np.deg2rad(15.0)
@@ -32,7 +45,9 @@ class LiveBench:
     ----------
     now : time of the clock service, s
     sampled : samples produced so far
-    hang_up, mute : called by orders that cut the IMU's link, or leave table requests unanswered
+    faults : of the unit's stream
+    obeyed : orders carried out so far
+    on_link : takes orders that are the links' matter
     """
 
     def __init__(self, config: BenchConfig, host_time: Callable[[], float]) -> None:
@@ -49,11 +64,10 @@ class LiveBench:
         self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
         self._latency, self._jitter = config.latency_s, config.jitter_s
         self._orders = sorted(config.orders, key=lambda order: order.at)
-        self._corrupt = self._drop = 0
-        self._silent_until = -np.inf
+        self.faults = StreamFaults(self._random)
         self.now = 0.0
-        self.hang_up: Callable[[], None] = lambda: None
-        self.mute: Callable[[int], None] = lambda count: None
+        self.obeyed: list[str] = []
+        self.on_link: Callable[[Order], None] = lambda order: None
         self.machine = TableMachine(
             TableDrive(self.truth.encoder, start, encoder_seed),
             config.limits(),
@@ -114,27 +128,38 @@ class LiveBench:
 
     def obey(self, order: Order) -> None:
         """Carry out an order at once."""
-        time, value = self.device_time, order.value
-        if order.order == "interlock":
-            self.machine.set_interlock(value != 0.0, time)
-        elif order.order in _FAULTS:
-            self.machine.trip(_FAULTS[order.order], time)
-        elif order.order == "corrupt_frames":
-            self._corrupt += int(value)
-        elif order.order == "drop_frames":
-            self._drop += int(value)
-        elif order.order == "silence_imu":
-            self._silent_until = time + value
+        time, value, faults, machine = self.device_time, order.value, self.faults, self.machine
+        if order.after > 0.0:
+            later = order.model_copy(update={"after": 0.0, "at": time + order.after})
+            self._orders = sorted([*self._orders, later], key=lambda o: o.at)
+            return
+        self.obeyed.append(order.order)
+        if order.order in _FAULTS:
+            machine.trip(_FAULTS[order.order], time)
+        elif order.order in _FRAMES:
+            setattr(faults, _FRAMES[order.order], int(value))
+        elif order.order in _WHILES:
+            setattr(faults, _WHILES[order.order], time + value)
+        elif order.order == "interlock":
+            machine.set_interlock(value != 0.0, time)
+        elif order.order == "jam":
+            machine.jam(time)
+        elif order.order == "overshoot":
+            machine.overshoot = np.deg2rad(value)
+        elif order.order == "never_settle":
+            machine.restless_until = time + value
+        elif order.order == "freeze_channel":
+            faults.frozen, faults.frozen_until = int(value), np.inf
         elif order.order == "reset_imu":
             self.unit.restart(time)
-        elif order.order == "hang_up_imu":
-            self.hang_up()
-        elif order.order == "mute_table":
-            self.mute(int(value))
+        elif order.order == "jump_counter":
+            self.unit.counter = int(value)
         elif order.order == "brown_out_write":
             self.unit.fails_writing = int(value)
         elif order.order == "brown_out_commit":
             self.unit.fails_committing = int(value)
+        else:
+            self.on_link(order)
 
     def _produce(self, now: float) -> bytes:
         self.now = now
@@ -146,23 +171,8 @@ class LiveBench:
         output = self._stream.produce(count, *self.machine.drive.profiles)
         self.machine.advance(self.device_time)
         ends = np.arange(first + 1, first + count + 1, dtype=np.float64) * interval
-        frames = self.unit.frames(output, ends)
-        if self._corrupt or self._drop or self.device_time < self._silent_until:
-            frames = self._spoil(frames)
-        return frames
-
-    def _spoil(self, frames: bytes) -> bytes:
-        if self.device_time < self._silent_until:
-            return b""
-        size = STREAM.itemsize
-        kept = [bytearray(frames[i : i + size]) for i in range(0, len(frames), size)]
-        dropped = min(self._drop, len(kept))
-        self._drop -= dropped
-        kept = kept[dropped:]
-        for frame in kept[: self._corrupt]:
-            self._corrupt -= 1
-            frame[int(self._random.integers(2, size - 2))] ^= 1 << int(self._random.integers(8))
-        return b"".join(kept)
+        frames = self.unit.frames(self.faults.samples(output, self.device_time), ends)
+        return self.faults.frames(frames, self.device_time)
 
     def _reading_time(self) -> float:
         delay = self._latency + self._jitter * self._random.uniform(-1.0, 1.0)

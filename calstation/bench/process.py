@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 from calstation.bench.clock_link import ClockLink
-from calstation.bench.config import BenchConfig
+from calstation.bench.config import BenchConfig, Order
 from calstation.bench.imu_frames import crc16
 from calstation.bench.imu_link import SocketLine, TerminalLine
 from calstation.bench.live import LiveBench
@@ -16,6 +16,7 @@ from calstation.bench.simulate import Simulator
 from calstation.bench.table_line import TableLine
 from calstation.bench.table_link import TableLink
 from calstation.bench.table_text import LANGUAGES, Axes
+from calstation.bench.table_machine import Power
 from calstation.physics.motion import Dwell, Move, Step
 
 #: Host time between looks of the watchdog and, where time follows the host's, between its steps, s.
@@ -37,8 +38,7 @@ class BenchProcess:
         line_kind = SocketLine if config.imu_transport == "socket" else TerminalLine
         self._line: SocketLine | TerminalLine = line_kind(self._bench.answer)
         self._clock = ClockLink(self._advance, self._bench.obey, self._report, self.stop)
-        self._bench.hang_up = self._line.hang_up
-        self._bench.mute = self._mute
+        self._bench.on_link = self._obey
         self._moving = asyncio.Lock()
         self._moved = asyncio.Condition()
         self._stopped = asyncio.Event()
@@ -65,6 +65,7 @@ class BenchProcess:
             await self._clock.close()
             await self._line.close()
             await self._table.close()
+            self._write_report()
 
     def endpoints(self) -> dict[str, Any]:
         """What is announced: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
@@ -103,8 +104,34 @@ class BenchProcess:
     def _report(self) -> dict[str, Any]:
         return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": self._line.sent}
 
-    def _mute(self, count: int) -> None:
-        self._table.mute += count
+    def _obey(self, order: Order) -> None:
+        """Orders that are the links' matter."""
+        table = self._table
+        if order.order == "hang_up_imu":
+            self._line.hang_up()
+        elif order.order == "mute_table":
+            table.mute += int(order.value)
+        elif isinstance(table, TableLink):
+            if order.order == "slow_table":
+                table.slow = order.value
+            elif order.order == "garble_table":
+                table.garble += int(order.value)
+            elif order.order == "refuse_table":
+                table.refuse = int(order.value)
+
+    def _write_report(self) -> None:
+        if self._config.report_file is not None:
+            machine, time = self._bench.machine, self._bench.device_time
+            report = {
+                "enabled": machine.power is Power.ENABLED,
+                "moving": time < machine.drive.end,
+                "fault": machine.fault.name,
+                "obeyed": self._bench.obeyed,
+                "samples": self._bench.sampled,
+                "time": time,
+                "flash_cycles": self._bench.unit.flash_cycles,
+            }
+            self._config.report_file.write_text(json.dumps(report), encoding="utf-8")
 
 
 def warm_up(config: BenchConfig) -> None:

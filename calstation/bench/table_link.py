@@ -30,11 +30,14 @@ class TableLink:
     ----------
     endpoint : "host:port" of the TCP server, or the path of the terminal
     mute : requests still to be left without an answer
+    slow : host time that the next answer takes, s; refuse : the exception that it is, 0 for none
+    garble : answers still to get a flipped bit
     """
 
     def __init__(self, registers: TableRegisters) -> None:
         self.endpoint = ""
-        self.mute = 0
+        self.mute = self.garble = self.refuse = 0
+        self.slow = 0.0
         self._registers = registers
         self._server: ModbusTcpServer | ModbusSerialServer | None = None
         self._terminals: list[int] = []
@@ -44,7 +47,11 @@ class TableLink:
     async def serve_tcp(self, port: int = 0) -> None:
         """Listen on 127.0.0.1, on a free port where none is told."""
         server = ModbusTcpServer(
-            self._device(), address=("127.0.0.1", port), trace_pdu=self._trace, ignore_missing_devices=False
+            self._device(),
+            address=("127.0.0.1", port),
+            trace_pdu=self._trace,
+            trace_packet=self._spoil,
+            ignore_missing_devices=False,
         )
         await server.serve_forever(background=True)
         self._server = server
@@ -61,7 +68,13 @@ class TableLink:
         loop = asyncio.get_running_loop()
         loop.add_reader(near, _carry(near, far))
         loop.add_reader(far, _carry(far, near))
-        server = ModbusSerialServer(self._device(), port=near_path, baudrate=BAUD, trace_pdu=self._trace)
+        server = ModbusSerialServer(
+            self._device(),
+            port=near_path,
+            baudrate=BAUD,
+            trace_pdu=self._trace,
+            trace_packet=self._spoil,
+        )
         await server.serve_forever(background=True)
         self._server = server
         self.endpoint = far_path
@@ -95,6 +108,12 @@ class TableLink:
     ) -> ExcCodes | None:
         """Called by the server for every request that fits the map, before it touches its copy `current`."""
         registers = self._registers
+        if self.slow:
+            seconds, self.slow = self.slow, 0.0
+            await asyncio.sleep(seconds)
+        if self.refuse:
+            code, self.refuse = self.refuse, 0
+            return ExcCodes(code)
         if values is not None:
             try:
                 registers.write(address, [int(value) for value in values])
@@ -109,6 +128,14 @@ class TableLink:
             registers.refresh()
             current[:SIZE] = registers.words
         return None
+
+    def _spoil(self, sending: bool, data: bytes) -> bytes:
+        """Flip a bit of the check, or over TCP, which has none, of the transaction's number."""
+        if sending and self.garble > 0:
+            self.garble -= 1
+            at = 0 if isinstance(self._server, ModbusTcpServer) else len(data) - 1
+            return data[:at] + bytes([data[at] ^ 0x10]) + data[at + 1 :]
+        return data
 
     def _trace(self, sending: bool, pdu: ModbusPDU) -> ModbusPDU:
         if not sending and self.mute > 0:

@@ -74,6 +74,12 @@ class TableMachine:
     limits : travel and speeds
     interlock_closed : state of the interlock at power-on
     watchdog : timeout, host s, 0 where it is off
+
+    Attributes
+    ----------
+    jammed : something holds the joints
+    restless_until : device time up to which they do not settle, s
+    overshoot : how far the next move goes too far, rad
     """
 
     def __init__(
@@ -93,6 +99,9 @@ class TableMachine:
         self._interlock_closed = interlock_closed
         self._controlword = 0
         self._homing = False
+        self.jammed = False
+        self.restless_until = -np.inf
+        self.overshoot = 0.0
         self._fed: float | None = None
         # Encoders count from wherever they were switched on until homing finds their zero.
         self._zero = drive.states(0.0)[:, 0]
@@ -137,14 +146,20 @@ class TableMachine:
         self.homed = True
         self._zero = np.zeros(2)
 
+    def jam(self, time: float) -> None:
+        """Stand still until a reset; the controller notices nothing and goes on driving."""
+        self._halt(time)
+        self.jammed = True
+
     def settled(self, time: float) -> bool:
         """Both joints at rest, and that for the settling time."""
-        return time >= self.drive.settled + SETTLING_TIME
+        return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.restless_until)
 
     def control(self, word: int, time: float, host_time: float) -> None:
         """Take a controlword: 0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt."""
         reset = bool(word & 0x80) and not self._controlword & 0x80
         self._controlword = word
+        self.jammed &= not reset
         if reset and self._interlock_closed and self.settled(time):
             self.fault = Fault.NONE
         if self.fault is not Fault.NONE:
@@ -190,7 +205,9 @@ class TableMachine:
         if going and self.power is Power.ENABLED:
             return
         self._permit(time)
-        self.drive.move(time, targets, rates, accelerations)
+        beyond, self.overshoot = self.overshoot, 0.0
+        if not self.jammed:
+            self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
         """Start one joint, whatever the other does; its move under way, sent again, changes nothing."""

@@ -47,12 +47,15 @@ def run(
     beyond_attempts: Annotated[
         bool, typer.Option("--beyond-attempts", help="Take a unit whose attempts are used up.")
     ] = False,
+    faults: Annotated[
+        Path | None, typer.Option(help="Virtual bench: what is to go wrong.", metavar="FILE.toml")
+    ] = None,
 ) -> None:
     """Calibrate the unit on the station: one click without a window."""
     from calstation.cli.run import run_command, run_request
 
     request = run_request(_stages(stages), station, product, serial, speed, seed, out, resume)
-    request = replace(request, beyond_attempts=beyond_attempts)
+    request = replace(request, beyond_attempts=beyond_attempts, faults=faults)
     raise typer.Exit(run_command(request, json, yes=yes, debug=bool(context.obj)))
 
 
@@ -105,6 +108,22 @@ def study(
     raise typer.Exit(study_command(grade, seeds, json))
 
 
+@app.command()
+def soak(
+    runs: Annotated[int | None, typer.Option(min=1, help="Calibrations; default: 20.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of units, faults and their moments.")] = 1,
+    json: JsonOption = None,
+    full: Annotated[bool, typer.Option("--full", help="The product's whole schedule in every run.")] = False,
+    keep: Annotated[
+        Path | None, typer.Option(help="Keep logs and results in this folder.", metavar="DIR")
+    ] = None,
+) -> None:
+    """Calibrations back to back on the virtual bench with random faults, judged by its truth."""
+    from calstation.cli.soak import soak_command
+
+    raise typer.Exit(soak_command(runs, seed, json, full=full, keep=keep))
+
+
 registers = typer.Typer(
     help="Registers written into units: list transfers, finish an interrupted one, restore earlier values.",
     no_args_is_help=True,
@@ -150,7 +169,8 @@ def finish(
 def restore(
     serial: SerialArgument,
     transfer: Annotated[
-        str | None, typer.Option(help="As before this transfer of the list; default: the latest.", metavar="ID")
+        str | None,
+        typer.Option(help="As before this transfer of the list; default: the latest.", metavar="ID"),
     ] = None,
     station: StationOption = None,
     product: ProductOption = None,

@@ -1,4 +1,4 @@
-"""Takes samples of a unit that was just restarted: a rest, and a short turn of each joint."""
+"""Takes samples of a unit that was just restarted: two rests upside down to each other, and a turn of each joint."""
 
 from dataclasses import dataclass
 
@@ -17,8 +17,11 @@ from calstation.sequencer.steps import StepRunner
 REST = 10.0
 """Rest over which output is averaged, s."""
 
-TURN = np.deg2rad(30.0)
-_RATE, _ACCELERATION = np.deg2rad(20.0), np.deg2rad(20.0)
+_TURNS = (np.deg2rad(180.0), np.deg2rad(30.0))
+"""Of the outer joint, which turns the unit over where travel allows, and of the inner one, rad."""
+
+_SHORT = np.deg2rad(30.0)
+_RATE, _ACCELERATION = np.deg2rad(40.0), np.deg2rad(40.0)
 _READY_WITHIN = 60.0
 _ATTEMPTS = 3
 
@@ -40,10 +43,10 @@ class Turned:
 class FreshData:
     """Output of the restarted unit.
 
-    rest : mean at rest, gyro rad/s and accel m/s², shape (6,); seconds : of rest; turns : one per joint
+    rests : means at rest, gyro rad/s and accel m/s², each shape (6,); seconds : of each rest; turns : one per joint
     """
 
-    rest: FloatArray
+    rests: tuple[FloatArray, ...]
     seconds: float
     turns: tuple[Turned, ...] = ()
 
@@ -51,7 +54,7 @@ class FreshData:
 def fresh_data(
     pulse: Pulse, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
 ) -> FreshData:
-    """Wait until the unit is ready again, rest, turn each joint a little. The samples are not logged.
+    """Wait until the unit is ready again, rest, turn it over, rest, turn it a little. The samples are not logged.
 
     `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing.
     """
@@ -62,10 +65,10 @@ def fresh_data(
         _READY_WITHIN,
         f"IMU: not ready {_READY_WITHIN:g} s after its restart; switch it off and on",
     )
-    rest = _rest(pulse, acquisition) * scale
-    return FreshData(
-        rest, REST, tuple(_turn(joint, acquisition, runner, geometry, scale) for joint in (0, 1))
-    )
+    first = _rest(pulse, acquisition) * scale
+    outer = _turn(0, acquisition, runner, geometry, scale)
+    second = _rest(pulse, acquisition) * scale
+    return FreshData((first, second), REST, (outer, _turn(1, acquisition, runner, geometry, scale)))
 
 
 def _rest(pulse: Pulse, acquisition: Acquisition) -> FloatArray:
@@ -86,7 +89,12 @@ def _turn(
 ) -> Turned:
     start = runner.position()
     target = list(start)
-    target[joint] += TURN if geometry.limits.within(joint, start[joint] + TURN) else -TURN
+    reachable = [
+        angle
+        for angle in (_TURNS[joint], -_TURNS[joint], _SHORT, -_SHORT)
+        if geometry.limits.within(joint, start[joint] + angle)
+    ]
+    target[joint] += reachable[0] if reachable else 0.0
     limits = geometry.limits
     rate, acceleration = min(_RATE, *limits.rate), min(_ACCELERATION, *limits.acceleration)
     with acquisition.tap() as blocks:
@@ -95,7 +103,9 @@ def _turn(
         raise DeviceFaultError("IMU: no data during a turn; check cable, power and port")
     counts = np.concatenate([block.counts for block in blocks])
     period = (blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
-    turned = rotation_vector(geometry.body_to_home(*start).T @ geometry.body_to_home(*runner.position()))
+    # Twice half the turn: of half a revolution nobody could tell which way round it went.
+    half = [0.5 * (a + b) for a, b in zip(start, runner.position(), strict=True)]
+    turned = 2.0 * rotation_vector(geometry.body_to_home(*start).T @ geometry.body_to_home(*half))
     return Turned(turned, counts[:, :3].mean(axis=0) * scale[:3], float(period * len(counts)))
 
 

@@ -3,7 +3,7 @@
 import json
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from calstation.errors import DeviceFaultError
@@ -81,6 +81,10 @@ class BenchClock:
     def idle(self, seconds: float) -> None:
         """Let host time pass; virtual time stands still unless it follows host time."""
         time.sleep(seconds)
+
+    def order(self, order: Mapping[str, Any]) -> None:
+        """Have the bench carry out a fault, now or after a while."""
+        self._ask(dict(order))
 
     def close(self) -> None:
         """Hang up."""

@@ -64,33 +64,64 @@ def prove(
     """
     values = np.array([(registers or {}).get(name, 0.0) for name in NAMES])
     correction = compensation(values)
-    omega, force = (v[0] for v in compensate(correction, fresh.rest[None, :3], fresh.rest[None, 3:]))
+    rests = np.array(fresh.rests)
+    omega, force = compensate(correction, rests[:, :3], rests[:, 3:])
     site, seconds = context.site, fresh.seconds
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
     imu, table = context.imu, context.table
     force_noise = np.hypot(imu.accel_vrw / np.sqrt(seconds), np.sqrt(2.0) * table.velocity_sigma / seconds)
     rate_noise = imu.gyro_arw / np.sqrt(seconds)
     checks = [
-        Proven(
-            "gravity",
-            float(np.linalg.norm(force)),
-            gravity,
-            _tolerance(covariance, "accel", force, force_noise, imu.accel_bias_instability),
-            "m/s²",
-        ),
-        Proven(
-            "earth_rate",
-            float(np.linalg.norm(omega)),
-            RATE,
-            _tolerance(covariance, "gyro", omega, rate_noise, imu.gyro_bias_instability),
-            "rad/s",
-        ),
+        Proven(name, float(np.linalg.norm(vector)), expected, tolerance, unit)
+        for f, w in zip(force, omega, strict=True)
+        for name, vector, expected, tolerance, unit in (
+            (
+                "gravity",
+                f,
+                gravity,
+                _tolerance(covariance, "accel", f, force_noise, imu.accel_bias_instability),
+                "m/s²",
+            ),
+            (
+                "earth_rate",
+                w,
+                RATE,
+                _tolerance(covariance, "gyro", w, rate_noise, imu.gyro_bias_instability),
+                "rad/s",
+            ),
+        )
     ]
     scale_sigma = float(np.sqrt(np.diag(covariance)[group_indices("gyro_scale")].max()))
+    if len(rests) > 1:
+        checks.append(_earth_rate_up(omega, force, covariance, context, rate_noise, scale_sigma))
     for name, turn in zip(("outer", "inner"), fresh.turns, strict=False):
         rate, _ = compensate(correction, turn.rate[None], np.zeros((1, 3)))
         checks += _turn(name, turn, rate[0], scale_sigma, context)
     return tuple(checks)
+
+
+def _earth_rate_up(
+    omega: FloatArray,
+    force: FloatArray,
+    covariance: FloatArray,
+    context: SolveContext,
+    noise: float,
+    scale_sigma: float,
+) -> Proven:
+    """The earth's rate about the vertical, of two rests upside down to each other: a gyro's bias is not in it.
+
+    It shows a wrong latitude, and with it a wrong normal gravity.
+    """
+    up = force / np.linalg.norm(force, axis=1, keepdims=True)
+    left = up.mean(axis=0)  # what of the biases the turn does not cancel
+    biases = group_indices("gyro_bias")
+    bias = float(np.sqrt(max(left @ covariance[np.ix_(biases, biases)] @ left, 0.0)))
+    wander = _WANDER * context.imu.gyro_bias_instability
+    sigma = np.sqrt(bias**2 + noise**2 / 2.0 + wander**2 + (scale_sigma * RATE) ** 2)
+    value = float((omega * up).sum(axis=1).mean())
+    return Proven(
+        "earth_rate_up", value, RATE * float(np.sin(context.site.latitude)), SIGMAS * float(sigma), "rad/s"
+    )
 
 
 def refuted(check: Proven, so: str) -> DeviceFaultError:

@@ -22,6 +22,7 @@ class RunRequest:
         and with its stages and schedule; `stages`, `schedule`, `out` and `seed` do not count then
     unfinished : what to do about an interrupted transfer of the unit's registers, "finish" or "restore"; None refuses
         the run and tells the offers
+    faults : plan of what goes wrong on the virtual bench (`fault_plan`); None for the station file's
     beyond_attempts : an engineer allows a unit whose attempts are used up
     schedule : parameters of stages' methods in place of the product's, by stage; None for the product's
     """
@@ -37,4 +38,5 @@ class RunRequest:
     schedule: Mapping[str, Mapping[str, Any]] | None = None
     resume: Path | None = None
     beyond_attempts: bool = False
+    faults: Path | None = None
     unfinished: Literal["finish", "restore"] | None = None

@@ -20,8 +20,10 @@ from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
 from calstation.sequencer.task import Ended
 from calstation.station.advice import advice, check_attempts
+from calstation.station.clock import BenchClock
 from calstation.station.conclusion import Conclusion
 from calstation.station.config import load_station
+from calstation.station.fault_plan import FaultInjector
 from calstation.station.handover import HandOver, expect
 from calstation.station.history import History
 from calstation.station.incomplete import settle_incomplete
@@ -109,6 +111,7 @@ class _Run:
         def tell(solution: Solution) -> None:
             for event in told(solution):
                 self.tell(event)
+            self.log.sync()
 
         return before.copy(self.log, self.chain, self.hear, tell)
 
@@ -130,22 +133,27 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     history.refresh()
     failures = history.failures(request.serial)
     check_attempts(setup.product, request.serial, failures, request.beyond_attempts)
+    injector = FaultInjector(setup.faults, folder)
+    if setup.faults.fault:
+        emit = injector.listening(emit)
     place = _Place(setup, folder, history, emit, control, before, datetime.now(UTC))
     place.meta(None)
     hand_over = HandOver(folder, load_station(request.station)[0], setup.station, emit)
     hand_over.start()
     try:
         with one_blas_thread():
-            _connect(place)
+            _connect(place, injector)
     finally:
         hand_over.finish()
 
 
-def _connect(place: _Place) -> None:
+def _connect(place: _Place, injector: FaultInjector) -> None:
     """Open the devices and run; a run that finds none has an empty log and the result ``fault``."""
     run: _Run | None = None
     try:
         with connected(place.setup) as devices:
+            if isinstance(devices.clock, BenchClock):
+                injector.order = devices.clock.order
             settle(devices.imu, devices.clock, place.setup, place.folder, place.emit)
             meta = place.meta(devices.imu.read_registers())
             run = _Run(place, meta, place.log(meta), StageChain(meta))

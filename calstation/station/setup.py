@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,7 @@ from calstation.station.config import (
     load_station,
     schedule_values,
 )
+from calstation.station.fault_plan import FaultPlan, load_fault_plan
 from calstation.station.request import RunRequest
 from procedures import method
 
@@ -51,6 +52,7 @@ class Setup:
     """A checked run: its request, configuration files and profiles; `schedules` by stage, validated.
 
     texts, files : of the station, product, table and imu files
+    faults : what is to go wrong on the virtual bench
     """
 
     request: RunRequest
@@ -62,6 +64,7 @@ class Setup:
     schedules: dict[str, BaseModel]
     texts: dict[str, str]
     files: dict[str, FileSection] = field(default_factory=dict)
+    faults: FaultPlan = FaultPlan()
 
     @property
     def after_registers(self) -> bool:
@@ -152,13 +155,13 @@ class Setup:
             "inner_axis": table.inner_axis,
             "low_deg": [table.outer.low_deg, table.inner.low_deg],
             "high_deg": [table.outer.high_deg, table.inner.high_deg],
-            **self.station.bench,
+            **{name: value for name, value in self.station.bench.items() if name != "faults"},
         }
         if self.request.seed is not None:
             told["seed"] = self.request.seed
         if self.request.speed is not None:
             told["speed"] = self.request.speed
-        return told
+        return self.faults.bench(told)
 
     def task(self, meta: LogMeta) -> Task:
         """What the sequencer is to do."""
@@ -234,6 +237,7 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
         texts=texts,
         files={kind: _file(kind, path, texts[kind]) for kind, path in paths.items()},
     )
+    setup = replace(setup, faults=_faults(setup, station_path))
     _check_bench(setup, station_path)
     _check_targets("targets", product.targets, product_path)
     for stage, schedule in setup.schedules.items():
@@ -261,6 +265,21 @@ def _check_serial(setup: Setup, product_path: Path) -> None:
             f"--serial '{setup.request.serial}' does not fit the pattern '{pattern}' of {product_path}; "
             "correct the number or choose another --product"
         )
+
+
+def _faults(setup: Setup, station_path: Path) -> FaultPlan:
+    """The plan of the request, or that named beside the station file's bench."""
+    path = setup.request.faults
+    if setup.station.bench is None:
+        if path is not None:
+            raise ConfigurationError(
+                f"--faults belongs to the virtual bench; {station_path} is hardware, leave it out"
+            )
+        return FaultPlan()
+    named = setup.station.bench.get("faults")
+    if path is None and named is not None:
+        path = station_path.parent / str(named)
+    return FaultPlan() if path is None else load_fault_plan(path)
 
 
 def _check_bench(setup: Setup, station_path: Path) -> None:

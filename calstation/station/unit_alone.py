@@ -72,7 +72,7 @@ def _checks(imu: Imu, clock: Clock, setup: Setup, done: Transferred) -> tuple[Pr
     context = context_from_meta(meta)
     rest = _rest(imu, clock, setup.imu.status.ready, round(REST * context.imu.sample_rate))
     registers = None if setup.after_registers else done.found
-    fresh = FreshData(rest * to_si(context.imu), REST)
+    fresh = FreshData((rest * to_si(context.imu),), REST)
     return prove(fresh, registers, prior_from_meta(meta).covariance, context)
 
 

@@ -1,0 +1,184 @@
+"""Was a run of a soak right? Its verdict against the bench's truth, its records, how the table was left."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from calstation.bench.config import BenchConfig
+from calstation.errors import CalstationError
+from calstation.physics.parameters import INDEX
+from calstation.records.log import open_log
+from calstation.station.fault_plan import HOST, SET_UP
+from calstation.station.incomplete import settle_incomplete
+from calstation.station.request import RunRequest
+from calstation.station.setup import Setup, configured
+
+if TYPE_CHECKING:
+    from calstation.station.soak import Planned
+
+SIGMAS = 6.0
+"""A parameter further from the truth than so many of its own sigmas is wrong."""
+
+_OUTCOMES = ("passed", "failed", "stopped", "fault", "incomplete")
+_VERDICTS = ("passed", "failed")
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A run of a soak as it really was.
+
+    Attributes
+    ----------
+    injected : kinds of faults that did happen
+    wrong : what is wrong with its verdict; lost : what of its records is missing
+    unsafe : the table was left moving or with its axes on
+    samples, samples_lost : in its log, and missing between them
+    engine_mb, parent_mb : peak of resident memory
+    """
+
+    planned: "Planned"
+    outcome: str
+    error: str | None
+    injected: tuple[str, ...]
+    wrong: tuple[str, ...]
+    lost: tuple[str, ...]
+    unsafe: bool
+    samples: int
+    samples_lost: int
+    engine_mb: float
+    parent_mb: float
+    seconds: float
+
+    @property
+    def recovered(self) -> bool:
+        """A verdict in spite of faults."""
+        return bool(self.injected) and self.outcome in _VERDICTS
+
+    @property
+    def stopped_safely(self) -> bool:
+        """No verdict because of faults, and the table at rest with its axes off."""
+        return bool(self.injected) and self.outcome in _OUTCOMES and not (self.recovered or self.unsafe)
+
+
+def judge_run(
+    planned: "Planned", request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
+) -> Judged:
+    """Look at what a run left behind. `report` : of the bench, missing where it died with its engine."""
+    from calstation.station.soak import resident_mb
+
+    bench = _read(report)
+    kinds = [kind for kind, _ in planned.faults]
+    died = "engine_killed" in kinds and bench.get("enabled", True)
+    happened = [kind for kind in kinds if kind in bench.get("obeyed", ()) or kind in SET_UP]
+    result, lost = _records(request, died)
+    outcome = "hung" if hung else str(result.get("outcome", "lost"))
+    happened += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
+    happened += [
+        kind for kind in kinds if kind in ("operator_stop", "window_killed") and outcome == "stopped"
+    ]
+    samples, missing = _samples(result)
+    return Judged(
+        planned=planned,
+        outcome=outcome,
+        error=result.get("error"),
+        injected=tuple(happened),
+        wrong=tuple(_wrong(planned, request, result, outcome, bool(happened))),
+        lost=tuple(lost),
+        unsafe=not died and bool(bench.get("enabled") or bench.get("moving")),
+        samples=samples,
+        samples_lost=missing,
+        engine_mb=engine_mb,
+        parent_mb=resident_mb(os.getpid()),
+        seconds=seconds,
+    )
+
+
+def _records(request: RunRequest, died: bool) -> tuple[dict[str, Any], list[str]]:
+    """The run's result, and what is missing of its records."""
+    logs = sorted(request.out.glob(f"{request.serial}_*.h5"))
+    if not logs:
+        return {}, ["no log"]
+    path = logs[-1]
+    if died:
+        os.utime(path, (0.0, 0.0))
+        settle_incomplete(request.out)
+    result = _read(path.with_suffix(".json"))
+    if result.get("outcome") not in _OUTCOMES:
+        return result, ["no result"]
+    try:
+        log = open_log(path)
+        facts = log.facts()
+    except CalstationError as error:
+        return result, [f"log: {error}"]
+    lost = []
+    if facts.sha256 != result["log"]["sha256"]:
+        lost.append("the log is not the one that the result is of")
+    if log.outcome != (None if result["outcome"] == "incomplete" else result["outcome"]):
+        lost.append(f"the log ends as {log.outcome}, the result as {result['outcome']}")
+    return result, lost
+
+
+def _wrong(
+    planned: "Planned", request: RunRequest, result: dict[str, Any], outcome: str, faults: bool
+) -> list[str]:
+    if outcome == "hung":
+        return ["it hung"]
+    if outcome == "failed" and not planned.faulty_unit and not faults:
+        missed = [check["name"] for check in result["checks"] if not check["passed"]]
+        return [f"a good unit failed without a fault: {', '.join(missed)}"]
+    if outcome != "passed":
+        return []
+    setup, _ = configured(request)
+    truth = BenchConfig.model_validate(setup.bench_config()).truth().imu.parameters
+    return [*_off(result, truth), *_outside(setup, result, truth)]
+
+
+def _off(result: dict[str, Any], truth: np.ndarray) -> list[str]:
+    found = []
+    for name, row in result["parameters"].items():
+        away = abs(row["value"] - truth[INDEX[name]]) / row["sigma"]
+        if away > SIGMAS:
+            found.append(f"passed with {name} off by {away:.1f} sigma")
+    return found
+
+
+def _outside(setup: Setup, result: dict[str, Any], truth: np.ndarray) -> list[str]:
+    """Parameters that were found and judged inside their limits, and truly are not by more than their sigma allows."""
+    found = []
+    for check in result["checks"]:
+        name, _, kind = check["name"].rpartition(" ")
+        if kind == "within" and name in result["parameters"]:
+            low, high = check["limit"]
+            room = SIGMAS * result["parameters"][name]["sigma"]
+            if not low - room <= truth[INDEX[name]] <= high + room:
+                found.append(f"passed with {name} outside its limits")
+    return found
+
+
+def _samples(result: dict[str, Any]) -> tuple[int, int]:
+    """Samples in a run's log, and those missing between them."""
+    if "log" not in result:
+        return 0, 0
+    count = missing = 0
+    last: int | None = None
+    try:
+        for block in open_log(Path(result["log"]["file"])).blocks():
+            seq = block.seq if last is None else np.concatenate(([last], block.seq))
+            missing += int((np.diff(seq) - 1).sum())
+            count += len(block)
+            last = int(block.seq[-1])
+    except CalstationError:
+        return count, missing
+    return count, missing
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return content
