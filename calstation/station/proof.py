@@ -128,8 +128,9 @@ def refuted(check: Proven, so: str) -> DeviceFaultError:
     """The fault of a unit whose corrected output is wrong; `so` : what became of its registers."""
     return DeviceFaultError(
         f"IMU: with its new registers {check.name} measures {check.value:.6g} {check.unit}, expected"
-        f" {check.expected:.6g} within {check.tolerance:.2g}; {so}; look whether the table was disturbed and"
-        " whether the IMU profile's registers mean what the unit makes of them, then run again"
+        f" {check.expected:.6g} within {check.tolerance:.2g}; {so}; look whether the table was disturbed,"
+        " whether latitude and gravity in the station file are right, and whether the IMU profile's registers"
+        " mean what the unit makes of them; then run again"
     )
 
 
