@@ -95,14 +95,14 @@ def overview(tell: Callable[..., None], path: Path, folder: Path) -> Overview:
     total = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
     scale = _scale(log.meta)
     gathered = _Gathered()
-    held = np.full(2, np.nan)
+    held, last = np.full(2, np.nan), -1
     try:
         folder.mkdir(parents=True)
         writer = PictureWriter(folder, keep_samples=path.suffix != SUFFIX)
         done = 0
         for block in log.blocks():
-            angles = _held(np.rad2deg(block.angles), held)
-            held = angles[-1]
+            angles = _held(np.rad2deg(block.angles), block.seq, held, last)
+            held, last = angles[-1], int(block.seq[-1])
             writer.add(block.seq, np.hstack([block.counts * scale, angles]).astype(np.float32))
             gathered.add(block)
             done += len(block)
@@ -126,7 +126,7 @@ def samples(
     if path.suffix == SUFFIX:
         rows = raw_rows(path, before, stop)
         seq = rows["seq"]
-        angles = _held(np.rad2deg(rows["angles"]), np.full(2, np.nan))
+        angles = _held(np.rad2deg(rows["angles"]), seq, np.full(2, np.nan), -1)
         values = np.hstack([rows["counts"] * scale, angles]).astype(np.float32)
     else:
         kept = Picture(folder).samples(before, stop)
@@ -142,11 +142,15 @@ def _scale(meta: LogMeta) -> FloatArray:
     return np.repeat([gyro, accel], 3)
 
 
-def _held(angles: FloatArray, before: FloatArray) -> FloatArray:
-    """Angles, shape (n, 2), with each gap between polls filled from the poll before it, the first from `before`."""
+def _held(angles: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
+    """Angles, shape (n, 2), held from poll to poll, but not over samples that are missing.
+
+    before, last_seq : angles held at the sample before the first of these, and its sequence number
+    """
     filled = np.vstack([before, angles])
+    parted = np.diff(seq, prepend=last_seq) != 1
     for column in range(2):
-        known = ~np.isnan(filled[:, column])
+        known = ~np.isnan(filled[:, column]) | np.concatenate([[False], parted])
         last = np.maximum.accumulate(np.where(known, np.arange(len(filled)), 0))
         filled[:, column] = filled[last, column]
     return filled[1:]

@@ -132,7 +132,7 @@ def page(app: AppContext, qtbot: QtBot) -> Iterator[OfflinePage]:
     made.show()
     qtbot.waitExposed(made)
     yield made
-    for watch in (made.reader, made.solver, made.exporter):
+    for watch in (made.reader, made.solver, made.exports.watch):
         watch.cancel()
 
 

@@ -12,7 +12,7 @@ from calstation.estimation.samples import SampleBlock
 from calstation.records.convert import export_csv
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.station.overview import Overview, overview, samples
+from calstation.station.overview import Overview, _held, overview, samples
 from calstation.station.picture import BINS, Picture
 
 RATE = 100.0
@@ -155,6 +155,20 @@ def test_angles_are_held_between_polls(seen: Overview) -> None:
     fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
     np.testing.assert_allclose(fine.low[:, 6], 10.0, rtol=1e-6)
     np.testing.assert_allclose(Picture(seen.folder).columns(START, START + 90_000, 100).high[:, 7], -20.0)
+
+
+def test_angles_are_not_held_over_a_gap(log: Path, tmp_path: Path) -> None:
+    seen = overview(told, log, tmp_path / "picture")
+    start, stop = Picture(seen.folder).rows(START + 8_990, START + 9_045)
+    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    known = ~np.isnan(fine.low[:, 6])
+    assert known[fine.seq <= START + 8_999].all()
+    assert known[fine.seq >= START + 9_040].all()  # polled at once here
+    part = block("rate", START + np.arange(100, 200), 0)
+    part.angles[:50] = np.nan
+    held = _held(part.angles, part.seq, np.ones(2), START + 90)
+    assert np.isnan(held[:50]).all()
+    assert not np.isnan(held[60:]).any()
 
 
 def test_progress_reaches_the_end(log: Path, tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """What a log is in one line, and the buttons that zoom it."""
 
 from PySide6.QtCore import QEvent, QRectF, Qt, Signal
-from PySide6.QtGui import QPainter, QPixmap
+from PySide6.QtGui import QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from calstation.gui import theme
@@ -22,8 +22,7 @@ class LogHead(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._overview: Overview | None = None
-        self._facts = QLabel()
-        self._facts.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self._facts = _Elided()
         self._signs = {kind: (QLabel(), QLabel()) for kind in ("gap", "spoilt")}
         self._buttons = {
             name: QPushButton()
@@ -81,7 +80,7 @@ class LogHead(QWidget):
             self.tr("{0} samples at {1} Hz").format(f"{facts.samples:,}".replace(",", " "), f"{log.rate:g}")
         )
         self._facts.setText("  ·  ".join(parts))
-        self._facts.setToolTip(str(log.path))
+        self._facts.setToolTip(self._facts.text())
         for kind, count, word in (
             ("gap", log.gaps.count, self.tr("gaps: {0}")),
             ("spoilt", log.spoilt_samples, self.tr("spoilt samples: {0}")),
@@ -97,6 +96,19 @@ class LogHead(QWidget):
         if event.type() in (QEvent.Type.LanguageChange, QEvent.Type.PaletteChange):
             self.retranslate()
         super().changeEvent(event)
+
+
+class _Elided(QLabel):
+    """A label that gives way, and says with dots that it did."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw as much as there is room for."""
+        text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, self.width())
+        QPainter(self).drawText(self.rect(), Qt.AlignmentFlag.AlignVCenter, text)
 
 
 def _sign(kind: str) -> QPixmap:

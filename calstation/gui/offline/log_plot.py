@@ -1,6 +1,5 @@
 """A whole log drawn at once: gyro, accelerometer and table angles over time, zoomable down to the sample."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,12 @@ from PySide6.QtGui import QColor, QKeyEvent, QPen
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from calstation.gui import theme, wording
+from calstation.gui.offline.log_columns import LogColumns, Wanted, parted
 from calstation.gui.offline.marks import Backdrop, Marked, Strip
 from calstation.gui.offline.range_item import RangeItem
 from calstation.gui.offline.time_axis import TimeAxis
 from calstation.station.overview import Overview
-from calstation.station.picture import BINS, CHANNELS, Columns, Picture, group_of, joined
+from calstation.station.picture import CHANNELS, Columns
 
 _PLOTS = ((0, 3), (3, 6), (6, 8))
 """Channels of each plot: gyro, accelerometer, angles."""
@@ -30,17 +30,6 @@ _NOTE = 28
 _ZOOM = 0.5
 _STEP = 0.2
 """Of the view, what an arrow key moves it."""
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """Rows `start` to `stop` of a log in at most `count` columns; they hold sequence numbers `first` to `last`."""
-
-    first: int
-    last: int
-    start: int
-    stop: int
-    count: int
 
 
 class LogPlot(QWidget):
@@ -66,8 +55,7 @@ class LogPlot(QWidget):
         box.setContentsMargins(0, 0, 0, 0)
         box.addWidget(self._graph)
         self._overview: Overview | None = None
-        self._picture: Picture | None = None
-        self._fine: tuple[Wanted, Columns] | None = None
+        self._columns: LogColumns | None = None
         self._length = 1.0
         self._layers: list[Backdrop | Strip] = []
         self._ranges: list[RangeItem] = []
@@ -101,8 +89,7 @@ class LogPlot(QWidget):
     def show_log(self, overview: Overview) -> None:
         """Draw a log, all of it."""
         self._overview = overview
-        self._picture = Picture(overview.folder)
-        self._fine = None
+        self._columns = LogColumns(overview)
         facts = overview.facts
         self._length = (facts.last_seq + 1 - facts.first_seq) / overview.rate
         pad = _MARGIN * self._length
@@ -123,7 +110,7 @@ class LogPlot(QWidget):
 
     def close_log(self) -> None:
         """Draw nothing."""
-        self._overview = self._picture = self._fine = None
+        self._overview = self._columns = None
         for curve in self._curves:
             curve.clear()
         for layer in self._layers:
@@ -141,8 +128,9 @@ class LogPlot(QWidget):
 
     def show_samples(self, wanted: Wanted, columns: Columns) -> None:
         """Single samples that were asked for."""
-        self._fine = (wanted, columns)
-        self._changed()
+        if self._columns is not None:
+            self._columns.keep(wanted, columns)
+            self._changed()
 
     @property
     def view(self) -> tuple[float, float]:
@@ -328,52 +316,22 @@ class LogPlot(QWidget):
 
     def draw(self) -> None:
         """Draw what is in view."""
-        if self._overview is None or self._picture is None:
+        if self._overview is None or self._columns is None:
             return
         left, right = self.view
         count = max(64, round(self._plots[0].getViewBox().width()))
-        columns = self._columns(self._seq(left), self._seq(right), count)
+        columns, wanted = self._columns.view(self._seq(left), self._seq(right), count)
+        if wanted is not None:
+            self.samples_wanted.emit(wanted)
         self._drawn = columns.samples
-        x = (columns.seq - self._overview.facts.first_seq) / self._overview.rate
-        lost = np.diff(columns.seq) - columns.samples
         wide = (right - left) * self._overview.rate / count
-        breaks = 2 * (np.flatnonzero(lost > wide) + 1)
-        x = np.insert(np.repeat(x, 2), breaks, np.nan)
+        seq, low, high = parted(columns, wide)
+        x = np.repeat((seq - self._overview.facts.first_seq) / self._overview.rate, 2)
         for plot, (start, stop) in zip(self._plots, _PLOTS, strict=True):
             for channel in range(start, stop):
-                y = np.column_stack([columns.low[:, channel], columns.high[:, channel]]).ravel()
-                self._curves[channel].setData(x, np.insert(y, breaks, np.nan))
+                y = np.column_stack([low[:, channel], high[:, channel]]).ravel()
+                self._curves[channel].setData(x, y)
             _fit(plot, columns, start, stop)
-
-    def _columns(self, first: int, last: int, count: int) -> Columns:
-        """The columns in view, of single samples where these are there and wanted."""
-        assert self._picture is not None
-        assert self._overview is not None
-        columns = self._picture.columns(first, last, count)
-        if columns.samples > BINS[0] or len(columns) >= count // 2:
-            return columns
-        facts = self._overview.facts
-        if self._fine is not None:
-            wanted, fine = self._fine
-            if (
-                wanted.first <= first
-                and last <= wanted.last
-                and fine.samples <= max(1, (last - first) // count)
-            ):
-                return _between(fine, first, last, count)
-        width = last - first
-        reach = max(facts.first_seq, first - width), min(facts.last_seq, last + width)
-        self.samples_wanted.emit(Wanted(*reach, *self._picture.rows(*reach), 8 * count))
-        return columns
-
-
-def _between(columns: Columns, first: int, last: int, count: int) -> Columns:
-    """The columns that hold a range, joined to at most `count`."""
-    start = max(0, int(columns.seq.searchsorted(first, side="right")) - 1)
-    stop = int(columns.seq.searchsorted(last, side="right")) + 1
-    k = slice(start, stop)
-    group = group_of(len(columns.seq[k]), count)
-    return joined(columns.seq[k], columns.low[k], columns.high[k], group, columns.samples)
 
 
 def _fit(plot: Any, columns: Columns, start: int, stop: int) -> None:

@@ -5,12 +5,10 @@ import tempfile
 import weakref
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QMimeData, Qt
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
-    QFileDialog,
     QHBoxLayout,
     QLabel,
     QPushButton,
@@ -23,8 +21,10 @@ from PySide6.QtWidgets import (
 from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.offline.comparison import Comparison
+from calstation.gui.offline.exports import Exports
+from calstation.gui.offline.log_columns import Wanted
 from calstation.gui.offline.log_head import LogHead
-from calstation.gui.offline.log_plot import LogPlot, Wanted
+from calstation.gui.offline.log_plot import LogPlot
 from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.offline.range_bar import RangeBar
 from calstation.gui.offline.source_bar import SourceBar
@@ -36,7 +36,7 @@ from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.gui.wording import word_stage
-from calstation.station.offline_solve import drop_partial, export_log, export_result, offline_solve
+from calstation.station.offline_solve import offline_solve
 from calstation.station.overview import Overview, overview, samples
 from calstation.station.picture import Columns
 from calstation.station.resolve import Resolved
@@ -57,9 +57,8 @@ class OfflinePage(Page):
         self._pictures: Path | None = None
         self._picture: Path | None = None
         self._opened = 0
-        self._export_target: Path | None = None
-        self.reader, self.solver, self.exporter = JobWatch(self), JobWatch(self), JobWatch(self)
-        self._closer, self._sweeper = JobWatch(self), JobWatch(self)
+        self.reader, self.solver, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
+        self.exports = Exports(app.workshop, self)
         self._wanted: Wanted | None = None
         self.source = SourceBar(app.settings)
         self.notice = NoticeBar()
@@ -86,7 +85,7 @@ class OfflinePage(Page):
 
     def open(self, path: Path) -> None:
         """Read a log and draw it; one that was open is closed."""
-        if self.solver.busy or self.exporter.busy:
+        if self.solver.busy or self.exports.watch.busy:
             self._tell(
                 "caution",
                 str,
@@ -118,28 +117,6 @@ class OfflinePage(Page):
         spans = self.log.spans
         self.solver.watch(self.app.workshop.submit(offline_solve, self.log.path, stages, first, last, spans))
         self._allow()
-
-    def save_log(self) -> None:
-        """Ask where to, then export the log as CSV and TOML."""
-        assert self.log is not None
-        name = self.log.path.name.removesuffix(".gz").removesuffix(".csv").removesuffix(".h5")
-        self._ask_where(
-            self.tr("Export the log"),
-            self.log.path.with_name(f"{name}-export.csv"),
-            ["CSV (*.csv)", self.tr("Compressed CSV (*.csv.gz)")],
-            self._export_log,
-        )
-
-    def save_result(self) -> None:
-        """Ask where to, then export the solution as JSON or CSV."""
-        assert self.log is not None
-        name = self.log.path.name.removesuffix(".gz").removesuffix(".csv").removesuffix(".h5")
-        self._ask_where(
-            self.tr("Export the result"),
-            self.log.path.with_name(f"{name}-offline.json"),
-            ["JSON (*.json)", self.tr("Parameters as CSV (*.csv)")],
-            self._export_result,
-        )
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         """Take a file that may be a log."""
@@ -199,7 +176,7 @@ class OfflinePage(Page):
         self.solve_button = QPushButton()
         self.solve_button.setObjectName("solve_button")
         self.solve_button.setProperty("kind", "primary")
-        self._solving, self._exporting = JobRow(self.solver), JobRow(self.exporter)
+        self._solving, self._exporting = JobRow(self.solver), JobRow(self.exports.watch)
         self._solving.cancel_button.setObjectName("solve_cancel_button")
         self._exporting.cancel_button.setObjectName("export_cancel_button")
         self._action = QStackedWidget()
@@ -228,8 +205,8 @@ class OfflinePage(Page):
         self.app.open_log.connect(self.open)
         self.source.chosen.connect(self.open)
         self.solve_button.clicked.connect(self.solve)
-        self.result_button.clicked.connect(self.save_result)
-        self.log_button.clicked.connect(self.save_log)
+        self.result_button.clicked.connect(self._export_result)
+        self.log_button.clicked.connect(self._export_log)
         self.plot.range_moved.connect(self._dragged)
         self.plot.samples_wanted.connect(self._close_up)
         self.plot.pointed.connect(self._point)
@@ -244,9 +221,10 @@ class OfflinePage(Page):
         self.solver.done.connect(self._found)
         self.solver.failed.connect(self._unsolved)
         self.solver.cancelled.connect(self._allow)
-        self.exporter.done.connect(self._exported)
-        self.exporter.failed.connect(self._not_exported)
-        self.exporter.cancelled.connect(self._export_cancelled)
+        self.exports.began.connect(self._exporting_began)
+        self.exports.watch.done.connect(self._exported)
+        self.exports.watch.failed.connect(self._not_exported)
+        self.exports.watch.cancelled.connect(self._allow)
         self._closer.done.connect(self._closed_up)
         opener = QShortcut(QKeySequence.StandardKey.Open, self, self.source.look)
         opener.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
@@ -286,18 +264,26 @@ class OfflinePage(Page):
             lambda: self.tr("This range cannot be solved"), error, self.log.path if self.log else None
         )
 
+    def _export_log(self) -> None:
+        assert self.log is not None
+        self.exports.ask_log(self.log)
+
+    def _export_result(self) -> None:
+        assert self.log is not None
+        assert self.solved is not None
+        self.exports.ask_result(self.log, self.solved.result)
+
+    def _exporting_began(self) -> None:
+        self.notice.dismiss()
+        self._allow()
+
     def _exported(self, target: Path) -> None:
         self._allow()
         self._tell("good", lambda: self.tr("Written"), lambda: str(target))
 
     def _not_exported(self, error: str) -> None:
         self._allow()
-        self._complain(lambda: self.tr("The export failed"), error, self._export_target)
-
-    def _export_cancelled(self) -> None:
-        assert self._export_target is not None
-        self._sweeper.watch(self.app.workshop.submit(drop_partial, self._export_target))
-        self._allow()
+        self._complain(lambda: self.tr("The export failed"), error, self.exports.target)
 
     def _dragged(self, first: int, last: int) -> None:
         self.range.set_range(first, last)
@@ -332,43 +318,13 @@ class OfflinePage(Page):
         stage = next((word_stage(s.stage) for s in log.spans if s.first_seq <= seq <= s.last_seq), "")
         self._pointer.setText(self.tr("Sample {0}").format(seq) + f"   {time}   {stage}")
 
-    # Exports
-
-    def _ask_where(self, title: str, proposed: Path, kinds: list[str], act: Callable[[Path], None]) -> None:
-        dialog = QFileDialog(self, title, str(proposed.parent))
-        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
-        dialog.setFileMode(QFileDialog.FileMode.AnyFile)
-        dialog.setNameFilters(kinds)
-        dialog.selectFile(proposed.name)
-        dialog.filterSelected.connect(lambda kind: dialog.setDefaultSuffix(_suffix(kind)))
-        dialog.setDefaultSuffix(_suffix(kinds[0]))
-        dialog.fileSelected.connect(lambda name: act(Path(name)))
-        dialog.finished.connect(dialog.deleteLater)
-        dialog.open()
-
-    def _export_log(self, target: Path) -> None:
-        assert self.log is not None
-        log = self.log
-        self._export(target, export_log, log.path, target, log.facts.samples)
-
-    def _export_result(self, target: Path) -> None:
-        assert self.log is not None
-        assert self.solved is not None
-        self._export(target, export_result, self.solved.result, self.log.stored, target)
-
-    def _export(self, target: Path, work: Callable[..., Any], *arguments: Any) -> None:
-        self.notice.dismiss()
-        self._export_target = target
-        self.exporter.watch(self.app.workshop.submit(work, *arguments))
-        self._allow()
-
     # What is allowed, and why not
 
     def _blocked(self) -> str:
         """Why nothing can be solved now, empty where it can."""
         if self.log is None:
             return self.tr("Open a log first")
-        if self.solver.busy or self.exporter.busy:
+        if self.solver.busy or self.exports.watch.busy:
             return self.tr("Wait for the work at hand, or cancel it")
         if not self.stages.held:
             return self.tr("The range holds no stage; widen it")
@@ -380,7 +336,7 @@ class OfflinePage(Page):
         blocked = self._blocked()
         self.solve_button.setEnabled(not blocked)
         self.solve_button.setToolTip(blocked)
-        busy = self.solver.busy or self.exporter.busy
+        busy = self.solver.busy or self.exports.watch.busy
         wait = self.tr("Wait for the work at hand, or cancel it")
         for widget in (self.source, self.range, self.stages):
             widget.setEnabled(not busy)
@@ -435,11 +391,6 @@ class OfflinePage(Page):
         if self._picture is not None:
             shutil.rmtree(self._picture, ignore_errors=True)
             self._picture = None
-
-
-def _suffix(kind: str) -> str:
-    """The suffix in a name filter's brackets, without its dot."""
-    return kind.rpartition("*.")[2].rstrip(")")
 
 
 def _dropped(mime: QMimeData) -> Path | None:

@@ -97,6 +97,25 @@
     </message>
 </context>
 <context>
+    <name>Exports</name>
+    <message>
+        <source>Compressed CSV (*.csv.gz)</source>
+        <translation>压缩 CSV (*.csv.gz)</translation>
+    </message>
+    <message>
+        <source>Export the log</source>
+        <translation>导出记录</translation>
+    </message>
+    <message>
+        <source>Parameters as CSV (*.csv)</source>
+        <translation>参数表 CSV (*.csv)</translation>
+    </message>
+    <message>
+        <source>Export the result</source>
+        <translation>导出结果</translation>
+    </message>
+</context>
+<context>
     <name>LogHead</name>
     <message>
         <source>Closer (+)</source>
@@ -171,22 +190,6 @@
     <message>
         <source>Another log can be opened when this work is done or cancelled.</source>
         <translation>等当前任务完成或取消后，才能打开另一个记录。</translation>
-    </message>
-    <message>
-        <source>Export the log</source>
-        <translation>导出记录</translation>
-    </message>
-    <message>
-        <source>Compressed CSV (*.csv.gz)</source>
-        <translation>压缩 CSV (*.csv.gz)</translation>
-    </message>
-    <message>
-        <source>Export the result</source>
-        <translation>导出结果</translation>
-    </message>
-    <message>
-        <source>Parameters as CSV (*.csv)</source>
-        <translation>参数表 CSV (*.csv)</translation>
     </message>
     <message>
         <source>This log cannot be opened</source>

@@ -1,0 +1,84 @@
+"""What a view of a log draws, and what it asks for."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.gui.offline.log_columns import LogColumns, parted
+from calstation.gui.offline.time_axis import time_text
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+from calstation.station.overview import Overview, overview, samples
+from calstation.station.picture import Columns
+from tests.station.test_overview import META, START, blocks
+
+
+def told(_: float, *rest: Any, **more: Any) -> None:
+    """Nobody listens."""
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Overview:
+    folder = tmp_path_factory.mktemp("columns")
+    writer = RawLogWriter(folder / "log.h5", LogMeta.model_validate(META))
+    for part in blocks():
+        writer.append(part)
+    writer.close("imported")
+    return overview(told, folder / "log.h5", folder / "picture")
+
+
+@pytest.mark.parametrize("first", [0, 8_950, 9_010, 60_000, 89_800])
+@pytest.mark.parametrize("width", [12, 150, 1_500, 12_000])
+@pytest.mark.parametrize("count", [100, 1_000])
+def test_what_was_fetched_is_enough(log: Overview, first: int, width: int, count: int) -> None:
+    columns = LogColumns(log)
+    last = min(START + first + width, log.facts.last_seq)
+    drawn, wanted = columns.view(START + first, last, count)
+    if wanted is not None:
+        columns.keep(
+            wanted, samples(told, log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count)
+        )
+        drawn, again = columns.view(START + first, last, count)
+        assert again is None
+        assert drawn.samples < 16
+    assert len(drawn) <= count + 4
+    inside = drawn.seq[(drawn.seq >= START + first) & (drawn.seq <= last)]
+    assert len(inside) >= min((last - START - first) / 2, count / 2) - 41  # the gap is 40 samples wide
+
+
+def columns_with_gap(samples: int) -> Columns:
+    seq = samples * np.arange(6, dtype=np.int64)
+    seq[4:] += 1_000
+    values = np.ones((6, 8), np.float32)
+    return Columns(seq, values, values, samples)
+
+
+def test_lines_end_at_a_gap_between_samples() -> None:
+    seq, low, high = parted(columns_with_gap(1), 10.0)
+    assert np.flatnonzero(np.isnan(seq)).tolist() == [4]
+    assert len(low) == len(high) == 7
+
+
+def test_a_column_with_a_gap_in_it_is_left_out() -> None:
+    seq, low, _ = parted(columns_with_gap(16), 10.0)
+    assert np.flatnonzero(np.isnan(seq)).tolist() == [3]
+    assert len(low) == 6
+
+
+def test_a_gap_narrower_than_a_pixel_parts_nothing() -> None:
+    assert not np.isnan(parted(columns_with_gap(16), 2_000.0)[0]).any()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "resolution", "text"),
+    [
+        (0.0, 1.0, "0:00:00"),
+        (3_725.0, 60.0, "1:02:05"),
+        (59.9996, 0.001, "0:01:00.000"),
+        (754.25, 0.05, "0:12:34.25"),
+        (-2.0, 1.0, "−0:00:02"),
+    ],
+)
+def test_time_reads_as_on_a_clock(seconds: float, resolution: float, text: str) -> None:
+    assert time_text(seconds, resolution) == text
