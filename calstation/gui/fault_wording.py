@@ -36,6 +36,7 @@ SENTENCES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP("faults", "table: the drive switched the axes off; look at the drive's display"),
     QT_TRANSLATE_NOOP("faults", "table: the drive does not enable its axes"),
     QT_TRANSLATE_NOOP("faults", "table: does not come to rest after a stop command"),
+    QT_TRANSLATE_NOOP("faults", "table: homing did not end within {0} s; check the home switches"),
     QT_TRANSLATE_NOOP(
         "faults",
         "table: did not reach outer {0}°, inner {1}° in time; look for an obstacle or a stalled drive",
@@ -130,29 +131,51 @@ _HEADS = ("table: ", "IMU: ", "engine: ", "virtual bench: ")
 _HEAD = re.compile(r"^[^:：]*(: |：)")
 
 
-_TABLE_FAULTS = {
-    "interlock": QT_TRANSLATE_NOOP(
-        "faults",
-        "The safety circuit (interlock) was opened; close the cover, then reset the fault at the table",
+_REWORDED: tuple[tuple[str, str], ...] = (
+    (
+        r"table: fault 'interlock'.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The safety circuit (interlock) was opened; close the cover, then reset the fault at the table",
+        ),
     ),
-    "watchdog": QT_TRANSLATE_NOOP(
-        "faults",
-        "The table's watchdog stopped it, the computer had fallen silent; reset the fault at the table",
+    (
+        r"table: fault 'watchdog'.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The table's watchdog stopped it, the computer had fallen silent; reset the fault at the table",
+        ),
     ),
-    "limit": QT_TRANSLATE_NOOP(
-        "faults",
-        "An axis ran into its limit; see what drove it there, then reset the fault at the table",
+    (
+        r"table: fault 'limit'.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "An axis ran into its limit; see what drove it there, then reset the fault at the table",
+        ),
     ),
-    "drive": QT_TRANSLATE_NOOP(
-        "faults",
-        "The drive reports a fault; read its display, remove the cause, reset the fault at the table",
+    (
+        r"table: fault 'drive'.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The drive reports a fault; read its display, remove the cause, reset the fault at the table",
+        ),
     ),
-    "stall": QT_TRANSLATE_NOOP(
-        "faults",
-        "An axis is blocked or overloaded; free it, then reset the fault at the table",
+    (
+        r"table: fault 'stall'.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "An axis is blocked or overloaded; free it, then reset the fault at the table",
+        ),
     ),
-}
-"""What the table's own names for its faults mean."""
+    (
+        r"IMU: a transfer to unit '(.*?)' was interrupted \(.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "Writing the registers of {0} was interrupted; press Understood, then finish it or take it back",
+        ),
+    ),
+)
+"""Sentences that a window says otherwise than a terminal: in plainer words, or with a mend that is a button."""
 
 
 @dataclass(frozen=True)
@@ -170,10 +193,9 @@ def word_fault(kind: str, text: str) -> FaultWords:
     if kind == "internal":
         return _internal(text)
     cause = _cause(kind, text)
-    named = re.match(r"table: fault '(\w+)'", text)
-    if named and named[1] in _TABLE_FAULTS:
-        text = _TABLE_FAULTS[named[1]]
-        return _split(cause, QCoreApplication.translate("faults", text))
+    for pattern, sentence in _REWORDED:
+        if found := re.fullmatch(pattern, text, re.DOTALL):
+            return _split(cause, QCoreApplication.translate("faults", sentence).format(*found.groups()))
     said = _HEAD.sub("", _translated(text), count=1) if text.startswith(_HEADS) else _translated(text)
     return _split(cause, said)
 
@@ -231,4 +253,5 @@ def _sentence(text: str) -> str:
     if not text:
         return ""
     text = text[0].upper() + text[1:]
-    return text if text[-1] in ".。!！" else text + ("。" if ord(text[-1]) > 0x2E80 else ".")
+    chinese = any("\u4e00" <= letter <= "\u9fff" for letter in text)
+    return text if text[-1] in ".。!！" else text + ("。" if chinese else ".")

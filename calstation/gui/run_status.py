@@ -74,6 +74,7 @@ class RunStatus(QObject):
     said : latest message or step as ("message", id, values) or ("step", kind, label), to be worded when shown;
         a dwell has the label of the move before it
     remarks : messages that still matter when the run is over, each (id, values)
+    transfer : of registers, found interrupted before this run and waiting for a decision; None for none
     prompt : what the operator is asked to do, "" for nothing
     verdict : of the last run; fault : latched until `acknowledge`
     """
@@ -89,6 +90,7 @@ class RunStatus(QObject):
         self.stages: list[StageState] = []
         self.said: tuple[str, str, Any] | None = None
         self.remarks: list[tuple[str, Mapping[str, Any]]] = []
+        self.transfer: Mapping[str, Any] | None = None
         self.prompt = ""
         self.verdict: Verdict | None = None
         self.fault: Fault | None = None
@@ -168,6 +170,7 @@ class RunStatus(QObject):
             self.state = "starting"
             self.verdict = self.fault = self.said = None
             self.remarks = []
+            self.transfer = None
             self.prompt = ""
             self._begun = 0.0
             try:
@@ -242,6 +245,8 @@ class RunStatus(QObject):
         if key in _REMARKS:
             self.remarks.append((key, values))
         self.prompt = str(values.get("text", "")) if key == "prompt" else ""
+        if key == "transfer_open":
+            self.transfer = values
         if key == "stopped_early":
             self._mark(str(values.get("stage")), "bad")
 

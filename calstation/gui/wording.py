@@ -75,6 +75,15 @@ _MESSAGES = {
     "transfer_finished": QT_TRANSLATE_NOOP(
         "wording", "The stop came while the registers were written: the transfer was finished first."
     ),
+    "transfer_kept": QT_TRANSLATE_NOOP(
+        "wording", "An earlier transfer to {serial} was interrupted; the unit kept its registers."
+    ),
+    "transfer_open": QT_TRANSLATE_NOOP(
+        "wording", "An earlier transfer to {serial} was interrupted ({utc}); the unit holds {holds}."
+    ),
+    "transfer_settled": QT_TRANSLATE_NOOP(
+        "wording", "The interrupted transfer to {serial} is settled: {closing}."
+    ),
     "resumed": QT_TRANSLATE_NOOP("wording", "Carrying on {log} behind its finished stages: {stages}."),
     "handover_waiting": QT_TRANSLATE_NOOP(
         "wording", "Hand-over: {count} waiting, {folder} cannot be reached ({reason})."
@@ -96,6 +105,21 @@ _REASONS = {
     "listener_lost": QT_TRANSLATE_NOOP("wording", "the window was closed"),
     "listener_silent": QT_TRANSLATE_NOOP("wording", "the window did not answer any more"),
 }
+
+_VALUES = {
+    "holds": {
+        "old": QT_TRANSLATE_NOOP("wording", "its old registers"),
+        "new": QT_TRANSLATE_NOOP("wording", "its new registers"),
+        "neither": QT_TRANSLATE_NOOP("wording", "neither its old nor its new registers"),
+    },
+    "closing": {
+        "done": QT_TRANSLATE_NOOP("wording", "the new registers are written"),
+        "kept": QT_TRANSLATE_NOOP("wording", "the unit kept its registers"),
+        "restored": QT_TRANSLATE_NOOP("wording", "the old registers are back"),
+    },
+    "reason": _REASONS,
+}
+"""Values of messages that are words themselves."""
 
 _STATES = {
     "idle": QT_TRANSLATE_NOOP("wording", "READY"),
@@ -140,6 +164,7 @@ _STEPS = {
     "return": QT_TRANSLATE_NOOP("wording", "Back to the start of the step"),
     "check": QT_TRANSLATE_NOOP("wording", "A small turn to check mounting and signs"),
     "load": QT_TRANSLATE_NOOP("wording", "To the load angle"),
+    "position": QT_TRANSLATE_NOOP("wording", "To outer {1:g}°, inner {2:g}°"),
 }
 
 
@@ -168,9 +193,9 @@ def word_message(key: str, values: Mapping[str, Any]) -> str:
         details = ", ".join(f"{name} {value}" for name, value in values.items())
         return f"{key.replace('_', ' ')}{': ' if details else ''}{details}"
     shown = dict(values)
-    if "reason" in shown:
-        reason = str(shown["reason"])
-        shown["reason"] = _say(_REASONS[reason]) if reason in _REASONS else reason
+    for name, words in _VALUES.items():
+        if shown.get(name) in words:
+            shown[name] = _say(words[str(shown[name])])
     if isinstance(shown.get("stages"), list | tuple):
         shown["stages"] = ", ".join(word_stage(str(stage)) for stage in shown["stages"])
     if "stage" in shown:

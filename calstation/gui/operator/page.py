@@ -224,9 +224,13 @@ class OperatorPage(Page):
     # ---- during the run
 
     def _acknowledge(self) -> None:
+        transfer, request = self.app.run.transfer, self.app.engine_link.request
         self.app.run.acknowledge()
         self._fields.focus_serial()
-        self._resuming.look(self._fields.serial)
+        if transfer is not None and request is not None:
+            self._starting.ask_transfer(request)
+        else:
+            self._resuming.look(self._fields.serial)
 
     def _pause(self) -> None:
         paused = self.app.run.state in ("pausing", "paused")

@@ -96,6 +96,29 @@ class Starting(QObject):
         else:
             self._ask_motion(lambda: self._app.engine_link.start(request))
 
+    def ask_transfer(self, request: RunRequest) -> None:
+        """Writing the unit's registers was interrupted earlier: the run goes on once it is known what they shall be."""
+        self._notice.ask(
+            "caution",
+            lambda: self.tr("Writing the registers of {serial} was interrupted").format(
+                serial=request.serial
+            ),
+            lambda: self.tr("Which registers is the unit to have before it is calibrated?"),
+            [
+                Choice(
+                    "restore_choice",
+                    lambda: self.tr("The old ones, then calibrate"),
+                    lambda: self.run(replace(request, unfinished="restore")),
+                ),
+                Choice(
+                    "finish_choice",
+                    lambda: self.tr("The new ones, then calibrate"),
+                    lambda: self.run(replace(request, unfinished="finish")),
+                ),
+                self._cancel(),
+            ],
+        )
+
     def _edited(self) -> None:
         self._header.note_serial("")
         if self.outline is not None and not self._app.run.going:

@@ -357,6 +357,22 @@
         <translation>第 {count} 次</translation>
     </message>
     <message>
+        <source>Writing the registers of {serial} was interrupted</source>
+        <translation>向 {serial} 写寄存器时中断</translation>
+    </message>
+    <message>
+        <source>Which registers is the unit to have before it is calibrated?</source>
+        <translation>标定之前，产品里应当是哪一组寄存器？</translation>
+    </message>
+    <message>
+        <source>The old ones, then calibrate</source>
+        <translation>恢复原有的，再标定</translation>
+    </message>
+    <message>
+        <source>The new ones, then calibrate</source>
+        <translation>写完新的，再标定</translation>
+    </message>
+    <message>
         <source>not valid</source>
         <translation>无效</translation>
     </message>

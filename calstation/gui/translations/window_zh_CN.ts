@@ -188,6 +188,10 @@
         <translation>转台：发出停止命令后没有停下来；请立即查看转台</translation>
     </message>
     <message>
+        <source>table: homing did not end within {0} s; check the home switches</source>
+        <translation>转台：{0} s 内没有完成回零；请检查零位开关</translation>
+    </message>
+    <message>
         <source>table: did not reach outer {0}°, inner {1}° in time; look for an obstacle or a stalled drive</source>
         <translation>转台：没有按时转到外框 {0}°、内框 {1}°；请检查有无障碍物，或驱动器是否堵转</translation>
     </message>
@@ -326,6 +330,10 @@
     <message>
         <source>An axis is blocked or overloaded; free it, then reset the fault at the table</source>
         <translation>有一个轴被卡住或过载；请排除阻碍，然后在转台上复位故障</translation>
+    </message>
+    <message>
+        <source>Writing the registers of {0} was interrupted; press Understood, then finish it or take it back</source>
+        <translation>向 {0} 写寄存器时中断；请按“知道了”，然后选择写完或恢复</translation>
     </message>
     <message>
         <source>The program made a mistake: {0}</source>
@@ -479,6 +487,18 @@
         <translation>停止时正在写寄存器：先写完才停止。</translation>
     </message>
     <message>
+        <source>An earlier transfer to {serial} was interrupted; the unit kept its registers.</source>
+        <translation>上一次向 {serial} 写寄存器时中断；产品保留了原有寄存器。</translation>
+    </message>
+    <message>
+        <source>An earlier transfer to {serial} was interrupted ({utc}); the unit holds {holds}.</source>
+        <translation>上一次向 {serial} 写寄存器时中断（{utc}）；产品里现在是{holds}。</translation>
+    </message>
+    <message>
+        <source>The interrupted transfer to {serial} is settled: {closing}.</source>
+        <translation>{serial} 中断的写入已处理：{closing}。</translation>
+    </message>
+    <message>
         <source>Carrying on {log} behind its finished stages: {stages}.</source>
         <translation>接着 {log} 继续，已完成的阶段：{stages}。</translation>
     </message>
@@ -529,6 +549,30 @@
     <message>
         <source>the window did not answer any more</source>
         <translation>窗口不再响应</translation>
+    </message>
+    <message>
+        <source>its old registers</source>
+        <translation>原有寄存器</translation>
+    </message>
+    <message>
+        <source>its new registers</source>
+        <translation>新寄存器</translation>
+    </message>
+    <message>
+        <source>neither its old nor its new registers</source>
+        <translation>既不是原有寄存器，也不是新寄存器</translation>
+    </message>
+    <message>
+        <source>the new registers are written</source>
+        <translation>新寄存器已写入</translation>
+    </message>
+    <message>
+        <source>the unit kept its registers</source>
+        <translation>产品保留了原有寄存器</translation>
+    </message>
+    <message>
+        <source>the old registers are back</source>
+        <translation>原有寄存器已恢复</translation>
     </message>
     <message>
         <source>READY</source>
@@ -613,6 +657,10 @@
     <message>
         <source>To the load angle</source>
         <translation>转到装卸位置</translation>
+    </message>
+    <message>
+        <source>To outer {1:g}°, inner {2:g}°</source>
+        <translation>转到外框 {1:g}°、内框 {2:g}°</translation>
     </message>
     <message>
         <source>Resting</source>

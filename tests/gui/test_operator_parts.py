@@ -1,0 +1,182 @@
+"""What the operator page is made of: words, advice, buffers and labels, without a window."""
+
+import ast
+import string
+import xml.etree.ElementTree as ElementTree
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+import calstation
+from calstation.cli import wording as terminal
+from calstation.gui import language
+from calstation.gui.fault_wording import known, word_fault
+from calstation.gui.operator import advice
+from calstation.gui.operator.convergence import Convergence
+from calstation.gui.operator.ring import RingBuffer
+from calstation.gui.operator.suggestion import suggested_serial
+from calstation.gui.widgets.line_labels import spread
+from calstation.gui.wording import word_message, word_step
+from calstation.station.outline import Outline
+
+PACKAGE = Path(calstation.__file__).parent
+RUNNING = ("sequencer/guard.py", "sequencer/pulse.py", "sequencer/preflight.py", "sequencer/steps.py")
+
+
+def raised(path: Path) -> list[str]:
+    """Every sentence that a file raises as an error or gives to a wait, its values replaced."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            if name in ("DeviceFaultError", "ConfigurationError", "wait"):
+                found += [_text(argument) for argument in node.args]
+    return [text for text in found if text.startswith(("table: ", "IMU: "))]
+
+
+def _text(node: ast.expr) -> str:
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(p.value) if isinstance(p, ast.Constant) else "7" for p in node.values)
+    return ""
+
+
+@pytest.mark.parametrize("file", RUNNING)
+def test_every_fault_of_a_run_can_be_said_in_every_language(file: str) -> None:
+    sentences = raised(PACKAGE / file)
+    assert sentences
+    assert [text for text in sentences if not known(text)] == []
+
+
+def test_a_fault_is_place_reason_and_mend_in_both_languages(qapp: QApplication) -> None:
+    text = "IMU: the unit answers to serial number 'A', not 'B'; check the unit in the fixture and the number given"
+    said = word_fault("DeviceFaultError", text)
+    assert (said.cause, said.place) == ("imu", "IMU")
+    assert said.reason == "The unit answers to serial number 'A', not 'B'."
+    assert said.mend == "Check the unit in the fixture and the number given."
+    language.use("zh_CN")
+    try:
+        said = word_fault("DeviceFaultError", text)
+        assert said.place == "惯组"
+        assert said.reason == "产品回答的编号是“A”，不是“B”。"
+        assert said.mend == "请核对夹具上的产品和输入的编号。"
+    finally:
+        language.use("en")
+
+
+def test_a_mistake_of_the_program_is_no_traceback() -> None:
+    said = word_fault("internal", 'Traceback\n  File "x"\nKeyError: 3')
+    assert said.cause == "engine"
+    assert "KeyError: 3" in said.reason
+    assert "Traceback" not in said.reason
+
+
+def test_every_message_of_the_terminal_has_words_in_the_window() -> None:
+    for key, template in terminal.MESSAGES.items():
+        fields = {name: 1.0 for _, name, _, _ in string.Formatter().parse(template) if name}
+        assert not word_message(key, fields).startswith(key.replace("_", " ")), key
+    for key, template in terminal.STEPS.items():
+        label = (key, 90.0, 90.0) if "{1:" in template else (key, "x", 90.0)
+        assert word_step("move", label) == template.format(*label)
+
+
+@pytest.mark.parametrize(
+    "path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem
+)
+def test_every_word_is_translated_with_its_values(path: Path) -> None:
+    for message in ElementTree.parse(path).getroot().iter("message"):
+        source, translation = message.find("source"), message.find("translation")
+        assert source is not None
+        assert translation is not None
+        assert translation.get("type") is None, source.text
+        assert translation.text, source.text
+        assert _fields(translation.text) <= _fields(source.text or ""), source.text
+
+
+def _fields(text: str) -> set[str]:
+    try:
+        return {name for _, name, _, _ in string.Formatter().parse(text) if name}
+    except ValueError:
+        return set()
+
+
+def check(name: str, value: float, limit: Any, *, passed: bool) -> dict[str, Any]:
+    return {"name": name, "value": value, "limit": limit, "unit": "", "passed": passed}
+
+
+def test_advice_names_the_first_failure_and_counts_the_rest() -> None:
+    checks = [
+        check("gyro_scale_x within", 2e-3, [-1e-3, 1e-3], passed=False),
+        check("gyro_scale_x sigma below", 1e-6, 4e-6, passed=True),
+        check("rate consistency", 9.0, 1.2, passed=False),
+    ]
+    result = {"checks": checks, "unobservable": [], "advice": "reseat"}
+    said = advice.reason("failed", result)
+    assert said == "gyro scale factor x is 2000 ppm, allowed are ±1000. (1 more checks failed.)"
+    assert advice.next_action("failed", result).startswith("Reseat the unit")
+    assert advice.next_action("failed", {**result, "advice": "set_aside"}).startswith("Set the unit aside")
+
+
+def test_figures_show_what_is_nearest_to_its_limit_per_group() -> None:
+    row = {"unit": "1", "stage": "rate", "sigma": 1e-6}
+    result = {
+        "parameters": {"gyro_scale_x": {"value": 1e-4, **row}, "gyro_scale_y": {"value": -9e-4, **row}},
+        "checks": [
+            check("gyro_scale_x within", 1e-4, [-1e-3, 1e-3], passed=True),
+            check("gyro_scale_y within", -9e-4, [-1e-3, 1e-3], passed=True),
+        ],
+    }
+    (figure,) = advice.figures(result)
+    assert (figure.name, figure.value, figure.limit, figure.unit) == (
+        "gyro scale factor y",
+        "−900.0",
+        "±1000",
+        "ppm",
+    )
+
+
+def test_the_ring_keeps_the_latest_rows_in_order_and_in_place() -> None:
+    ring = RingBuffer(100, 2)
+    memory = ring._rows.nbytes
+    for start in range(0, 10_000, 7):
+        ring.append(np.column_stack([np.arange(start, start + 7), np.zeros(7)]))
+        latest = ring.latest()[:, 0]
+        assert np.array_equal(latest, np.arange(start + 7 - len(latest), start + 7))
+    assert len(latest) == 100
+    assert ring._rows.nbytes == memory
+    ring.clear()
+    assert len(ring.latest()) == 0
+
+
+def test_names_at_the_lines_ends_keep_apart_and_inside() -> None:
+    places = spread([10.0, 11.0, 12.0, 90.0, 99.0], 18.0, 9.0, 100.0)
+    assert all(b - a >= 18.0 - 1e-9 for a, b in pairwise(places))
+    assert places[0] >= 9.0
+    assert places[-1] <= 100.0
+    assert spread([50.0], 18.0, 9.0, 100.0) == [50.0]
+
+
+def bench(**settings: object) -> Outline:
+    return Outline("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), {}, None, (0.0, 0.0))
+
+
+def test_the_bench_is_offered_the_first_number_that_has_not_passed() -> None:
+    assert suggested_serial(bench(), lambda serial: serial < "SN-000003") == "SN-000003"
+    assert suggested_serial(bench(serial="X-1"), lambda serial: False) == "X-1"
+
+
+def test_a_group_that_has_arrived_says_so_and_lines_stay_small(qtbot: QtBot) -> None:
+    plot = Convergence()
+    qtbot.addWidget(plot)
+    plot.start({"gyro_bias": 1e-7})
+    for k in range(20_000):
+        plot.take(float(k), {"gyro_bias": 1e-4 / (k + 1), "accel_bias": 1.0})
+    assert plot.arrived("gyro_bias")
+    assert not plot.arrived("accel_bias")
+    assert len(plot._times["gyro_bias"]) <= 2001
