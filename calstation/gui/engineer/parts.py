@@ -87,9 +87,11 @@ class Parts(QWidget):
 
     def lock(self, why: str) -> None:
         """Nothing can be chosen for a reason, or everything with ""."""
-        for widget in (*self._parts.values(), *self._rows):
-            widget.setEnabled(not why)
-            widget.setToolTip(why)
+        for check in (*self._parts.values(), *(row.check for row in self._rows)):
+            check.setEnabled(not why)
+            check.setToolTip(why)
+        for row in self._rows:
+            row.setEnabled(not why)
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
