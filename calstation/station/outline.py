@@ -73,7 +73,10 @@ def outline(request: RunRequest) -> Outline:
         outer_axis=geometry.outer_axis,
         inner_axis=geometry.inner_axis,
         serial_pattern=setup.product.serial_pattern,
-        stages=tuple(StageOutline(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0)))) for p in plans),
+        stages=tuple(
+            StageOutline(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s)))
+            for p in plans
+        ),
         targets=_targets(setup),
         attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),

@@ -18,6 +18,7 @@ from calstation.errors import CalstationError
 from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.engineer.choice_panel import ChoicePanel
+from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.innovations_view import InnovationsView
 from calstation.gui.engineer.lazy import LazyView
@@ -26,6 +27,7 @@ from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.engineer.residuals_view import ResidualsView
 from calstation.gui.engineer.result_view import ResultView
+from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.page import Page
 from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.job_watch import JobWatch
@@ -141,7 +143,7 @@ class EngineerPage(Page):
         app.choice_changed.connect(self._choice_undone)
         app.station_changed.connect(self._read_offer)
         app.product_changed.connect(self._read_offer)
-        app.open_run.connect(self._open_run)
+        app.open_run.connect(self.open)
 
     # ---- what is chosen
 
@@ -285,10 +287,6 @@ class EngineerPage(Page):
         self._loading.watch(self.app.workshop.submit(finished, path, self.app.runs_folder))
         self._say_source()
 
-    def _open_run(self, run: Any) -> None:
-        """What another page wants looked at: a path, or a run of the history."""
-        self.open(run if isinstance(run, Path) else run.result or run.log)
-
     def _ask_file(self) -> None:
         dialog = QFileDialog(self, self.tr("Open a result or a log"), str(self.app.runs_folder))
         dialog.setNameFilters(
@@ -319,14 +317,16 @@ class EngineerPage(Page):
         self._allow()
 
     def _not_loaded(self, error: str) -> None:
-        self._path = None
-        self.notice.ask("bad", lambda: self.tr("This file cannot be opened"), lambda: error)
+        path, self._path = self._path, None
+        self.notice.ask(
+            "bad", lambda: self.tr("This file cannot be opened"), lambda: word_log_error(error, path)
+        )
         self._say_source()
 
     def _why_no_answer(self, run: Finished) -> str:
         said = self.tr("The run ended without an answer: {0}").format(word_state(str(run.result["outcome"])))
         error = run.result.get("error")
-        return f"{said}. {error}" if error else said
+        return f"{said}. {one_line(str(error))}" if error else said
 
     def _show_observability(self, run: Finished | None = None, told: Any = None) -> None:
         """That of a run; before any, what a preview expects."""
@@ -369,9 +369,9 @@ class EngineerPage(Page):
             self._lazy[name].show_view()
 
     def _not_diagnosed(self, error: str) -> None:
-        self._looked = None
+        path, self._looked = self._looked, None
         for name in ("innovations", "residuals"):
-            self._lazy[name].show_empty(error)
+            self._lazy[name].show_empty(word_log_error(error, path) if error else "")
 
     def _say_source(self) -> None:
         if self._loading.busy and self._path is not None:

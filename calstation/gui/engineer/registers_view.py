@@ -6,6 +6,7 @@ from PySide6.QtCore import QEvent, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from calstation.gui import theme
+from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.job_row import JobRow
@@ -220,7 +221,7 @@ class RegistersView(QWidget):
         if shown := self._badge_of():
             self._badge.show_state(*shown)
         theme.set_kind(self._about, "error" if self._error else "")
-        self._about.setText(self._error or self._sentence())
+        self._about.setText(one_line(self._error) if self._error else self._sentence())
 
     def _badge_of(self) -> tuple[str, str] | None:
         if self._error:
