@@ -68,7 +68,9 @@ class _Row(QStyledItemDelegate):
         painter.drawText(above, right | where, index.data(_STATE))
         painter.setPen(QColor(c.muted))
         painter.setFont(theme.font())
-        painter.drawText(inner.adjusted(0, half, 0, -6), right | Qt.AlignmentFlag.AlignTop, index.data(_TIME))
+        below = inner.adjusted(0, half, 0, -6) if index.data(_STATE) else inner
+        where = Qt.AlignmentFlag.AlignTop if index.data(_STATE) else centre
+        painter.drawText(below, right | where, index.data(_TIME))
         painter.setPen(QColor(c.line))
         painter.drawLine(box.bottomLeft(), box.bottomRight())
         if kind == "active":
