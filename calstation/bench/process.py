@@ -15,8 +15,8 @@ from calstation.bench.live import LiveBench
 from calstation.bench.simulate import Simulator
 from calstation.bench.table_line import TableLine
 from calstation.bench.table_link import TableLink
-from calstation.bench.table_text import LANGUAGES, Axes
 from calstation.bench.table_machine import Power
+from calstation.bench.table_text import LANGUAGES, Axes
 from calstation.physics.motion import Dwell, Move, Step
 
 #: Host time between looks of the watchdog and, where time follows the host's, between its steps, s.

@@ -1,6 +1,5 @@
 """`soak`: runs back to back with random faults, and a table of what came of them."""
 
-import json as json_module
 import signal
 import sys
 import tempfile

@@ -1,6 +1,7 @@
 """The one place that knows pymodbus: bounded register transfers, with its errors made into one."""
 
 import logging
+import time
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -12,7 +13,7 @@ from calstation.devices.link import LINK_ERRORS, SerialSettings
 from calstation.devices.ports import resolve
 from calstation.errors import ConfigurationError, DeviceFaultError
 
-_CODES = {
+MEANINGS = {
     1: "the function is not supported",
     2: "no such register",
     3: "the value is refused",
@@ -23,6 +24,19 @@ _CODES = {
     10: "gateway path unavailable",
     11: "no answer behind the gateway",
 }
+"""What Modbus exceptions mean, by their codes."""
+
+_MENDS = {
+    **dict.fromkeys((1, 2, 3), "check the table profile's registers"),
+    **dict.fromkeys((5, 6), "wait until it is done, then start again"),
+    **dict.fromkeys((10, 11), "check the gateway and the unit number"),
+}
+_NOT_YET = (5, 6)
+"""Exceptions of a device that is only late."""
+
+_AGAIN_AFTER = 0.05
+"""Host time until a device that is busy is asked again, s."""
+
 _ATTEMPTS = 3
 T = TypeVar("T")
 
@@ -33,8 +47,9 @@ class ModbusRefusalError(DeviceFaultError):
     """The device answers with a Modbus exception; `code` is its number."""
 
     def __init__(self, what: str, code: int) -> None:
-        meaning = _CODES.get(code, f"exception {code}")
-        super().__init__(f"table: {what}: {meaning} (Modbus exception {code})")
+        meaning = MEANINGS.get(code, f"exception {code}")
+        mend = _MENDS.get(code, "look at the drive's display")
+        super().__init__(f"table: {what}: {meaning} (Modbus exception {code}); {mend}")
         self.code = code
 
 
@@ -143,6 +158,9 @@ class ModbusLink:
                 reason = "no answer" if "No response" in str(exc) else str(exc).removeprefix("Modbus Error: ")
                 # A late answer must not be taken for the next request's: that begins on a fresh link.
                 self.close()
+                continue
+            if answer.isError() and answer.exception_code in _NOT_YET and attempt + 1 < attempts:
+                time.sleep(_AGAIN_AFTER)
                 continue
             if answer.isError():
                 raise ModbusRefusalError(what, answer.exception_code)

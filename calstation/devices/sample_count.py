@@ -7,6 +7,10 @@ from calstation.estimation.sequence import unwrap_counter
 from calstation.physics.arrays import IntArray
 
 
+_OVERTAKEN = 3
+"""Frames that may overtake another; a counter that falls by more was reset."""
+
+
 class SampleCount:
     """Counts samples by the frame's counter field.
 
@@ -24,10 +28,39 @@ class SampleCount:
         assert counter is not None
         self._bits = 8 * counter.width
         self._per_sample = counter.per_sample
+        self._is_clock = self._per_sample != 1.0 or self._bits > 32
         self._last: int | None = None
         self._last_ticks = 0
         self._last_raw: int | None = None
         self.gaps = 0
+
+    def in_order(self, raw: IntArray) -> IntArray:
+        """Which of further samples to take, in the order of their counter.
+
+        A frame that came twice, or so late that those behind it are counted already, is left out; one that was
+        overtaken by a few goes back into its place.
+
+        Parameters
+        ----------
+        raw : the counter as received, shape (n,)
+
+        Returns
+        -------
+        Indices of `raw`, shape (m,), m ≤ n.
+        """
+        if self._is_clock or not len(raw):
+            return np.arange(len(raw))
+        modulus = 1 << self._bits
+        first = int(raw[0]) - 1 if self._last_raw is None else self._last_raw
+        previous = np.concatenate(([first], raw[:-1]))
+        steps = (raw.astype(np.int64) - previous) % modulus
+        if not ((steps == 0) | (steps >= modulus - _OVERTAKEN)).any():
+            return np.arange(len(raw))
+        signed = np.where(steps >= modulus - _OVERTAKEN, steps - modulus, steps)
+        place = np.cumsum(signed)
+        order = np.argsort(place, kind="stable")
+        fresh = np.diff(place[order], prepend=0) > 0
+        return np.asarray(order[fresh])
 
     def feed(self, raw: IntArray) -> IntArray:
         """Continuous count of further samples.
@@ -42,8 +75,7 @@ class SampleCount:
         """
         if not len(raw):
             return raw
-        is_clock = self._per_sample != 1.0 or self._bits > 32
-        seq = self._of_clock(raw) if is_clock else self._of_counter(raw)
+        seq = self._of_clock(raw) if self._is_clock else self._of_counter(raw)
         if self._last is not None and seq[0] != self._last + 1:
             self.gaps += 1
         self.gaps += int(np.count_nonzero(np.diff(seq) != 1))

@@ -95,14 +95,16 @@ class StreamedImu(ABC):
             empty = np.empty(0)
             whole = np.empty(0, np.int64)
             return SampleBatch(whole, empty, np.empty((0, 6)), empty, whole, empty)
-        seq = self._count.feed(np.concatenate([p.counter for p in parts]))
+        counter = np.concatenate([p.counter for p in parts])
+        taken = self._count.in_order(counter)
+        seq = self._count.feed(counter[taken])
         return SampleBatch(
             seq,
             (seq + 1) / self._profile.stream.sample_rate_hz,
-            np.concatenate([p.counts for p in parts]),
-            np.concatenate([p.temperature for p in parts]),
-            np.concatenate([p.status for p in parts]),
-            np.repeat([p.time for p in parts], [len(p.counter) for p in parts]),
+            np.concatenate([p.counts for p in parts])[taken],
+            np.concatenate([p.temperature for p in parts])[taken],
+            np.concatenate([p.status for p in parts])[taken],
+            np.repeat([p.time for p in parts], [len(p.counter) for p in parts])[taken],
         )
 
     @abstractmethod

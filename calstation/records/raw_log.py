@@ -9,9 +9,10 @@ its rows.
 
 import json
 import os
+import re
 import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -94,11 +95,12 @@ class RawLogWriter:
         self._rows: list[np.ndarray] = []
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed = self._synced = time.monotonic()
+        self._refused = False
         self.sync()
 
     def append(self, block: SampleBlock) -> None:
         """Keep a block; the end of a stage is flushed at once."""
-        if len(block) == 0:
+        if len(block) == 0 or self._refused:
             return
         if block.stage != self._stage:
             self.flush()
@@ -117,6 +119,8 @@ class RawLogWriter:
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Keep an event, a JSON-ready mapping."""
+        if self._refused:
+            return
         self._write_line("events", event)
         self.service()
 
@@ -139,24 +143,31 @@ class RawLogWriter:
 
     def flush(self) -> None:
         """Hand everything to the operating system: safe from the death of this process."""
-        if self._rows:
-            rows = np.concatenate(self._rows)
-            self._rows.clear()
-            end = self._samples.shape[0]
-            self._samples.resize((end + len(rows),))
-            self._samples[end:] = rows
-        for name, lines in self._lines.items():
-            if lines:
-                _extend(self._file[name], "".join(lines))
-                lines.clear()
-        self._file.flush()
+        if self._refused:
+            return
+        with self._told():
+            if self._rows:
+                rows = np.concatenate(self._rows)
+                self._rows.clear()
+                end = self._samples.shape[0]
+                self._samples.resize((end + len(rows),))
+                self._samples[end:] = rows
+            for name, lines in self._lines.items():
+                if lines:
+                    _extend(self._file[name], "".join(lines))
+                    lines.clear()
+            self._file.flush()
         self._flushed = time.monotonic()
 
     def sync(self) -> None:
         """`flush`, and wait until it is on disk: safe from a power cut as well."""
         self.flush()
-        os.fsync(self._sync_handle)
-        with suppress(OSError):
+        if self._refused:
+            return
+        with self._told():
+            os.fsync(self._sync_handle)
+            if not os.path.samestat(self.path.stat(), os.fstat(self._sync_handle)):
+                raise OSError("another file has taken its place")
             os.utime(self.path)  # a run that waits writes nothing, and yet is not dead
         self._synced = time.monotonic()
 
@@ -165,12 +176,28 @@ class RawLogWriter:
         facts = self.facts()
         if not self._file:
             return facts
-        self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
-        self.sync()
-        self._file.close()
-        os.fsync(self._sync_handle)
+        if not self._refused:
+            self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
+            self.sync()
+        with suppress(*((OSError, RuntimeError) if self._refused else ())):
+            self._file.close()
+            os.fsync(self._sync_handle)
         os.close(self._sync_handle)
         return facts
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """What the disk refuses is told once, as ConfigurationError; what is in the log stays, and nothing is added."""
+        try:
+            yield
+        except (OSError, RuntimeError) as exc:  # h5py knows both
+            self._refused = True
+            reason = os.strerror(exc.errno) if isinstance(exc, OSError) and exc.errno else str(exc)
+            found = re.search(r"error message = '([^']*)'", reason)
+            raise ConfigurationError(
+                f"{self.path}: the log cannot be written any more ({found[1] if found else reason}); make room on"
+                " its disk, or bring its folder back, then resume the run"
+            ) from exc
 
     def _growing(self, name: str, dtype: DTypeLike, chunk: int) -> h5py.Dataset:
         return self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(chunk,))

@@ -109,4 +109,4 @@ class Conclusion:
         """The unit's registers as they were go to the log before anything is written."""
         self.registers |= {"old": dict(old), "new": None, "verified": False}
         self.log.event({"event": "OldRegisters", "registers": dict(old)})
-        self.log.flush()
+        self.log.sync()

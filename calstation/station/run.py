@@ -62,6 +62,12 @@ class _Place:
         attempt = 1 + self.history.attempts(self.setup.request.serial)
         return self.setup.meta(self.started, attempt, registers or {})
 
+    def hear(self) -> None:
+        """Take the operator's commands where no tick does. Raises StopRequested."""
+        self.control.take()
+        if self.control.stopping:
+            raise StopRequested
+
     def log(self, meta: LogMeta) -> RawLogWriter:
         """The run's log; from now on its result is expected by the hand-over."""
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
@@ -90,12 +96,6 @@ class _Run:
         self.tell(Message("stopped_early", {"stage": solution.stage}))
         return False
 
-    def hear(self) -> None:
-        """Take the operator's commands. Raises StopRequested."""
-        self.place.control.take()
-        if self.place.control.stopping:
-            raise StopRequested
-
     def tell(self, event: Event) -> None:
         """To the listener and the log."""
         self.log.event(to_json(event))
@@ -113,7 +113,7 @@ class _Run:
                 self.tell(event)
             self.log.sync()
 
-        return before.copy(self.log, self.chain, self.hear, tell)
+        return before.copy(self.log, self.chain, self.place.hear, tell)
 
 
 def execute(request: RunRequest, emit: Emit, control: Control) -> None:
@@ -148,21 +148,24 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
 
 
 def _connect(place: _Place, injector: FaultInjector) -> None:
-    """Open the devices and run; a run that finds none has an empty log and the result ``fault``."""
+    """Open the devices and run; one that finds none, or is stopped before, has an empty log and a result."""
     run: _Run | None = None
     try:
-        with connected(place.setup) as devices:
+        with connected(place.setup, place.hear) as devices:
             if isinstance(devices.clock, BenchClock):
                 injector.order = devices.clock.order
             settle(devices.imu, devices.clock, place.setup, place.folder, place.emit)
             meta = place.meta(devices.imu.read_registers())
             run = _Run(place, meta, place.log(meta), StageChain(meta))
             _run(run, devices)
-    except DeviceFaultError as error:
+    except (DeviceFaultError, StopRequested) as error:
         if run is not None:
             raise
         meta = place.meta(None)
         run = _Run(place, meta, place.log(meta), StageChain(meta))
+        if isinstance(error, StopRequested):
+            _close(run, Ended(State.STOPPED, ()), 0.0)
+            return
         run.tell(Fault(type(error).__name__, str(error), error.exit_code))
         _close(run, Ended(State.FAULT, (), error), 0.0)
 
@@ -176,10 +179,6 @@ def _run(run: _Run, devices: Devices) -> None:
         with suppress(OSError, RuntimeError, CalstationError):  # what failed may be the log itself
             ended = Ended(State.FAULT, tuple(run.chain.solutions), error)
             _close(run, ended, _elapsed(devices, begin))
-        if isinstance(mistake, OSError):
-            raise ConfigurationError(
-                f"{run.log.path}: cannot be written any more ({mistake}); make room on its disk"
-            ) from mistake
         raise
     _close(run, ended, _elapsed(devices, begin))
 
@@ -200,7 +199,7 @@ def _sequence(run: _Run, devices: Devices) -> Ended:
     setup = run.place.setup
     task = setup.task(run.meta)
     conclusion = Conclusion(
-        setup, run.meta, run.log, run.chain, devices.imu, run.tell, run.registers, run.hear
+        setup, run.meta, run.log, run.chain, devices.imu, run.tell, run.registers, run.place.hear
     )
     sequencer = Sequencer(
         replace(task, stages=task.stages[len(solved) :]),
@@ -250,7 +249,10 @@ def _close(run: _Run, ended: Ended, duration: float) -> None:
     log.add_result(result)
     log.close(outcome)
     beside = log.path.with_suffix(".json")
-    write_json(beside, result)
+    with suppress(
+        *(() if ended.error is None else (ConfigurationError,))
+    ):  # the fault in hand says what to do
+        write_json(beside, result)
     with suppress(OSError):  # the index only: the next run makes it up
         place.history.refresh()
     place.emit(Verdict(outcome, str(log.path), str(beside), result))

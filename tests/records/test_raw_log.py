@@ -1,5 +1,6 @@
 """The raw log keeps everything, tells what is wrong with it, and outlives a kill and a power cut."""
 
+import errno
 import os
 import shutil
 import signal
@@ -247,3 +248,40 @@ def test_memory_and_time_stay_flat_while_the_log_grows(tmp_path: Path, meta: Log
     assert peak < 5e6
     assert reading < 12e6
     assert path.stat().st_size < 150_000 * raw_log.ROW.itemsize * 1.05 + 1e5
+
+
+def test_a_full_disk_is_told_once_and_nothing_recorded_is_lost(
+    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = RawLogWriter(tmp_path / "a.h5", meta)
+    log.append(make_block("rate", 0, 500))
+    log.sync()
+
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ConfigurationError, match=r"cannot be written any more \(No space left.*make room"):
+        log.sync()
+    log.append(make_block("rate", 500, 10))
+    log.event({"event": "x"})
+    log.service()
+    log.close("fault")
+    monkeypatch.undo()
+    kept = open_log(tmp_path / "a.h5")
+    assert kept.outcome is None
+    assert sum(len(b) for b in kept.blocks()) == 500
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be moved there")
+def test_a_folder_that_is_gone_is_told(tmp_path: Path, meta: LogMeta) -> None:
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    log = RawLogWriter(folder / "a.h5", meta)
+    log.append(make_block("rate", 0, 100))
+    log.sync()
+    folder.rename(tmp_path / "elsewhere")
+    with pytest.raises(ConfigurationError, match="bring its folder back"):
+        log.sync()
+    log.close("fault")
+    assert sum(len(b) for b in open_log(tmp_path / "elsewhere" / "a.h5").blocks()) == 100

@@ -1,0 +1,56 @@
+"""A counter made continuous: frames twice, late and swapped, resets and wraps, however the stream is cut."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.sample_count import SampleCount
+from calstation.station import library
+
+FRAME = load_imu_profile(library.shipped_folder() / "imus" / "bench_nav.toml").frame
+
+
+def fed(*batches: list[int]) -> list[int]:
+    count = SampleCount(FRAME)
+    told: list[int] = []
+    for batch in batches:
+        raw = np.array(batch, np.int64)
+        told += count.feed(raw[count.in_order(raw)]).tolist()
+    return told
+
+
+@pytest.mark.parametrize(
+    ("batches", "told"),
+    [
+        (([5, 6, 6, 7],), [5, 6, 7]),
+        (([5, 6], [6, 7]), [5, 6, 7]),
+        (([5, 7, 6, 8],), [5, 6, 7, 8]),
+        (([5, 7], [6, 8]), [5, 7, 8]),
+        (([65534, 65535, 0, 1],), [65534, 65535, 65536, 65537]),
+        (([65535, 65534], [0, 1]), [65535, 65536, 65537]),
+        (([9000, 9001], [0, 1], [2, 3]), [9000, 9001, 9003, 9004, 9005, 9006]),
+    ],
+)
+def test_what_came_becomes_a_rising_count(batches: tuple[list[int], ...], told: list[int]) -> None:
+    assert fed(*batches) == told
+
+
+@given(st.integers(0, 65535), st.lists(st.integers(0, 2), min_size=1, max_size=60), st.randoms())
+def test_duplicates_and_swapped_neighbours_lose_no_sample(
+    first: int, kinds: list[int], drawn: object
+) -> None:
+    raw: list[int] = []
+    for i, kind in enumerate(kinds):
+        raw += [(first + i) % 65536] * (2 if kind == 1 else 1)
+    for i in range(2, len(raw) - 1, 3):
+        raw[i], raw[i + 1] = raw[i + 1], raw[i]
+    told = fed(raw)
+    assert told == list(range(raw[0], raw[0] + len(kinds)))
+
+
+@given(st.lists(st.integers(0, 65535), max_size=50), st.integers(0, 50))
+def test_whatever_came_the_count_rises(raw: list[int], cut: int) -> None:
+    told = fed(raw[:cut], raw[cut:])
+    assert all(a < b for a, b in zip(told, told[1:], strict=False))
