@@ -88,7 +88,10 @@ class Draft(QObject):
         return self.dirty and _at(self._stored, place) != self.value(place)
 
     def set(self, changes: Mapping[Place, Any]) -> None:
-        """Change values; None takes one away."""
+        """Change values; None takes one away. A text that is no TOML is mended as a text: it stays as it is."""
+        if any(problem.kind in ("toml", "file") for problem in self.problems):
+            self.changed.emit()
+            return
         text = settings.edited(self.text, changes)
         if text != self.text:
             self.rewrite(text)

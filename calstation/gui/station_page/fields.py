@@ -1,6 +1,7 @@
 """A labelled input bound to one value of a draft: checked as typed, with its message and mend beneath it."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import (
@@ -25,6 +26,9 @@ Words = Callable[[], str]
 LABEL, EDITOR = 22 * theme.GRID, 30 * theme.GRID
 """Widths of a field's label and of its input, px."""
 
+_UNIT = 9 * theme.GRID
+"""Width kept for a unit behind an input, px."""
+
 
 Editor = NumberEdit | WordEdit | ChoiceBox | NumberBox | VectorEdit | AddressEdit | PortBox
 
@@ -41,6 +45,7 @@ class Field(QWidget):
     width : of the input, px
     bare : without its label, for a table of inputs
     also : further places whose problems are told here
+    default : what is in force where the file does not say
     """
 
     def __init__(
@@ -55,11 +60,12 @@ class Field(QWidget):
         width: int = EDITOR,
         bare: bool = False,
         also: Sequence[Place] = (),
+        default: Any = None,
     ) -> None:
         super().__init__()
         self.draft, self.place, self.editor = draft, place, editor
         self.places = (place, *also)
-        self._words, self._hint = words, hint
+        self._words, self._hint, self._default = words, hint, default
         self._advice: Words = str
         editor.setObjectName("_".join(map(str, place)) + "_edit")
         self.label = QLabel()
@@ -77,6 +83,10 @@ class Field(QWidget):
         grid.setVerticalSpacing(2)
         grid.addWidget(self.label, 0, 0)
         self.label.setVisible(not bare)
+        if bare:
+            self.setFixedWidth(width + _UNIT)
+        else:
+            self.setMinimumWidth(LABEL + width + 2 * _UNIT)
         grid.addWidget(editor, 0, 1)
         self._unit = QLabel(unit)
         self._unit.setProperty("kind", "muted")
@@ -99,7 +109,8 @@ class Field(QWidget):
 
     def refresh(self) -> None:
         """Show value and message as the draft has them."""
-        self.editor.show_value(self.draft.value(self.place))
+        value = self.draft.value(self.place)
+        self.editor.show_value(self._default if value is None else value)
         problem = next((p for p in self.draft.problems if self._mine(p.place)), None)
         advice = self._advice()
         kind, text = "muted", self._hint()

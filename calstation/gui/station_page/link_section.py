@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.station_page.draft import Draft
-from calstation.gui.station_page.fields import Field, Form, Row
+from calstation.gui.station_page.fields import EDITOR, LABEL, Field, Form, Row
 from calstation.gui.station_page.inputs import ChoiceBox, NumberBox, NumberEdit
 from calstation.gui.station_page.port_box import AddressEdit, PortBox
 from calstation.gui.station_page.test_panel import TestPanel
@@ -42,6 +42,7 @@ class LinkSection(QWidget):
         self._heading, self._bench = QLabel(), QLabel()
         self._heading.setProperty("kind", "section")
         self._bench.setWordWrap(True)
+        self._bench.setMinimumWidth(LABEL + EDITOR + 2 * theme.GRID)
         self.way_box = ChoiceBox(self._ways)
         self.way_box.setObjectName(f"{device}_way_combo")
         self.port_box = PortBox()
@@ -87,10 +88,28 @@ class LinkSection(QWidget):
             self._numbers.insert(0, Field(self._draft, ("table", "unit"), self.unit_edit, words, hint=hint))
         serial = (self._device, "serial")
         self._line_fields = [
-            Field(self._draft, (*serial, "baud"), NumberBox(_BAUDS), lambda: self.tr("Baud")),
-            Field(self._draft, (*serial, "data_bits"), ChoiceBox(_data_bits), lambda: self.tr("Data bits")),
-            Field(self._draft, (*serial, "parity"), ChoiceBox(self._parities), lambda: self.tr("Parity")),
-            Field(self._draft, (*serial, "stop_bits"), ChoiceBox(_stop_bits), lambda: self.tr("Stop bits")),
+            Field(self._draft, (*serial, "baud"), NumberBox(_BAUDS), lambda: self.tr("Baud"), default=115200),
+            Field(
+                self._draft,
+                (*serial, "data_bits"),
+                ChoiceBox(_data_bits),
+                lambda: self.tr("Data bits"),
+                default=8,
+            ),
+            Field(
+                self._draft,
+                (*serial, "parity"),
+                ChoiceBox(self._parities),
+                lambda: self.tr("Parity"),
+                default="N",
+            ),
+            Field(
+                self._draft,
+                (*serial, "stop_bits"),
+                ChoiceBox(_stop_bits),
+                lambda: self.tr("Stop bits"),
+                default=1,
+            ),
         ]
         self._way_row = Row(self.way_box, lambda: self.tr("Connected by"))
         self._own_row = Row(self.own_box, lambda: self.tr("Serial settings"))
@@ -107,7 +126,8 @@ class LinkSection(QWidget):
         left.setSpacing(theme.GRID)
         left.addWidget(self._heading)
         left.addWidget(self._bench)
-        left.addWidget(self._form, 1)
+        left.addWidget(self._form)
+        left.addStretch(1)
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(3 * theme.GRID)
@@ -194,7 +214,6 @@ class LinkSection(QWidget):
     def _choose_way(self) -> None:
         """Another way to the device: what was typed for it before comes back."""
         way = self.way_box.value()
-        self.test.forget()
         self._draft.set({(self._device, "port"): self._last.get(way)})
         self.refresh()
         self._port_fields[way].editor.setFocus()

@@ -36,7 +36,7 @@ from calstation.station import library, settings
 from calstation.station.config import DEFAULT_STATION
 from calstation.station.settings import Place
 
-_NAV = 22 * theme.GRID
+_NAV = 26 * theme.GRID
 _PROFILES = 5
 """Place of the section that scrolls by itself."""
 _LINK = ("port", "timeout_s", "serial")
@@ -125,6 +125,7 @@ class StationPage(Page):
         self.nav.setObjectName("station_sections")
         self.nav.setFixedWidth(_NAV)
         self.nav.setProperty("kind", "nav")
+        self.nav.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._stack = QStackedWidget()
         for index, section in enumerate(self._sections):
             self.nav.addItem("")
@@ -194,7 +195,8 @@ class StationPage(Page):
         """Show what is typed, what is wrong with it, and what may be done about it."""
         role = self._role_reason()
         dirty, wrong = self.drafts.dirty, self.drafts.wrong
-        self.unsaved_label.setText(self._unsaved() if dirty else "")
+        unsaved = self.tr("● Not saved: {0}").format(self._unsaved()) if dirty else ""
+        self.unsaved_label.setText(unsaved or (self.tr("Read only: an engineer unlocks it.") if role else ""))
         self.discard_button.setVisible(bool(dirty))
         self.save_button.setVisible(bool(dirty))
         reason = role
@@ -250,8 +252,7 @@ class StationPage(Page):
         return self.tr("Only an engineer may change this: press the padlock at the top right.")
 
     def _unsaved(self) -> str:
-        names = ", ".join(draft.name for draft in self.drafts.dirty)
-        return self.tr("● Not saved: {0}").format(names)
+        return ", ".join(draft.name for draft in self.drafts.dirty)
 
     def _mark_sections(self) -> None:
         """A dot behind the sections in which something is typed."""

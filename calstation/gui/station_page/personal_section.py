@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QSignalBlocker
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt
 from PySide6.QtWidgets import (
     QFileDialog,
     QFrame,
@@ -38,31 +38,32 @@ class PersonalSection(QWidget):
         self.theme_box = ChoiceBox(lambda: [("light", self.tr("light")), ("dark", self.tr("dark"))])
         self.theme_box.setObjectName("theme_combo")
         self.theme_box.typed.connect(lambda: app.set_theme(self.theme_box.value()))
-        self.runs_edit, self.author_edit = QLineEdit(), QLineEdit()
-        self.runs_edit.setObjectName("runs_folder_edit")
-        self.runs_edit.setReadOnly(True)
+        self.runs_label, self.author_edit = QLabel(), QLineEdit()
+        self.runs_label.setObjectName("runs_folder_label")
+        self.runs_label.setWordWrap(True)
+        self.runs_label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.runs_button = QPushButton()
         self.runs_button.setObjectName("runs_folder_button")
         self.runs_button.clicked.connect(self._choose_runs)
         self.author_edit.setObjectName("author_edit")
         self.author_edit.setPlaceholderText(computer_user())
         self.author_edit.textEdited.connect(lambda text: app.settings.setValue("author", text.strip()))
-        self._rows = [
-            Row(self.language_box, lambda: self.tr("Language")),
-            Row(self.theme_box, lambda: self.tr("Colours")),
-            Row(self.runs_edit, lambda: self.tr("Folder of the runs")),
-            Row(self.runs_button, str),
-            Row(self.author_edit, lambda: self.tr("Engineer's name in versions")),
-        ]
         self._runs_note = QLabel()
         self._runs_note.setProperty("kind", "muted")
         self._runs_note.setWordWrap(True)
+        rows = [
+            Row(self.language_box, lambda: self.tr("Language")),
+            Row(self.theme_box, lambda: self.tr("Colours")),
+            Row(self.author_edit, lambda: self.tr("Engineer's name in versions")),
+            Row(self.runs_label, lambda: self.tr("Folder of the runs")),
+            Row(self._runs_note, str),
+            Row(self.runs_button, str),
+        ]
         left = QVBoxLayout()
         left.setSpacing(theme.GRID)
         left.addWidget(self._heading)
-        for row in self._rows:
+        for row in rows:
             left.addWidget(row)
-        left.addWidget(self._runs_note)
         left.addStretch(1)
         row_ = QHBoxLayout(self)
         row_.setContentsMargins(0, 0, 0, 0)
@@ -121,8 +122,8 @@ class PersonalSection(QWidget):
         with QSignalBlocker(self.language_box), QSignalBlocker(self.theme_box):
             self.language_box.show_value(language.current())
             self.theme_box.show_value(theme.current())
-        self.runs_edit.setText(str(self._app.runs_folder.absolute()))
-        self.runs_edit.setToolTip(self.runs_edit.text())
+        self.runs_label.setText(str(self._app.runs_folder.absolute()))
+        self.runs_label.setToolTip(self.runs_label.text())
         self.author_edit.setText(str(self._app.settings.value("author", "")))
         self._pin_rows[0].setVisible(role.has_pin())
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.station.settings import Problem
+from calstation.station.settings import Place, Problem
 
 _CONTEXT = "station_problem"
 
@@ -30,13 +30,31 @@ _KINDS = {
     "literal_error": QT_TRANSLATE_NOOP("station_problem", "Unknown; it must be {expected}."),
     "no_profile": QT_TRANSLATE_NOOP("station_problem", "“{value}” does not exist; choose from: {known}."),
 }
-"""Kinds of problems whose sentence does not depend on the field; others are told in the loader's own words."""
+"""Kinds of problems whose sentence does not depend on the field."""
+
+_TRAVEL = QT_TRANSLATE_NOOP("station_problem", "The lowest angle must lie below the highest.")
+_UNIT_VECTOR = QT_TRANSLATE_NOOP("station_problem", "Give a unit vector: its squares add up to 1.")
+_ADDRESS = QT_TRANSLATE_NOOP("station_problem", "Give a host and a port number from 1 to 65535.")
+_RULES: dict[Place, str] = {
+    ("outer",): _TRAVEL,
+    ("inner",): _TRAVEL,
+    ("outer_axis",): _UNIT_VECTOR,
+    ("inner_axis",): _UNIT_VECTOR,
+    ("table", "port"): _ADDRESS,
+    ("imu", "port"): _ADDRESS,
+    (): QT_TRANSLATE_NOOP(
+        "station_problem", "Outer and inner axis are less than 60° apart; correct one of them."
+    ),
+}
+"""What the rules over several values say of the fields of this page; all else is told in the loader's own words."""
 
 
 def word_problem(problem: Problem) -> str:
     """The sentence that stands beneath the field itself."""
     if problem.kind in _KINDS:
         return word(_KINDS[problem.kind], problem.values)
+    if problem.kind == "value_error" and problem.place in _RULES:
+        return word(_RULES[problem.place], {})
     text = problem.text.split(": ", 1)[-1] if problem.kind == "value_error" else problem.text
     return text[:1].upper() + text[1:]
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication
+from PySide6.QtCore import QCoreApplication, QSize
 from PySide6.QtWidgets import QHeaderView, QTreeWidget, QTreeWidgetItem
 
 from calstation.gui import theme
@@ -18,12 +18,14 @@ from calstation.physics.units import (
     MICRO_G,
 )
 
+_LINE = 3 * theme.GRID
+"""Height of a line, px."""
+
 Section = tuple[str, list[tuple[str, str]]]
 """A title and its lines of label and value."""
 
 
-def _tr(text: str) -> str:
-    return QCoreApplication.translate("station_readable", text)
+translate = QCoreApplication.translate
 
 
 def readable(kind: str, data: Mapping[str, Any]) -> list[Section]:
@@ -34,40 +36,40 @@ def readable(kind: str, data: Mapping[str, Any]) -> list[Section]:
 
 
 def _product(data: Mapping[str, Any]) -> list[Section]:
-    tr = _tr
     stages = _names(data.get("stages"))
     warm_up, load = _table(data, "warm_up"), _table(data, "load_angle")
     unit = [
-        (tr("Name"), _text(data.get("name"))),
-        (tr("IMU profile"), _text(data.get("imu"))),
-        (tr("Serial number (pattern)"), _text(data.get("serial_pattern"))),
-        (tr("Stages"), " → ".join(word_stage(stage) for stage in stages)),
-        (tr("Warm-up"), f"{_text(warm_up.get('time_s', 0.0))} s"),
+        (translate("station_readable", "Name"), _text(data.get("name"))),
+        (translate("station_readable", "IMU profile"), _text(data.get("imu"))),
+        (translate("station_readable", "Serial number (pattern)"), _text(data.get("serial_pattern"))),
+        (translate("station_readable", "Stages"), " → ".join(word_stage(stage) for stage in stages)),
+        (translate("station_readable", "Warm-up"), f"{_text(warm_up.get('time_s', 0.0))} s"),
         (
-            tr("Load angle"),
+            translate("station_readable", "Load angle"),
             f"{_text(load.get('outer_deg', 0.0))}° / {_text(load.get('inner_deg', 0.0))}°",
         ),
         (
-            tr("A missed limit"),
-            tr("ends the run early") if data.get("end_on_failure") else tr("lets the other stages go on"),
+            translate("station_readable", "A missed limit"),
+            translate("station_readable", "ends the run early")
+            if data.get("end_on_failure")
+            else translate("station_readable", "lets the other stages go on"),
         ),
     ]
-    sections: list[Section] = [(tr("Unit type"), unit)]
+    sections: list[Section] = [(translate("station_readable", "Unit type"), unit)]
     for stage, schedule in _table(data, "schedule").items():
         if isinstance(schedule, Mapping):
             lines = [(key, _text(value)) for key, value in schedule.items()]
-            sections.append((tr("Schedule: {0}").format(word_stage(stage)), lines))
+            sections.append((translate("station_readable", "Schedule: {0}").format(word_stage(stage)), lines))
     limits = [
         (_group_name(name), _limit(name, limit))
         for name, limit in _table(data, "limits").items()
         if isinstance(limit, Mapping)
     ]
-    sections.append((tr("Limits"), limits))
+    sections.append((translate("station_readable", "Limits"), limits))
     return sections
 
 
 def _imu(data: Mapping[str, Any]) -> list[Section]:
-    tr = _tr
     link, stream, noise, frame = (_table(data, name) for name in ("link", "stream", "noise", "frame"))
     increments = stream.get("output") == "increment"
     gyro, accel = (("″", ARCSECOND), ("µm/s", 1e-6)) if increments else (("°/s", DEGREE), ("µg", MICRO_G))
@@ -76,74 +78,99 @@ def _imu(data: Mapping[str, Any]) -> list[Section]:
         f"{link.get('stop_bits', 1):g}"
     )
     order = {
-        "before_registers": tr("before the unit's registers"),
-        "after_registers": tr("behind the unit's registers"),
+        "before_registers": translate("station_readable", "before the unit's registers"),
+        "after_registers": translate("station_readable", "behind the unit's registers"),
     }
     fields = [field.get("name") for field in frame.get("fields", []) if isinstance(field, Mapping)]
     registers = [entry for entry in data.get("registers", []) if isinstance(entry, Mapping)]
     sections: list[Section] = [
         (
-            tr("Unit"),
+            translate("station_readable", "Unit"),
             [
-                (tr("Name"), _text(data.get("name"))),
-                (tr("Model name contains"), _text(data.get("model"))),
-                (tr("Serial line"), line),
+                (translate("station_readable", "Name"), _text(data.get("name"))),
+                (translate("station_readable", "Model name contains"), _text(data.get("model"))),
+                (translate("station_readable", "Serial line"), line),
             ],
         ),
         (
-            tr("Stream"),
+            translate("station_readable", "Stream"),
             [
-                (tr("Sample rate"), f"{_text(stream.get('sample_rate_hz'))} Hz"),
-                (tr("A sample is"), tr("an increment") if increments else tr("a mean rate")),
-                (tr("Gyro, per count"), _in(stream.get("gyro_lsb"), *gyro)),
-                (tr("Accelerometer, per count"), _in(stream.get("accel_lsb"), *accel)),
-                (tr("Taken"), order.get(str(stream.get("order")), _text(stream.get("order")))),
-            ],
-        ),
-        (
-            tr("Noise"),
-            [
-                (tr("Angle random walk"), _in(noise.get("gyro_arw"), "°/√h", DEGREE_PER_ROOT_HOUR)),
-                (tr("Velocity random walk"), _in(noise.get("accel_vrw"), "µg/√Hz", MICRO_G)),
+                (translate("station_readable", "Sample rate"), f"{_text(stream.get('sample_rate_hz'))} Hz"),
                 (
-                    tr("Gyro bias instability"),
+                    translate("station_readable", "A sample is"),
+                    translate("station_readable", "an increment")
+                    if increments
+                    else translate("station_readable", "a mean rate"),
+                ),
+                (translate("station_readable", "Gyro, per count"), _in(stream.get("gyro_lsb"), *gyro)),
+                (
+                    translate("station_readable", "Accelerometer, per count"),
+                    _in(stream.get("accel_lsb"), *accel),
+                ),
+                (
+                    translate("station_readable", "Taken"),
+                    order.get(str(stream.get("order")), _text(stream.get("order"))),
+                ),
+            ],
+        ),
+        (
+            translate("station_readable", "Noise"),
+            [
+                (
+                    translate("station_readable", "Angle random walk"),
+                    _in(noise.get("gyro_arw"), "°/√h", DEGREE_PER_ROOT_HOUR),
+                ),
+                (
+                    translate("station_readable", "Velocity random walk"),
+                    _in(noise.get("accel_vrw"), "µg/√Hz", MICRO_G),
+                ),
+                (
+                    translate("station_readable", "Gyro bias instability"),
                     _in(noise.get("gyro_bias_instability", 0.0), "°/h", DEGREE_PER_HOUR),
                 ),
                 (
-                    tr("Accelerometer bias instability"),
+                    translate("station_readable", "Accelerometer bias instability"),
                     _in(noise.get("accel_bias_instability", 0.0), "µg", MICRO_G),
                 ),
             ],
         ),
         (
-            tr("Frame"),
+            translate("station_readable", "Frame"),
             [
-                (tr("Begins with"), _text(frame.get("sync"))),
-                (tr("Fields"), ", ".join(_text(name) for name in fields)),
-                (tr("Check"), _text(_table(frame, "crc").get("kind") or _table(frame, "check").get("kind"))),
+                (translate("station_readable", "Begins with"), _text(frame.get("sync"))),
+                (translate("station_readable", "Fields"), ", ".join(_text(name) for name in fields)),
+                (
+                    translate("station_readable", "Check"),
+                    _text(_table(frame, "crc").get("kind") or _table(frame, "check").get("kind")),
+                ),
             ],
         ),
     ]
     if registers:
         lines = [
-            (_text(entry.get("address")), ", ".join(name or "–" for name in _names(entry.get("parameters"))))
-            for entry in registers
+            (_text(entry.get("address")), _register(_names(entry.get("parameters")))) for entry in registers
         ]
-        sections.append((tr("Calibration registers"), lines))
+        sections.append((translate("station_readable", "Calibration registers"), lines))
     known = [
         (_group_name(name), _in_group(name, prior.get("sigma"), "± "))
         for name, prior in _table(data, "prior").items()
         if isinstance(prior, Mapping)
     ]
     if known:
-        sections.append((tr("Known of any unit beforehand (one sigma)"), known))
+        sections.append((translate("station_readable", "Known of any unit beforehand (one sigma)"), known))
     return sections
+
+
+def _register(names: Sequence[str]) -> str:
+    """The parameters of neighbouring registers, those of a matrix by their ends."""
+    named = [name for name in names if name]
+    return ", ".join(named) if len(named) <= 3 else f"{named[0]} … {named[-1]} ({len(named)})"
 
 
 def _plain(data: Mapping[str, Any]) -> list[Section]:
     """Keys and values as they stand in the file."""
     top = [(key, _text(value)) for key, value in data.items() if not isinstance(value, Mapping)]
-    sections: list[Section] = [(_tr("General"), top)] if top else []
+    sections: list[Section] = [(translate("station_readable", "General"), top)] if top else []
     for key, value in data.items():
         if isinstance(value, Mapping):
             sections.append((key, [(name, _text(inner)) for name, inner in value.items()]))
@@ -163,7 +190,7 @@ def _text(value: Any) -> str:
     if value is None:
         return "–"
     if isinstance(value, bool):
-        return _tr("yes") if value else _tr("no")
+        return translate("station_readable", "yes") if value else translate("station_readable", "no")
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping):
@@ -202,7 +229,7 @@ def _limit(name: str, limit: Mapping[str, Any]) -> str:
     if limit.get("sigma_below") is not None:
         parts.append(f"σ ≤ {_in_group(name, limit['sigma_below'])}")
     for stage, sigma in _table(limit, "sigma_below_after").items():
-        text = _tr("σ ≤ {0} after “{1}” alone")
+        text = translate("station_readable", "σ ≤ {0} after “{1}” alone")
         parts.append(text.format(_in_group(name, sigma), word_stage(stage)))
     return ";  ".join(parts)
 
@@ -230,7 +257,9 @@ class ReadableView(QTreeWidget):
             top = QTreeWidgetItem(self, [title])
             top.setFont(0, bold)
             top.setFirstColumnSpanned(True)
+            top.setSizeHint(0, QSize(0, _LINE + theme.GRID))
             for label, value in lines:
                 line = QTreeWidgetItem(top, [label, value])
                 line.setToolTip(1, value)
+                line.setSizeHint(0, QSize(0, _LINE))
             top.setExpanded(True)

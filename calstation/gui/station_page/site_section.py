@@ -166,6 +166,7 @@ class SiteSection(QWidget):
     def _choose(self, place: tuple[str, str], given: bool) -> None:
         """Give a value of one's own, beginning with the last one or the computed one; or none."""
         value = None
+        self._fields[place[1]].editor.clearFocus()
         if given:
             normal = self._normal()
             fallback = round(normal, 5) if place == _GRAVITY and normal is not None else 0.0

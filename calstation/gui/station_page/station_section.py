@@ -2,8 +2,17 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import QEvent
-from PySide6.QtWidgets import QFileDialog, QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QFormLayout,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
 
 from calstation.gui import theme
 from calstation.gui.station_page.drafts import Drafts
@@ -30,6 +39,7 @@ class StationSection(QWidget):
                 ("bench", "seed"),
                 NumberEdit(),
                 lambda: self.tr("Seed of the unit and table"),
+                default=1,
                 hint=lambda: self.tr("Another seed is another unit with other errors."),
             ),
             Field(
@@ -38,6 +48,7 @@ class StationSection(QWidget):
                 NumberEdit(),
                 lambda: self.tr("Speed"),
                 unit="×",
+                default=0,
                 hint=lambda: self.tr("Multiple of real time; 0 is as fast as this computer can."),
             ),
         ]
@@ -81,13 +92,23 @@ class StationSection(QWidget):
         self.badge.setObjectName("station_kind_badge")
         self._kind, self._file = QLabel(), QLabel()
         self._file.setProperty("kind", "muted")
-        for label in (self._kind, self._file):
+        self._glance = QFormLayout()
+        self._glance.setHorizontalSpacing(2 * theme.GRID)
+        self._glance.setVerticalSpacing(theme.GRID)
+        self._glance_labels = [(QLabel(), QLabel()) for _ in range(4)]
+        for label, value in self._glance_labels:
+            label.setProperty("kind", "muted")
+            self._glance.addRow(label, value)
+        for label in (self._kind, self._file, *(value for _, value in self._glance_labels)):
             label.setWordWrap(True)
+            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         column = QVBoxLayout(panel)
         column.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
         column.setSpacing(2 * theme.GRID)
-        for widget in (self.badge, self._kind, self._file):
-            column.addWidget(widget)
+        column.addWidget(self.badge)
+        column.addWidget(self._kind)
+        column.addLayout(self._glance)
+        column.addWidget(self._file)
         column.addStretch(1)
         return panel
 
@@ -112,8 +133,11 @@ class StationSection(QWidget):
                 )
             )
         else:
-            self.badge.show_state("good", self.tr("Hardware"))
+            self.badge.show_state("none", self.tr("Hardware"))
             self._kind.setText(self.tr("A run moves the table. Test both links before the first one."))
+        for (label, value), (name, text) in zip(self._glance_labels, self._at_a_glance(), strict=True):
+            label.setText(name)
+            value.setText(text)
         self._file.setText(self._about_file())
 
     def retranslate(self) -> None:
@@ -127,6 +151,32 @@ class StationSection(QWidget):
         if event.type() == QEvent.Type.LanguageChange:
             self.retranslate()
         super().changeEvent(event)
+
+    def _at_a_glance(self) -> list[tuple[str, str]]:
+        """What the other sections say, in a line each."""
+
+        def get(*place: str) -> str:
+            value = self._draft.value(place)
+            return "–" if value is None else f"{value:g}" if isinstance(value, float | int) else str(value)
+
+        bench = self._draft.value(("bench",)) is not None
+        own = self.tr("opened by the bench")
+        azimuth = self._draft.value(("site", "azimuth_deg"))
+        gravity = self._draft.value(("site", "gravity_mps2"))
+        return [
+            (self.tr("Table"), f"{get('table', 'profile')}, {own if bench else get('table', 'port')}"),
+            (self.tr("IMU"), own if bench else get("imu", "port")),
+            (
+                self.tr("Place"),
+                f"{get('site', 'latitude_deg')}°, {get('site', 'longitude_deg')}°, {get('site', 'height_m')} m; "
+                + (
+                    self.tr("azimuth from the data")
+                    if azimuth is None
+                    else self.tr("azimuth {0}°").format(get("site", "azimuth_deg"))
+                ),
+            ),
+            (self.tr("Gravity"), self.tr("normal") if gravity is None else f"{gravity} m/s²"),
+        ]
 
     def _about_file(self) -> str:
         """Where the file lies, whether it is the site's own, and which version."""

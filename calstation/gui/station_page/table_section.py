@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from PySide6.QtCore import QEvent
+from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui import theme
@@ -67,7 +67,8 @@ class TableSection(QWidget):
             ("max_acceleration_dps2", "°/s²"),
         )
         for row, (key, unit) in enumerate(rows):
-            grid.addWidget(self._row_labels[row], row + 1, 0)
+            self._row_labels[row].setMinimumHeight(4 * theme.GRID)
+            grid.addWidget(self._row_labels[row], row + 1, 0, Qt.AlignmentFlag.AlignTop)
             for column, joint in enumerate(_JOINTS):
                 # A lowest angle above the highest is told once, at the highest.
                 also = ((joint,),) if key == "high_deg" else ()
@@ -82,7 +83,7 @@ class TableSection(QWidget):
                     also=also,
                 )
                 self._fields.append(field)
-                grid.addWidget(field, row + 1, column + 1)
+                grid.addWidget(field, row + 1, column + 1, Qt.AlignmentFlag.AlignTop)
         grid.setColumnStretch(3, 1)
         return panel
 
@@ -103,9 +104,10 @@ class TableSection(QWidget):
         return Form(*self._axis_fields)
 
     def _accuracy(self) -> QWidget:
-        def number(key: str, unit: str, words: Any, hint: Any = str) -> Field:
+        def number(key: str, unit: str, words: Any, hint: Any = str, default: Any = None) -> Field:
+            place = ("accuracy", key)
             return Field(
-                self._draft, ("accuracy", key), NumberEdit(), words, unit=unit, hint=hint, width=_NARROW
+                self._draft, place, NumberEdit(), words, unit=unit, hint=hint, width=_NARROW, default=default
             )
 
         fields = [
@@ -125,8 +127,9 @@ class TableSection(QWidget):
                 "s",
                 lambda: self.tr("Age of a polled angle"),
                 lambda: self.tr("Beyond the middle between request and answer."),
+                0,
             ),
-            number("poll_jitter_s", "s", lambda: self.tr("Its scatter, sigma")),
+            number("poll_jitter_s", "s", lambda: self.tr("Its scatter, sigma"), default=0),
         ]
         lever = Field(
             self._draft,

@@ -76,6 +76,7 @@ class TestPanel(QFrame):
         super().__init__()
         self._app, self._device, self._station = app, device, station
         self.report: Report | None = None
+        self._tested: tuple[object, ...] = ()
         self._error = ""
         self.setProperty("kind", "panel")
         self._title, self._about = QLabel(), QLabel()
@@ -84,6 +85,7 @@ class TestPanel(QFrame):
         self._about.setWordWrap(True)
         self.product_box = ChoiceBox(lambda: [(name, name) for name in library.names("products")])
         self.product_box.setObjectName("imu_test_product")
+        self.product_box.typed.connect(self.refresh)
         self._product_label = QLabel()
         self._product_label.setBuddy(self.product_box)
         self.button = QPushButton()
@@ -100,12 +102,15 @@ class TestPanel(QFrame):
         self._note.setProperty("kind", "muted")
         self.badge = StateBadge(theme.SECTION)
         self.badge.setObjectName(f"{device}_test_badge")
-        self._why = QLabel()
+        self._why, self._nothing = QLabel(), QLabel()
         self._why.setWordWrap(True)
+        self._nothing.setProperty("kind", "muted")
+        self._nothing.setWordWrap(True)
         self._lines = QWidget()
         self._list = QVBoxLayout(self._lines)
         self._list.setContentsMargins(0, 0, theme.GRID, 0)
         self._list.setSpacing(theme.GRID)
+        self._list.addStretch(1)
         self._lay_out()
         app.engine_link.running_changed.connect(lambda _: self.refresh())
         app.product_changed.connect(self._follow_product)
@@ -118,8 +123,7 @@ class TestPanel(QFrame):
         scroll.setWidgetResizable(True)
         scroll.setFrameShape(QFrame.Shape.NoFrame)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        scroll.viewport().setAutoFillBackground(False)
-        self._lines.setAutoFillBackground(False)
+        scroll.setProperty("kind", "clear")
         scroll.setWidget(self._lines)
         choice = QHBoxLayout()
         choice.addWidget(self._product_label)
@@ -138,6 +142,7 @@ class TestPanel(QFrame):
         column.addWidget(self._note)
         column.addWidget(self.badge)
         column.addWidget(self._why)
+        column.addWidget(self._nothing)
         column.addWidget(scroll, 1)
 
     @property
@@ -152,23 +157,21 @@ class TestPanel(QFrame):
             return
         self._clear()
         work = try_table if self._device == "table" else try_imu
-        self._show_running(True)
+        self._tested = self._setting(station)
         self.watch.watch(self._app.workshop.submit(work, Order(station, self.product)))
-        self.refresh()
-
-    def forget(self) -> None:
-        """What was found is of another setting: show nothing."""
-        if not self.watch.busy:
-            self._clear()
+        self._show_running(True)
 
     def refresh(self) -> None:
-        """Enable the button where a test may be made, and say why where not."""
+        """Enable the button where a test may be made, and say why where not; forget what another setting gave."""
+        station = self._station()
+        if self.report is not None and (station is None or self._setting(station) != self._tested):
+            self._clear()
         reason = ""
         if self._app.engine_link.running:
             reason = self.tr("A run is going on; test when it has ended.")
         elif self.watch.busy:
             reason = self.tr("A test is going on.")
-        elif self._station() is None:
+        elif station is None:
             reason = self.tr("Correct what is marked first.")
         self.button.setEnabled(not reason)
         self.button.setToolTip(reason)
@@ -186,6 +189,7 @@ class TestPanel(QFrame):
         self.button.setText(self.tr("Test the table") if self._device == "table" else self.tr("Test the IMU"))
         for line in self._lines.findChildren(_Line):
             line.retranslate()
+        self._nothing.setText(self.tr("Not tested as it is set now. What a test finds will stand here."))
         self._say_verdict()
         self.refresh()
 
@@ -194,6 +198,11 @@ class TestPanel(QFrame):
         if event.type() == QEvent.Type.LanguageChange:
             self.retranslate()
         super().changeEvent(event)
+
+    def _setting(self, station: StationConfig) -> tuple[object, ...]:
+        """What a test depends on."""
+        link = station.table if self._device == "table" else (station.imu, station.site, self.product)
+        return (link, station.bench)
 
     def _follow_product(self) -> None:
         chosen = self._app.product_path
@@ -206,8 +215,7 @@ class TestPanel(QFrame):
     def _done(self, report: Report) -> None:
         self.report = report
         for finding in report.findings:
-            self._list.addWidget(_Line(finding))
-        self._list.addStretch(1)
+            self._list.insertWidget(self._list.count() - 1, _Line(finding))
         self._show_running(False)
 
     def _failed(self, sentence: str) -> None:
@@ -236,12 +244,11 @@ class TestPanel(QFrame):
             self.badge.show_state(*words[state])
         self._why.setText(self._error)
         self._why.setVisible(bool(self._error))
+        self._nothing.setVisible(not state and not self.watch.busy)
 
     def _clear(self) -> None:
         self.report, self._error = None, ""
-        while (item := self._list.takeAt(0)) is not None:
-            widget = item.widget()
-            if widget is not None:
-                widget.setParent(None)
-                widget.deleteLater()
+        for line in self._lines.findChildren(_Line):
+            line.setParent(None)
+            line.deleteLater()
         self._say_verdict()

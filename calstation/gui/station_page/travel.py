@@ -92,7 +92,7 @@ class TravelPicture(QWidget):
                 painter.drawLine(int(at(0)), int(middle) - 6, int(at(0)), int(middle) + 6)
                 painter.setPen(QColor(c.text))
                 for value in (axis.low, axis.high):
-                    self._label(painter, at(value), middle + 14, f"{value:g}°")
+                    self._label(painter, at(value), middle + 14, f"{value:g}°".replace("-", "−"))
             painter.setPen(QColor(c.muted))
             painter.drawText(
                 QRectF(left, top, right - left, 2 * theme.GRID + 4),

@@ -37,7 +37,7 @@ class VersionsPanel(QWidget):
         self.list = QListWidget()
         self.list.setObjectName("versions_list")
         self.list.setWordWrap(True)
-        self.list.setUniformItemSizes(False)
+        self.list.setSpacing(theme.GRID // 2)
         self.list.currentRowChanged.connect(lambda _: self._enable())
         self.list.itemActivated.connect(lambda _: self._compare())
         self.compare_button, self.take_button = QPushButton(), QPushButton()
@@ -51,9 +51,10 @@ class VersionsPanel(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(theme.GRID)
-        for widget in (self._title, self._empty, self.list):
-            column.addWidget(widget)
-        column.addStretch(0)
+        column.addWidget(self._title)
+        column.addWidget(self._empty)
+        column.addWidget(self.list, 100)
+        column.addStretch(1)
         column.addLayout(buttons)
         self.retranslate()
 
@@ -76,6 +77,8 @@ class VersionsPanel(QWidget):
         self.list.setCurrentRow(min(row, len(self._versions) - 1))
         self.list.setVisible(bool(self._versions))
         self._empty.setVisible(not self._versions)
+        for button in (self.compare_button, self.take_button):
+            button.setVisible(bool(self._versions))
         self._enable()
 
     def lock(self, reason: str) -> None:

@@ -1,0 +1,562 @@
+"""The station page by real clicks: checked as typed, saved as versions, links tested, read-only for the operator."""
+
+import re
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QApplication,
+    QComboBox,
+    QLabel,
+    QLineEdit,
+    QListWidget,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+from pytestqt.qtbot import QtBot
+
+from calstation.devices.opening import Reason
+from calstation.gui import language, theme
+from calstation.gui.context import AppContext
+from calstation.gui.engine_link import EngineLink
+from calstation.gui.main_window import MainWindow
+from calstation.gui.station_page import page as page_module
+from calstation.gui.station_page.finding_wording import WORDED
+from calstation.gui.station_page.page import StationPage
+from calstation.gui.station_page.problem_wording import word_problem
+from calstation.station import library, role, version_store
+from calstation.station.ports import FoundPort
+from calstation.station.request import RunRequest
+from calstation.station.settings import check_data
+from calstation.station.workshop import Workshop
+
+STATION, TABLE_LINK, IMU_LINK, SITE, TABLE, PROFILES, PERSONAL = range(7)
+PIN = "2468"
+
+
+class Hands:
+    """What a user does on the page, whether it stands in the window or alone."""
+
+    def __init__(self, root: QWidget, page: StationPage, qtbot: QtBot) -> None:
+        self.root, self.page, self.app, self._bot = root, page, page.app, qtbot
+
+    def find(self, kind: type, name: str) -> Any:
+        """The widget of a name; of several that show one value, the visible one."""
+        found = self.root.findChildren(kind, name)
+        assert found, name
+        return next((widget for widget in found if widget.isVisible()), found[0])
+
+    def turn(self, section: int) -> None:
+        """Choose a section."""
+        self.page.nav.setCurrentRow(section)
+
+    def type(self, name: str, text: str) -> None:
+        """Type into an input, in place of what is there."""
+        edit = self.find(QLineEdit, name)
+        edit.setFocus()
+        edit.selectAll()
+        self._bot.keyClick(edit, Qt.Key.Key_Delete)
+        self._bot.keyClicks(edit, text)
+
+    def choose(self, name: str, words: str) -> None:
+        """Choose in a box, as a click on an entry does."""
+        box = self.find(QComboBox, name)
+        index = box.findText(words, Qt.MatchFlag.MatchStartsWith)
+        assert index >= 0, [box.itemText(i) for i in range(box.count())]
+        box.setCurrentIndex(index)
+        box.activated.emit(index)
+
+    def press(self, name: str) -> None:
+        """Press a button."""
+        button = self.find(QPushButton, name)
+        assert button.isEnabled(), button.toolTip()
+        self._bot.mouseClick(button, Qt.MouseButton.LeftButton)
+
+    def copy_station(self, name: str) -> None:
+        """Make a station with hardware."""
+        self.press("new_station_button")
+        self.type("new_name_edit", name)
+        self.press("make_file_button")
+
+    def says(self, place: str) -> str:
+        """The message beneath an input."""
+        label = self.find(QLabel, f"{place}_message")
+        return str(label.text())
+
+    def finished(self, device: str) -> list[str]:
+        """Wait for a connection test; the sentences of what it found."""
+        panel = (self.page.table_link if device == "table" else self.page.imu_link).test
+        self._bot.waitUntil(lambda: panel.report is not None, timeout=60_000)
+        labels = panel._lines.findChildren(QLabel)
+        return [label.text() for label in labels if label.text()]
+
+
+@pytest.fixture(scope="module")
+def workshop() -> Iterator[Workshop]:
+    """One workshop for all pages of this file: starting its process takes longer than most of the tests."""
+    made = Workshop()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def operator(
+    place: Any, workshop: Workshop, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Hands]:
+    """An operator at the page, which stands alone below its header."""
+    application = QApplication.instance()
+    assert isinstance(application, QApplication)
+    application.setStyle("Fusion")
+    language.use("en")
+    theme.apply("light")
+    monkeypatch.setattr("calstation.gui.context.Workshop", lambda: workshop)
+    app = AppContext(place.station)
+    page = StationPage(app)
+    root = QWidget()
+    column = QVBoxLayout(root)
+    assert page.header is not None
+    column.addWidget(page.header)
+    column.addWidget(page, 1)
+    qtbot.addWidget(root)
+    root.resize(1366, 700)
+    root.show()
+    qtbot.waitExposed(root)
+    yield Hands(root, page, qtbot)
+    app.engine_link.close()
+    language.use("en")
+
+
+@pytest.fixture
+def hands(operator: Hands) -> Hands:
+    """An engineer at the page."""
+    operator.app.role.set_first_pin(PIN)
+    return operator
+
+
+@pytest.fixture
+def whole(window: MainWindow, qtbot: QtBot) -> Hands:
+    """An engineer at the page in the whole window."""
+    window.app.role.set_first_pin(PIN)
+    window.show_page("station_page")
+    page = window.findChild(StationPage, "station_page")
+    assert isinstance(page, StationPage)
+    return Hands(window, page, qtbot)
+
+
+@pytest.fixture
+def chinese() -> Iterator[Callable[[], None]]:
+    """Switches to Chinese; back to English afterwards."""
+    yield lambda: language.use("zh_CN")
+    language.use("en")
+
+
+def saved(path: Path) -> dict[str, Any]:
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+# Who may do what
+
+
+def test_the_operator_sees_the_values_and_may_change_none(operator: Hands) -> None:
+    hands = operator
+    hands.turn(SITE)
+    edit = hands.find(QLineEdit, "site_latitude_deg_edit")
+    assert edit.text() == "34.25"
+    names = [
+        "name_edit",
+        "site_latitude_deg_edit",
+        "outer_low_deg_edit",
+        "handover_folder_edit",
+        "new_pin_edit",
+    ]
+    for widget in [*(hands.find(QLineEdit, name) for name in names), hands.find(QComboBox, "station_combo")]:
+        assert not widget.isEnabled()
+        assert "engineer" in widget.toolTip()
+    assert hands.page.profiles.editor.isReadOnly()
+    hands.app.role.set_first_pin(PIN)
+    assert edit.isEnabled()
+    assert edit.toolTip() == ""
+    hands.app.role.lock()
+    assert not edit.isEnabled()
+
+
+def test_language_and_colours_need_no_engineer(whole: Hands, window: MainWindow, qtbot: QtBot) -> None:
+    hands = whole
+    hands.app.role.lock()
+    hands.turn(PERSONAL)
+    hands.choose("theme_combo", "dark")
+    assert theme.current() == "dark"
+    hands.choose("station_language_combo", "中文")
+    assert language.current() == "zh_CN"
+    qtbot.waitUntil(lambda: window.language_combo.currentData() == "zh_CN")
+    assert hands.page.nav.item(SITE).text() == "站址"
+    hands.choose("station_language_combo", "English")
+    qtbot.waitUntil(lambda: hands.page.nav.item(SITE).text() == "Site")
+
+
+# Checked as typed, saved whole
+
+
+def test_a_wrong_value_is_told_beside_it_and_cannot_be_saved(hands: Hands, place: Any) -> None:
+    hands.turn(SITE)
+    before = place.station.read_bytes()
+    hands.type("site_latitude_deg_edit", "95")
+    assert hands.says("site_latitude_deg") == "Out of range; it must be at most 90."
+    save = hands.find(QPushButton, "save_station_button")
+    assert not save.isEnabled()
+    assert (
+        save.toolTip() == "Correct first, in “test”: site.latitude_deg: Out of range; it must be at most 90."
+    )
+    assert hands.find(QLabel, "unsaved_label").text() == "● Not saved: test"
+    hands.type("site_latitude_deg_edit", "ten")
+    assert hands.says("site_latitude_deg") == "Not a number; type one like 12.5."
+    hands.type("site_height_m_edit", "")
+    assert hands.says("site_height_m") == "Missing; fill it in."
+    hands.press("discard_station_button")
+    assert hands.find(QLineEdit, "site_latitude_deg_edit").text() == "34.25"
+    assert not save.isVisible()
+    assert place.station.read_bytes() == before
+
+
+def test_a_right_value_is_saved_as_a_version_with_its_comments(hands: Hands, place: Any) -> None:
+    text = "# our line\n" + place.station.read_text(encoding="utf-8")
+    place.station.write_text(text, encoding="utf-8")
+    hands.turn(SITE)
+    hands.page.drafts.discard()
+    hands.page.drafts.station.open(place.station)
+    told: list[int] = []
+    hands.app.station_changed.connect(lambda: told.append(1))
+    hands.type("site_latitude_deg_edit", "39.9")
+    hands.press("save_station_button")
+    assert saved(place.station)["site"]["latitude_deg"] == 39.9
+    assert place.station.read_text(encoding="utf-8").startswith("# our line\n")
+    latest = version_store.kept("stations", "test")[0]
+    assert latest.author == hands.page.drafts.author
+    assert told
+    assert hands.find(QLabel, "unsaved_label").text() == ""
+
+
+def test_a_shipped_file_is_saved_as_the_sites_own(hands: Hands, place: Any) -> None:
+    hands.turn(TABLE)
+    hands.type("outer_high_deg_edit", "-2000")
+    assert hands.says("outer_high_deg") == "The lowest angle must lie below the highest."
+    assert "no travel" in hands.page.table._picture.accessibleName()
+    hands.type("outer_high_deg_edit", "400")
+    assert hands.says("outer_high_deg") == ""
+    assert "1480° in all" not in hands.page.table._picture.accessibleName()
+    assert "4.11 turns in all" in hands.page.table._picture.accessibleName()
+    hands.press("save_station_button")
+    own = place.home / "tables" / "bench.toml"
+    assert saved(own)["outer"]["high_deg"] == 400
+    assert "CiA 402" in own.read_text(encoding="utf-8")
+    assert [v.number for v in version_store.kept("tables", "bench")] == [2, 1]
+
+
+def test_axes_are_three_numbers_and_a_unit_vector(hands: Hands) -> None:
+    hands.turn(TABLE)
+    edits = hands.find(QWidget, "outer_axis_edit").findChildren(QLineEdit)
+    edits[1].setFocus()
+    edits[1].selectAll()
+    hands._bot.keyClicks(edits[1], "0.5")
+    assert hands.says("outer_axis") == "Give a unit vector: its squares add up to 1."
+    hands._bot.keyClicks(edits[1], "x")
+    assert hands.says("outer_axis") == "Not a number; type one like 12.5."
+
+
+def test_gravity_and_its_plausibility_follow_the_typing(hands: Hands) -> None:
+    hands.turn(SITE)
+    normal = hands.find(QLabel, "normal_gravity_label")
+    assert normal.text() == "9.79547 m/s²"
+    hands.type("site_latitude_deg_edit", "60")
+    assert normal.text() == "9.81794 m/s²"
+    hands.choose("gravity_way_combo", "surveyed")
+    edit = hands.find(QLineEdit, "site_gravity_mps2_edit")
+    assert edit.text() == "9.81794"
+    hands.type("site_gravity_mps2_edit", "9.80")
+    assert "-0.18 % from normal gravity" in hands.says("site_gravity_mps2")
+    assert "off by -1828 ppm" in hands.says("site_gravity_mps2")
+    assert hands.find(QPushButton, "save_station_button").isEnabled(), "advice is no refusal"
+    hands.choose("gravity_way_combo", "normal")
+    assert not edit.isVisible()
+
+
+def test_an_unknown_azimuth_is_left_out_of_the_file(hands: Hands, place: Any) -> None:
+    hands.turn(SITE)
+    hands.choose("azimuth_way_combo", "found")
+    hands.press("save_station_button")
+    assert "azimuth_deg" not in saved(place.station)["site"]
+    hands.choose("azimuth_way_combo", "given")
+    hands.type("site_azimuth_deg_edit", "")
+    assert hands.find(QLineEdit, "site_azimuth_deg_edit").isVisible(), "stays while it is typed anew"
+    hands.type("site_azimuth_deg_edit", "90.5")
+    hands.press("save_station_button")
+    assert saved(place.station)["site"]["azimuth_deg"] == 90.5
+
+
+# Leaving
+
+
+@pytest.mark.parametrize("answer", ["stay_button", "discard_and_go_button", "save_and_go_button"])
+def test_leaving_with_unsaved_changes_asks_inline(
+    whole: Hands, window: MainWindow, place: Any, answer: str
+) -> None:
+    hands, tabs = whole, window.page_tabs
+    hands.type("name_edit", "line 7")
+    tabs.setCurrentIndex(0)
+    assert tabs.currentWidget() is hands.page
+    assert hands.page.notice.asking
+    hands.press(answer)
+    assert not hands.page.notice.asking
+    assert (tabs.currentWidget() is hands.page) == (answer == "stay_button")
+    assert saved(place.station)["name"] == ("line 7" if answer.startswith("save") else "test bench")
+
+
+def test_closing_the_window_with_unsaved_changes_asks_too(whole: Hands, window: MainWindow) -> None:
+    hands = whole
+    hands.type("name_edit", "line 7")
+    assert not window.close()
+    assert hands.page.notice.asking
+    hands.press("discard_and_go_button")
+    assert not window.isVisible()
+
+
+# Stations
+
+
+def test_a_new_station_is_made_from_a_copy_and_stays_chosen(hands: Hands, place: Any) -> None:
+    hands.press("new_station_button")
+    make = hands.find(QPushButton, "make_file_button")
+    for name, told in (("", "Type a name first."), ("line 3", "Only letters"), ("test", "taken")):
+        hands.type("new_name_edit", name)
+        assert not make.isEnabled()
+        assert told in make.toolTip()
+    hands.type("new_name_edit", "line_3")
+    hands.press("make_file_button")
+    path = place.home / "stations" / "line_3.toml"
+    assert saved(path)["name"] == "line_3"
+    assert hands.app.station_path == path
+    assert hands.find(QComboBox, "station_combo").currentText() == "line_3"
+    assert hands.app.settings.value("station") == "line_3"
+    hands.choose("station_combo", "virtual_bench (virtual bench)")
+    assert hands.app.station_path == library.find("stations", "virtual_bench")
+
+
+def test_a_file_from_elsewhere_becomes_the_sites_own_under_a_free_name(hands: Hands, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "test.toml"
+    elsewhere.write_bytes((tmp_path / "home" / "stations" / "test.toml").read_bytes())
+    hands.app.set_station(elsewhere)
+    hands.type("name_edit", "from elsewhere")
+    hands.press("save_station_button")
+    assert hands.app.station_path == tmp_path / "home" / "stations" / "test-2.toml"
+    assert saved(elsewhere)["name"] == "test bench"
+
+
+# Links
+
+
+def test_the_virtual_bench_is_tested_by_its_buttons(hands: Hands) -> None:
+    for section, device, told in (
+        (TABLE_LINK, "table", "bench-table, serial number T-0001."),
+        (IMU_LINK, "imu", "bench-imu, serial number SN-000001."),
+    ):
+        hands.turn(section)
+        hands.press(f"test_{device}_button")
+        assert not hands.find(QPushButton, f"test_{device}_button").isEnabled()
+        assert told in hands.finished(device)
+        assert hands.find(QWidget, f"{device}_test_badge").text() == "The link works"
+
+
+def test_a_wrong_port_is_told_with_its_mend_in_both_languages(
+    hands: Hands, chinese: Callable[[], None]
+) -> None:
+    hands.copy_station("line_3")
+    hands.turn(TABLE_LINK)
+    hands.choose("table_way_combo", "serial line")
+    assert hands.says("table_port") == "Missing; fill it in."
+    test = hands.find(QPushButton, "test_table_button")
+    assert not test.isEnabled()
+    assert test.toolTip() == "Correct what is marked first."
+    box = next(b for b in hands.root.findChildren(QComboBox, "table_port_edit") if b.isVisible())
+    hands._bot.keyClicks(box.lineEdit(), "/dev/ttyNONE7")
+    hands.press("test_table_button")
+    told = hands.finished("table")
+    assert told[0] == "There is no port /dev/ttyNONE7."
+    assert told[1].startswith("Plug the adapter in, or choose another port.")
+    chinese()
+    hands._bot.waitUntil(lambda: hands.finished("table")[0] == "没有端口 /dev/ttyNONE7。")
+    hands._bot.keyClicks(box.lineEdit(), "8")
+    assert hands.page.table_link.test.report is None, "what was found belongs to another setting"
+
+
+def test_a_usb_adapter_is_chosen_by_its_serial_number(hands: Hands) -> None:
+    hands.copy_station("line_3")
+    hands.turn(IMU_LINK)
+    link = hands.page.imu_link
+    hands._bot.waitUntil(lambda: not link.searching.busy, timeout=30_000)
+    ports = (
+        FoundPort("/dev/ttyUSB4", "FT232R USB UART", "FTDI", "A9XYZ", "1-2", "usb:A9XYZ"),
+        FoundPort("/dev/ttyS0", "", "", None, "", None),
+    )
+    link.port_box.offer(ports)
+    hands.choose("imu_port_edit", "usb:A9XYZ")
+    assert link.port_box.currentText() == "usb:A9XYZ"
+    assert hands.says("imu_port") == "FT232R USB UART, FTDI · /dev/ttyUSB4"
+    hands.press("save_station_button")
+    assert saved(library.find("stations", "line_3"))["imu"]["port"] == "usb:A9XYZ"
+
+
+def test_serial_settings_are_the_profiles_or_the_stations_own(hands: Hands) -> None:
+    hands.copy_station("line_3")
+    hands.turn(IMU_LINK)
+    draft = hands.page.drafts.station
+    hands.choose("imu_own_serial_combo", "as the profile says (921600 8N1)")
+    assert draft.value(("imu", "serial")) is None
+    hands.choose("imu_own_serial_combo", "this station's own")
+    assert draft.value(("imu", "serial")) == {"baud": 921600, "data_bits": 8, "parity": "N", "stop_bits": 1}
+    box = hands.find(QComboBox, "imu_serial_baud_edit")
+    box.lineEdit().clear()
+    hands._bot.keyClicks(box.lineEdit(), "12.5")
+    assert hands.says("imu_serial_baud") == "Not a whole number; type one like 12."
+    hands.turn(TABLE_LINK)
+    hands.type("table_unit_edit", "300")
+    assert hands.says("table_unit") == "Out of range; it must be at most 255."
+
+
+def test_no_test_while_a_run_is_going(hands: Hands, monkeypatch: pytest.MonkeyPatch) -> None:
+    hands.turn(TABLE_LINK)
+    hands.app.engine_link.request = RunRequest("SN-000042")
+    monkeypatch.setattr(EngineLink, "running", property(lambda _: True))
+    hands.app.engine_link.running_changed.emit(True)
+    button = hands.find(QPushButton, "test_table_button")
+    assert not button.isEnabled()
+    assert button.toolTip() == "A run is going on; test when it has ended."
+    monkeypatch.undo()
+    hands.app.engine_link.running_changed.emit(False)
+    assert button.isEnabled()
+
+
+def test_every_finding_and_reason_has_words() -> None:
+    source = "".join(
+        (Path(page_module.__file__).parents[2] / "station" / f"{name}.py").read_text(encoding="utf-8")
+        for name in ("connection_test", "table_check", "imu_check")
+    )
+    ids = set(re.findall(r'Finding\(\s*"(\w+)"', source)) | set(get_args(Reason))
+    ids |= set(re.findall(r'Finding\(\s*"(\w+)" if [^"]+ else "(\w+)"', source).__iter__().__next__())
+    assert len(ids) > 40
+    assert ids <= set(WORDED)
+
+
+def test_a_rule_that_the_page_does_not_know_is_told_in_the_loaders_words() -> None:
+    (problem,) = check_data(
+        "products", {"name": "x", "imu": "bench_nav", "serial_pattern": "(", "limits": {}}
+    )
+    assert word_problem(problem).startswith("'(' is no regular expression")
+
+
+# Profiles as text
+
+
+def test_a_wrong_text_is_marked_at_its_line(hands: Hands) -> None:
+    hands.turn(PROFILES)
+    profiles = hands.page.profiles
+    profiles.open("products", "nav_a")
+    profiles.views.setCurrentIndex(1)
+    profiles.editor.setPlainText(profiles.editor.toPlainText().replace("turns = 2", "turns = 0"))
+    problems = hands.find(QListWidget, "problems_list")
+    assert problems.count() == 1
+    assert problems.item(0).text().startswith("Line 17: schedule.rate.turns = 0 is out of range")
+    problems.setCurrentRow(0)
+    problems.itemClicked.emit(problems.item(0))
+    assert profiles.editor.textCursor().blockNumber() == 16
+    assert not hands.find(QPushButton, "save_station_button").isEnabled()
+
+
+def test_versions_are_listed_compared_and_taken_back(hands: Hands, place: Any) -> None:
+    hands.turn(PROFILES)
+    profiles = hands.page.profiles
+    profiles.open("products", "nav_a")
+    for turns in (3, 4):
+        text = re.sub(r"turns = \d", f"turns = {turns}", profiles.editor.toPlainText())
+        profiles.editor.setPlainText(text)
+        hands.press("save_station_button")
+    own = place.home / "products" / "nav_a.toml"
+    assert saved(own)["schedule"]["rate"]["turns"] == 4
+    versions = hands.find(QListWidget, "versions_list")
+    assert [versions.item(i).text().split()[0] for i in range(versions.count())] == ["3", "2", "1"]
+    assert "in force" in versions.item(0).text()
+    versions.setCurrentRow(2)
+    hands.press("compare_button")
+    shown = profiles._diff.toPlainText()
+    assert "-turns = 2" in shown
+    assert "+turns = 4" in shown
+    hands.press("take_back_button")
+    assert "turns = 2" in profiles.editor.toPlainText()
+    hands.press("save_station_button")
+    assert saved(own)["schedule"]["rate"]["turns"] == 2
+    assert version_store.kept("products", "nav_a")[0].number == 4
+
+
+def test_a_profile_is_readable_in_peoples_units(hands: Hands) -> None:
+    hands.turn(PROFILES)
+    view = hands.page.profiles.readable
+    hands.page.profiles.open("imus", "bench_nav")
+    lines = {}
+    for i in range(view.topLevelItemCount()):
+        top = view.topLevelItem(i)
+        lines |= {top.child(k).text(0): top.child(k).text(1) for k in range(top.childCount())}
+    assert lines["Angle random walk"] == "0.001 °/√h"
+    assert lines["Velocity random walk"] == "4.997 µg/√Hz"
+    assert lines["Serial line"] == "921600 8N1"
+    for kind in ("products", "tables", "stations", "imus"):
+        for name in library.names(kind):
+            hands.page.profiles.open(kind, name)
+            assert view.topLevelItemCount() > 0
+
+
+def test_form_and_text_of_one_file_never_differ(hands: Hands) -> None:
+    hands.turn(PROFILES)
+    hands.page.profiles.open("stations", "test")
+    hands.page.profiles.editor.setPlainText(hands.page.profiles.editor.toPlainText().replace("34.25", "12.5"))
+    hands.turn(SITE)
+    assert hands.find(QLineEdit, "site_latitude_deg_edit").text() == "12.5"
+    hands.type("site_latitude_deg_edit", "13.5")
+    assert "latitude_deg = 13.5" in hands.page.profiles.editor.toPlainText()
+
+
+def test_a_text_that_is_no_toml_can_be_mended(hands: Hands) -> None:
+    hands.turn(PROFILES)
+    profiles = hands.page.profiles
+    profiles.open("stations", "test")
+    right = profiles.editor.toPlainText()
+    profiles.editor.setPlainText(right.replace("[site]", "[site"))
+    assert "Not valid TOML" in hands.find(QLabel, "station_problem_label").text()
+    hands.turn(SITE)
+    hands.type("site_latitude_deg_edit", "1")
+    profiles.editor.setPlainText(right)
+    assert hands.find(QLineEdit, "site_latitude_deg_edit").text() == "34.25"
+
+
+# The engineer's PIN
+
+
+def test_the_pin_is_changed_only_by_who_knows_it(hands: Hands) -> None:
+    hands.turn(PERSONAL)
+    message = hands.page.personal._pin_message
+
+    def change(old: str, new: str, again: str) -> str:
+        for name, text in (("old_pin_edit", old), ("new_pin_edit", new), ("new_pin_again_edit", again)):
+            hands.type(name, text)
+        hands.press("change_pin_button")
+        return str(message.text())
+
+    assert change("1111", "13579", "13578") == "The two are not the same."
+    assert change(PIN, "135", "135") == "Too short: at least 4 characters."
+    assert change("1111", "13579", "13579") == "The PIN so far is wrong."
+    assert role.check(PIN)
+    assert change(PIN, "13579", "13579") == "The PIN has been changed."
+    assert role.check("13579")
