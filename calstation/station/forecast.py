@@ -14,7 +14,7 @@ import numpy as np
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.planned import PlannedSamples, profile
 from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Finish, Move, RoundEnd, Step
+from calstation.physics.motion import Finish, Move, Prompt, RoundEnd, Step
 from calstation.physics.parameters import INDEX, NAMES, PARAMETERS
 from calstation.records.meta import context_from_meta
 from calstation.sequencer.guard import JOINTS, check_limits
@@ -219,7 +219,7 @@ class _Foretelling:
     def _drive(self, plan: StagePlan, solve: bool, expected: float) -> StageForecast:
         """Follow a stage to its end; `expected` is what the whole run may take, s."""
         begin = self._clock
-        moves, rounds, reason = 0, 0, "plan"
+        moves, rounds, reason, by_hand = 0, 0, "plan", False
         if solve:
             self._chain.start(plan.name)
         try:
@@ -233,6 +233,7 @@ class _Foretelling:
                 elif isinstance(step, Finish):
                     break
                 else:
+                    by_hand = by_hand or isinstance(step, Prompt)
                     moves += isinstance(step, Move)
                     self._step(step, plan.name if solve else "")
                     self._tell(_FEEDING * self._clock / expected if expected else 0.0, note=plan.name)
@@ -242,6 +243,8 @@ class _Foretelling:
         stage = StageForecast(plan.name, begin, self._clock, reason, rounds, moves, estimated)
         if not solve:
             return stage
+        if by_hand:
+            return replace(stage, error="motion by hand cannot be foretold; its sigmas come with the run")
         try:
             solution = self._chain.finish()
         except (InsufficientDataError, InputError) as error:

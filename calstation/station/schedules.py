@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import NoneType
-from typing import Any, Literal, get_args
+from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
 from pydantic import ValidationError
@@ -20,8 +20,10 @@ from procedures import DEFAULT_STAGES, method
 _VIRTUAL = "SN-000001"
 """What a virtual unit is called where its bench does not say."""
 
-Kind = Literal["number", "count", "targets"]
-"""A float, a whole number, or sigmas by parameter or group."""
+Kind = Literal["number", "count", "flag", "choice", "targets", "other"]
+"""A float, a whole number, true or false, one of several words, sigmas by parameter or group, anything else."""
+
+_KINDS: dict[Any, Kind] = {bool: "flag", int: "count", float: "number"}
 
 UNITS = {"_s": "s", "_dps": "°/s", "_dps2": "°/s²", "_deg": "°"}
 """Units by the ends of fields' names."""
@@ -36,6 +38,7 @@ class ScheduleField:
     unit : "" where it has none
     low, high : bounds, None where there is none; above : `low` itself is too small
     optional : may be left out
+    choices : the words of a choice
     description : the method's own words
     """
 
@@ -46,6 +49,7 @@ class ScheduleField:
     above: bool
     high: float | None
     optional: bool
+    choices: tuple[str, ...]
     description: str
 
 
@@ -150,8 +154,11 @@ def _problem(kind: str, context: Mapping[str, Any], subject: str) -> Problem:
 
 
 def _field(name: str, info: FieldInfo) -> ScheduleField:
+    choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
     kinds = [kind for kind in get_args(info.annotation) or (info.annotation,) if kind is not NoneType]
-    kind: Kind = "count" if int in kinds else "number" if float in kinds else "targets"
+    kind: Kind = "choice" if choices else next((k for of, k in _KINDS.items() if of in kinds), "other")
+    if name == "targets":
+        kind = "targets"
     low, above = _bound(info, "ge"), _bound(info, "gt")
     high, below = _bound(info, "le"), _bound(info, "lt")
     unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
@@ -163,6 +170,7 @@ def _field(name: str, info: FieldInfo) -> ScheduleField:
         low is None and above is not None,
         below if high is None else high,
         NoneType in get_args(info.annotation),
+        tuple(str(choice) for choice in choices),
         info.description or "",
     )
 

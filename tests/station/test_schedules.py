@@ -61,3 +61,13 @@ def test_a_wrong_value_is_told_by_its_field(
     assert list(found) == [field]
     assert (found[field].kind, found[field].subject) == (problem.kind, problem.subject)
     assert found[field].bound == pytest.approx(problem.bound)
+
+
+def test_other_kinds_of_fields_are_told_apart() -> None:
+    kinds = {field.name: field.kind for field in schedule_fields("multi_position")}
+    assert kinds["manual"] == "flag"
+    assert kinds["step_deg"] == "number"
+    by_name = {field.name: field for field in schedule_fields("cross_calibration")}
+    assert by_name["trigger"].kind == "choice"
+    assert by_name["trigger"].choices == ("command", "start_up", "period")
+    assert by_name["primary_gyro"].kind == "other"

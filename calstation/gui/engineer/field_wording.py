@@ -22,6 +22,12 @@ _NAMES = {
     "rounds": QT_TRANSLATE_NOOP("schedule", "Rounds"),
     "duration_s": QT_TRANSLATE_NOOP("schedule", "Duration"),
     "targets": QT_TRANSLATE_NOOP("schedule", "Target sigma"),
+    "initial_rest_s": QT_TRANSLATE_NOOP("schedule", "First rest"),
+    "rest_s": QT_TRANSLATE_NOOP("schedule", "Rest in every position"),
+    "step_deg": QT_TRANSLATE_NOOP("schedule", "From position to position"),
+    "manual": QT_TRANSLATE_NOOP("schedule", "Moved by hand"),
+    "shortest_rest_s": QT_TRANSLATE_NOOP("schedule", "Shortest rest"),
+    "turn_deg": QT_TRANSLATE_NOOP("schedule", "Turn"),
 }
 
 _DESCRIPTIONS = {

@@ -69,6 +69,7 @@ class ResultView(QWidget):
         result = finished.result
         parameters = result["parameters"]
         names = [name for name in NAMES if name in parameters]
+        names += [name for name in parameters if name not in NAMES]
         checks = _checks(result["checks"])
         self._cells = {
             name: _row(name, parameters[name], finished.previous.get(name), checks.get(name, {}))
@@ -189,8 +190,9 @@ def _row(
     name: str, answer: Mapping[str, Any], previous: float | None, checks: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, str]:
     """A parameter's cells, each with the digits that its sigma is worth."""
-    value, unit = display(name, answer["value"])
-    sigma = display(name, answer["sigma"])[0]
+    value, unit = _display(name, answer["value"])
+    unit = unit or str(answer["unit"])
+    sigma = _display(name, answer["sigma"])[0]
     cells = {
         "unit": unit,
         "value": number(value, sigma),
@@ -198,18 +200,23 @@ def _row(
         "stage": str(answer["stage"]),
     }
     if previous is not None:
-        before = display(name, previous)[0]
+        before = _display(name, previous)[0]
         cells["previous"] = number(before, sigma)
         cells["change"] = "0" if before == value else number(value - before, sigma)
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
     if "within" in checks:
-        low, high = (display(name, float(bound))[0] for bound in checks["within"]["limit"])
+        low, high = (_display(name, float(bound))[0] for bound in checks["within"]["limit"])
         cells["limit"] = f"±{_plain(high)}" if low == -high else f"{_plain(low)} … {_plain(high)}"
     if "sigma below" in checks:
-        cells["sigma_limit"] = _plain(display(name, float(checks["sigma below"]["limit"]))[0])
+        cells["sigma_limit"] = _plain(_display(name, float(checks["sigma below"]["limit"]))[0])
     return cells
 
 
 def _plain(value: float) -> str:
     """A limit with four digits at most, never as a power of ten."""
     return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
+
+
+def _display(name: str, value: float) -> tuple[float, str]:
+    """In the unit people read; a value that is none of the 30 parameters as it is, its unit ""."""
+    return display(name, value) if name in NAMES else (value, "")

@@ -4,7 +4,17 @@ from collections.abc import Mapping
 from typing import Any
 
 from PySide6.QtCore import QEvent, Qt, Signal
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QLineEdit, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
 
 from calstation.gui import theme
 from calstation.gui.engineer.field_wording import word_description, word_field, word_problem
@@ -30,8 +40,11 @@ class ScheduleForm(QWidget):
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(theme.GRID)
         groups = tuple(dict.fromkeys(name.rpartition("_")[0] for name in offer.estimates[stage]))
+        groups = tuple(group for group in groups if group in DISPLAY)
         for field in schedule_fields(stage):
-            row: _Row = _Targets(stage, field, groups) if field.kind == "targets" else _Value(stage, field)
+            row = _row(stage, field, groups)
+            if row is None:
+                continue
             row.changed.connect(self._typed)
             self._rows[field.name] = row
             column.addWidget(row)
@@ -41,7 +54,8 @@ class ScheduleForm(QWidget):
     @property
     def values(self) -> dict[str, Any]:
         """What is typed, by field; a text that is no number stays a text, which no schedule takes."""
-        return {name: row.value for name, row in self._rows.items()}
+        shown = {name: row.value for name, row in self._rows.items()}
+        return {**self._offer.schedules[self.stage], **shown}
 
     @property
     def departures(self) -> dict[str, Any]:
@@ -139,6 +153,75 @@ class _Row(QWidget):
     def show_departure(self, departs: bool) -> None:
         """A value that is not the product's stands in bold."""
         self.caption.setFont(theme.font(bold=departs))
+
+
+class _Flag(_Row):
+    """True or false."""
+
+    def __init__(self, stage: str, field: ScheduleField) -> None:
+        super().__init__(field)
+        self.check = QCheckBox()
+        self.check.setObjectName(f"schedule_{stage}_{field.name}")
+        self.check.toggled.connect(self.changed)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.addWidget(self.check)
+        self.retranslate()
+
+    @property
+    def value(self) -> bool:
+        """Whether it is ticked."""
+        return self.check.isChecked()
+
+    def fill(self, value: Any) -> None:
+        """Show a value."""
+        self.check.setChecked(bool(value))
+
+    def lock(self, why: str) -> None:
+        """Read-only for a reason, or free with ""."""
+        self.check.setEnabled(not why)
+        self.check.setToolTip(why or self.toolTip())
+
+    def retranslate(self) -> None:
+        """The caption stands at the box."""
+        super().retranslate()
+        self.check.setText(word_field(self.field.name))
+
+    def show_departure(self, departs: bool) -> None:
+        """A value that is not the product's stands in bold."""
+        self.check.setFont(theme.font(bold=departs))
+
+
+class _Choice(_Row):
+    """One of several words."""
+
+    def __init__(self, stage: str, field: ScheduleField) -> None:
+        super().__init__(field)
+        self.combo = QComboBox()
+        self.combo.setObjectName(f"schedule_{stage}_{field.name}")
+        self.combo.addItems([choice.replace("_", " ") for choice in field.choices])
+        self.combo.currentIndexChanged.connect(lambda _: self.changed.emit())
+        self.caption.setBuddy(self.combo)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(self.caption, 1)
+        row.addWidget(self.combo)
+        self.retranslate()
+
+    @property
+    def value(self) -> str:
+        """The word chosen."""
+        return self.field.choices[self.combo.currentIndex()]
+
+    def fill(self, value: Any) -> None:
+        """Show a value."""
+        if value in self.field.choices:
+            self.combo.setCurrentIndex(self.field.choices.index(value))
+
+    def lock(self, why: str) -> None:
+        """Read-only for a reason, or free with ""."""
+        self.combo.setEnabled(not why)
+        self.combo.setToolTip(why or self.toolTip())
 
 
 class _Value(_Row):
@@ -245,6 +328,17 @@ class _Targets(_Row):
         super().retranslate()
         for group, caption in self._captions.items():
             caption.setText(word_group(group))
+
+
+def _row(stage: str, field: ScheduleField, groups: tuple[str, ...]) -> "_Row | None":
+    """A field's line in the form; None for what only the product's file can say."""
+    if field.kind == "targets":
+        return _Targets(stage, field, groups)
+    if field.kind == "flag":
+        return _Flag(stage, field)
+    if field.kind == "choice":
+        return _Choice(stage, field)
+    return None if field.kind == "other" else _Value(stage, field)
 
 
 def _edit(name: str) -> QLineEdit:

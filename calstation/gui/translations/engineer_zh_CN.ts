@@ -773,6 +773,30 @@
         <translation>目标标准差</translation>
     </message>
     <message>
+        <source>First rest</source>
+        <translation>起始静止时间</translation>
+    </message>
+    <message>
+        <source>Rest in every position</source>
+        <translation>每个位置静止时间</translation>
+    </message>
+    <message>
+        <source>From position to position</source>
+        <translation>相邻位置间隔</translation>
+    </message>
+    <message>
+        <source>Moved by hand</source>
+        <translation>手动转动</translation>
+    </message>
+    <message>
+        <source>Shortest rest</source>
+        <translation>最短静止时间</translation>
+    </message>
+    <message>
+        <source>Turn</source>
+        <translation>转角</translation>
+    </message>
+    <message>
         <source>whole turns each way about every axis</source>
         <translation>绕每个轴正反各转的整圈数</translation>
     </message>
