@@ -4,7 +4,9 @@ import json
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from types import TracebackType
@@ -15,6 +17,7 @@ from calstation.errors import DeviceFaultError
 _START_WITHIN = 180.0
 """Host time for the bench to start, its compilation on a fresh machine included, s."""
 
+_HEAR_EVERY = 0.1
 _END_WITHIN = 5.0
 
 _OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
@@ -29,8 +32,11 @@ class BenchHost:
     endpoints: Mapping[str, Any]
 
     @classmethod
-    def start(cls, config: Mapping[str, Any]) -> "BenchHost":
-        """Start a bench with its configuration. Raises DeviceFaultError where it does not come up."""
+    def start(cls, config: Mapping[str, Any], hear: Callable[[], None] = lambda: None) -> "BenchHost":
+        """Start a bench with its configuration. Raises DeviceFaultError where it does not come up.
+
+        hear : called again and again meanwhile; what it raises ends the bench
+        """
         command = [sys.executable, "-m", "calstation.bench", "--config", json.dumps(config)]
         process = subprocess.Popen(
             command,
@@ -44,9 +50,11 @@ class BenchHost:
         lines: SimpleQueue[bytes] = SimpleQueue()
         threading.Thread(target=_read_line, args=(process.stdout, lines), daemon=True).start()
         try:
-            line = lines.get(timeout=_START_WITHIN)
-        except Empty:
-            line = b""
+            line = _first(lines, hear)
+        except BaseException:
+            process.kill()
+            process.communicate()
+            raise
         try:
             endpoints = json.loads(line)
         except ValueError:
@@ -78,6 +86,16 @@ class BenchHost:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _first(lines: "SimpleQueue[bytes]", hear: Callable[[], None]) -> bytes:
+    """The bench's first line; empty where none comes in time."""
+    deadline = time.monotonic() + _START_WITHIN
+    while time.monotonic() < deadline:
+        hear()
+        with suppress(Empty):
+            return lines.get(timeout=_HEAR_EVERY)
+    return b""
 
 
 def _read_line(stream: IO[bytes], lines: "SimpleQueue[bytes]") -> None:

@@ -1,6 +1,6 @@
 """Opens the devices of a station, or of its virtual bench, and closes them in the right order."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
@@ -37,10 +37,14 @@ class Endpoints:
 
 
 @contextmanager
-def connected(setup: Setup) -> Iterator[Devices]:
-    """Open clock, table and IMU; close them on the way out. Raises DeviceFaultError or ConfigurationError."""
+def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator[Devices]:
+    """Open clock, table and IMU; close them on the way out. Raises DeviceFaultError or ConfigurationError.
+
+    hear : called while that takes its time, may raise
+    """
     with ExitStack() as stack:
-        at = stack.enter_context(endpoints(setup))
+        at = stack.enter_context(endpoints(setup, hear))
+        hear()
         table = open_table(setup, at.table)
         stack.callback(table.close)
         imu = open_imu(setup, at.imu)
@@ -52,8 +56,11 @@ def connected(setup: Setup) -> Iterator[Devices]:
 
 
 @contextmanager
-def endpoints(setup: Setup) -> Iterator[Endpoints]:
-    """The ports of a station, or those of its virtual bench, which lives as long as the context."""
+def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
+    """The ports of a station, or those of its virtual bench, which lives as long as the context.
+
+    hear : called while the bench comes up, may raise
+    """
     config = setup.bench_config()
     if config is None:
         table, imu = setup.station.table.port, setup.station.imu.port
@@ -61,7 +68,7 @@ def endpoints(setup: Setup) -> Iterator[Endpoints]:
         assert imu is not None
         yield Endpoints(table, imu, RealClock())
         return
-    with BenchHost.start(config) as bench:
+    with BenchHost.start(config, hear) as bench:
         told = bench.endpoints
         host, _, port = told["clock"].rpartition(":")
         clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))

@@ -241,3 +241,12 @@ def test_a_stop_during_the_transfer_waits_for_its_end(place: Place) -> None:
     assert (verdict.outcome, registers["verified"]) == ("stopped", False)
     assert registers["new"] != registers["old"]
     assert [e.state for e in place.told(StateChanged)][-2:] == ["stopping", "stopped"]
+
+
+def test_a_stop_while_the_devices_are_opened_is_a_stop_with_a_result(place: Place) -> None:
+    place.control.send(Command.STOP)
+    verdict = place.run("rate")
+    assert (verdict.outcome, verdict.result["stages"]) == ("stopped", [])
+    assert (verdict.result["advice"], verdict.result["stop_reason"]) == ("repeat", "operator")
+    assert open_log(Path(verdict.log)).outcome == "stopped"
+    assert not place.told(StateChanged)
