@@ -1,25 +1,27 @@
 """Driver of an IMU whose samples and command replies come as binary frames on one serial link."""
 
 import struct
-import time
-from collections.abc import Mapping
 
 from calstation.devices.frames import Reply, command_frame
-from calstation.devices.imu_profile import ImuProfile
+from calstation.devices.imu_profile import OPS, ImuProfile
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.link import SerialLink
-from calstation.devices.registers import RegisterMap
-from calstation.devices.streamed_imu import ImuRefusalError, StreamedImu
+from calstation.devices.numbers import number
+from calstation.devices.register_profile import RegisterEntry
+from calstation.devices.registered_imu import RegisteredImu
+from calstation.devices.streamed_imu import ImuRefusalError
 from calstation.errors import DeviceFaultError
 
-OP_IDENTIFY, OP_READ, OP_WRITE, OP_COMMIT, OP_RESET, OP_STREAM, OP_ERROR = 1, 2, 3, 4, 5, 6, 0xFF
-_ERRORS = {1: "unknown command", 2: "no such register", 3: "flash busy"}
+_ERRORS = {"1": "unknown command", "2": "no such register", "3": "flash busy"}
 _ATTEMPTS = 3
 _VALUES_PER_TRANSFER = 32
+_PAYLOAD = 255
 
 
-class FramedImu(StreamedImu):
+class FramedImu(RegisteredImu):
     """The IMU of a profile on a link; one thread owns the port, reads samples and sends commands.
+
+    Registers are read and written by address u16, count u8 and the numbers themselves.
 
     Parameters
     ----------
@@ -29,17 +31,22 @@ class FramedImu(StreamedImu):
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.commands is not None
-        super().__init__(link, profile, profile.commands)
+        super().__init__(link, profile, profile.commands, profile.commands.reset_timeout_s)
         self._commands = profile.commands
-        self._registers = RegisterMap(tuple(profile.registers))
 
-    def start(self) -> None:
-        """Switch the stream on."""
-        self._ask(OP_STREAM, b"\x01")
+    def commit(self) -> None:
+        """Write the registers to flash, once: a lost answer is a fault, never a second flash cycle."""
+        answer = self._ask("commit", b"", attempts=1)
+        if answer[:1] != b"\x00":
+            raise DeviceFaultError(
+                "IMU: the unit refused to commit its registers; power it off and on, try again"
+            )
 
-    def identify(self) -> ImuIdentity:
-        """Ask for model, serial number and firmware; raises OtherModelError where another model answers."""
-        text = self._ask(OP_IDENTIFY, b"").decode("ascii", errors="replace")
+    def _switch_on(self) -> None:
+        self._ask("stream", b"\x01")
+
+    def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
+        text = self._ask("identify", b"", attempts=attempts).decode("ascii", errors="replace")
         parts = [part.strip() for part in text.split(";")]
         if len(parts) != 3:
             raise OtherModelError(
@@ -47,77 +54,55 @@ class FramedImu(StreamedImu):
                 text,
                 "model;serial;firmware",
             )
-        identity = ImuIdentity(*parts)
-        if self._profile.model not in identity.model:
-            raise OtherModelError(
-                f"IMU: model '{identity.model}' answers, the profile is for '{self._profile.model}';"
-                " choose the right IMU profile in the product file",
-                identity.model,
-                self._profile.model,
-            )
-        return identity
+        return ImuIdentity(*parts)
 
-    def read_registers(self) -> dict[str, float]:
-        """Calibration registers in SI by parameter."""
-        return self._registers.decode(
-            {e.address: self._read_values(e.address, len(e.parameters)) for e in self._registers.entries}
-        )
+    def _restart(self) -> None:
+        self._ask("reset", b"", attempts=1)
 
-    def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write calibration registers; parameters not named keep theirs."""
-        missing = [name for name in self._registers.parameters if name not in values]
-        present = self.read_registers() if missing else {}
-        for address, row in self._registers.encode({**present, **values}).items():
-            for k in range(0, len(row), _VALUES_PER_TRANSFER):
-                part = row[k : k + _VALUES_PER_TRANSFER]
-                head = struct.pack(self._format("HB"), address + k, len(part))
-                answer = self._ask(OP_WRITE, head + struct.pack(self._format(f"{len(part)}f"), *part), head)
-                if answer != head:
-                    raise DeviceFaultError(
-                        f"IMU: register {address + k} was not taken; nothing was committed"
-                    )
+    def _read_entry(self, entry: RegisterEntry) -> list[float]:
+        kind, order = number(entry.type), entry.byte_order or self._profile.frame.byte_order
+        numbers: list[float] = []
+        for begin, count in self._transfers(entry):
+            head = struct.pack(self._format("HB"), entry.place(begin), count)
+            answer = self._ask("read", head, head)
+            if len(answer) != len(head) + kind.width * count:
+                raise DeviceFaultError(f"IMU: register {entry.place(begin)} answers with a wrong length")
+            body = answer[len(head) :]
+            numbers += [
+                kind.unpack(body[k : k + kind.width], order, entry.word_order)
+                for k in range(0, len(body), kind.width)
+            ]
+        return numbers
 
-    def commit(self) -> None:
-        """Write the registers to flash, once: a lost answer is a fault, never a second flash cycle."""
-        answer = self._ask(OP_COMMIT, b"", attempts=1)
-        if answer[:1] != b"\x00":
-            raise DeviceFaultError(
-                "IMU: the unit refused to commit its registers; power it off and on, try again"
-            )
+    def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
+        kind, order = number(entry.type), entry.byte_order or self._profile.frame.byte_order
+        for begin, count in self._transfers(entry):
+            head = struct.pack(self._format("HB"), entry.place(begin), count)
+            part = numbers[begin : begin + count]
+            body = b"".join(kind.pack(value, order, entry.word_order) for value in part)
+            if self._ask("write", head + body, head) != head:
+                raise DeviceFaultError(
+                    f"IMU: register {entry.place(begin)} was not taken; nothing was committed"
+                )
 
-    def reset(self) -> None:
-        """Restart the unit and wait until it answers again."""
-        self._ask(OP_RESET, b"", attempts=1)
-        deadline = time.monotonic() + self._commands.reset_timeout_s
-        while True:
-            try:
-                self._ask(OP_IDENTIFY, b"", attempts=1)
-                return
-            except DeviceFaultError:
-                if self.lost or time.monotonic() > deadline:
-                    raise
-
-    def _read_values(self, address: int, count: int) -> list[float]:
-        values: list[float] = []
-        for k in range(0, count, _VALUES_PER_TRANSFER):
-            n = min(_VALUES_PER_TRANSFER, count - k)
-            head = struct.pack(self._format("HB"), address + k, n)
-            answer = self._ask(OP_READ, head, head)
-            if len(answer) != len(head) + 4 * n:
-                raise DeviceFaultError(f"IMU: register {address + k} answers with a wrong length")
-            values += struct.unpack(self._format(f"{n}f"), answer[len(head) :])
-        return values
+    def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int]]:
+        """First number and count of each transfer of an entry."""
+        most = min(_VALUES_PER_TRANSFER, (_PAYLOAD - 3) // number(entry.type).width)
+        total = len(entry.names)
+        return [(begin, min(most, total - begin)) for begin in range(0, total, most)]
 
     def _format(self, codes: str) -> str:
         return ("<" if self._profile.frame.byte_order == "little" else ">") + codes
 
-    def _ask(self, op: int, payload: bytes, begins: bytes = b"", attempts: int = _ATTEMPTS) -> bytes:
+    def _ask(self, name: str, payload: bytes, begins: bytes = b"", attempts: int = _ATTEMPTS) -> bytes:
         """Send a command and wait for its reply, whose payload must begin with `begins`."""
+        ops, meanings = {**OPS, **self._commands.ops}, self._commands.errors or _ERRORS
+        op = ops[name]
 
         def take(reply: Reply) -> bytes | None:
-            if reply.op == OP_ERROR:
-                code = reply.payload[0] if reply.payload else 0
-                raise ImuRefusalError(f"IMU: command {op} was refused: {_ERRORS.get(code, f'code {code}')}")
+            if reply.op == ops["error"]:
+                code = str(reply.payload[0]) if reply.payload else "0"
+                raise ImuRefusalError(f"IMU: command {op} was refused: {meanings.get(code, f'code {code}')}")
             return reply.payload if reply.op == op and reply.payload.startswith(begins) else None
 
         request = command_frame(self._commands, self._profile.frame, op, payload)

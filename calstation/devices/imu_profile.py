@@ -1,8 +1,8 @@
 """IMU profiles (`data/imus`): stream frame, commands, register map, noise and priors, checked as a whole."""
 
-from itertools import pairwise
+from contextlib import suppress
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -10,13 +10,18 @@ from calstation.configuration import StrictModel, load, suggestion
 from calstation.devices.checks import CRC_WIDTHS
 from calstation.devices.frame_profile import FrameSection, hex_bytes, unknown_field
 from calstation.devices.link import SerialSettings
-from calstation.devices.numbers import number
+from calstation.devices.numbers import ByteOrder, WordOrder, number
+from calstation.devices.register_profile import RegisterEntry, check_registers
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 STATUS_WORDS = ("status", "status2", "status3")
 """Status words, taken together as one of 48 bits, `status` the lowest 16."""
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
+
+
+OPS = {"identify": 1, "read": 2, "write": 3, "commit": 4, "reset": 5, "stream": 6, "error": 255}
+"""Ops of the framed link, and their usual numbers."""
 
 
 class StreamSection(StrictModel):
@@ -52,14 +57,38 @@ class StatusSection(StrictModel):
 class CommandSection(StrictModel):
     """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | check over op to payload.
 
+    ops : numbers of the ops where they are not `OPS`; errors : meaning of the codes of an error's reply
     timeout_s : host time for an answer; reset_timeout_s : for the unit to answer again after a reset
     """
 
     request_sync: str
     reply_sync: str
     crc: str
+    ops: dict[str, int] = Field(default_factory=dict)
+    errors: dict[str, str] = Field(default_factory=dict)
     timeout_s: float = Field(gt=0, le=60)
     reset_timeout_s: float = Field(default=30.0, gt=0)
+
+    @field_validator("ops")
+    @classmethod
+    def _ops(cls, ops: dict[str, int]) -> dict[str, int]:
+        for name, op in ops.items():
+            if name not in OPS:
+                raise ValueError(f"'{name}' is no op{suggestion(name, tuple(OPS)) or '; remove it'}")
+            if not 0 <= op <= 255:
+                raise ValueError(f"{name} = {op} is out of range; it must be 0 to 255")
+        numbers = list({**OPS, **ops}.values())
+        if len(set(numbers)) < len(numbers):
+            raise ValueError("two ops have the same number; correct one")
+        return {**OPS, **ops}
+
+    @field_validator("errors")
+    @classmethod
+    def _errors(cls, errors: dict[str, str]) -> dict[str, str]:
+        for code in errors:
+            if not code.isdecimal():
+                raise ValueError(f'{code} must be a number in quotes, like "2"')
+        return errors
 
     @field_validator("request_sync", "reply_sync")
     @classmethod
@@ -76,40 +105,72 @@ class CommandSection(StrictModel):
         return kind
 
 
-class RegisterEntry(StrictModel):
-    """Consecutive calibration registers, one address per value; SI value = register × scale.
+class TextRegisters(StrictModel):
+    """ASCII in holding registers, two characters each, high byte first."""
 
-    parameters : contract names in order, "" for a register that stays 0
-    range : lowest and highest SI value that fits
+    address: int = Field(ge=0, le=0xFFFF)
+    words: int = Field(ge=1, le=64)
+
+
+class WordCommand(StrictModel):
+    """A value that does something when it is written to a holding register.
+
+    done : what the register reads once it is done; the answer to the write is enough where absent
     """
 
     address: int = Field(ge=0, le=0xFFFF)
-    parameters: list[str] = Field(min_length=1)
-    type: Literal["f32"] = "f32"
-    scale: float = Field(default=1.0, gt=0)
-    range: list[float] = Field(min_length=2, max_length=2)
-
-    @property
-    def end(self) -> int:
-        """First address behind the entry."""
-        return self.address + len(self.parameters)
-
-    def __str__(self) -> str:
-        return f"register {self.address}-{self.end - 1}"
-
-    @model_validator(mode="after")
-    def _sound(self) -> "RegisterEntry":
-        for name in self.parameters:
-            if name and name not in NAMES:
-                raise ValueError(
-                    f"{self}: '{name}' is no parameter{suggestion(name, NAMES) or '; remove it'}"
-                )
-        if self.range[0] >= self.range[1]:
-            raise ValueError(f"{self}: range = {self.range} must be [low, high] with low below high")
-        return self
+    value: int = Field(ge=0, le=0xFFFF)
+    done: int | None = Field(default=None, ge=0, le=0xFFFF)
 
 
-_SECTIONS = {"framed": "commands"}
+class StreamSwitch(StrictModel):
+    """The holding register that switches the stream; off : while registers are asked, where the unit needs that."""
+
+    address: int = Field(ge=0, le=0xFFFF)
+    on: int = Field(ge=0, le=0xFFFF)
+    off: int | None = Field(default=None, ge=0, le=0xFFFF)
+
+
+class ModbusUnitSection(StrictModel):
+    """`[modbus]`: the unit's registers over Modbus RTU, on the line of its stream. Addresses are 0-based.
+
+    model, serial, firmware : texts; byte_order, word_order : of the calibration registers
+    page : register that chooses the page; commit, reset, stream : what they take
+    timeout_s, commit_timeout_s, reset_timeout_s : host time for an answer, for a commit, until it answers again
+    """
+
+    unit: int = Field(ge=1, le=247)
+    model: TextRegisters
+    serial: TextRegisters
+    firmware: TextRegisters | None = None
+    byte_order: ByteOrder = "big"
+    word_order: WordOrder | None = None
+    page: int | None = Field(default=None, ge=0, le=0xFFFF)
+    commit: WordCommand
+    reset: WordCommand
+    stream: StreamSwitch | None = None
+    timeout_s: float = Field(gt=0, le=60)
+    commit_timeout_s: float = Field(default=5.0, gt=0, le=120)
+    reset_timeout_s: float = Field(default=30.0, gt=0)
+
+
+class VectorNavSection(StrictModel):
+    """`[vectornav]`: commands in lines, $VN...*check.
+
+    start : what configures and starts the stream, without $ and check, e.g. "VNWRG,75,1,4,05,0001,001C"
+    digits : significant ones of a value that is written
+    commit_timeout_s : a commit takes about half a second
+    """
+
+    check: Literal["xor8", "crc16_xmodem"] = "xor8"
+    start: list[str] = Field(default_factory=list)
+    digits: int = Field(default=9, ge=9, le=17)
+    timeout_s: float = Field(gt=0, le=60)
+    commit_timeout_s: float = Field(default=3.0, gt=0, le=120)
+    reset_timeout_s: float = Field(default=30.0, gt=0)
+
+
+_SECTIONS = {"framed": "commands", "modbus": "modbus", "vectornav": "vectornav"}
 """The section that each protocol needs."""
 
 
@@ -123,19 +184,24 @@ class ImuProfile(StrictModel):
     """One type of IMU: all that driver, register transfer and solvers must know of it.
 
     model : text that the unit's own model name must contain
-    protocol : how it takes commands: framed, by `[commands]`; stream, none at all
+    protocol : how it takes commands: framed, by `[commands]`; modbus, by `[modbus]`; vectornav, by `[vectornav]`;
+        stream, none at all
+    without_register : parameters and groups that the unit has no register for
     """
 
     name: str
     model: str
-    protocol: Literal["framed", "stream"] = "framed"
+    protocol: Literal["framed", "modbus", "vectornav", "stream"] = "framed"
     link: SerialSettings
     stream: StreamSection
     frame: FrameSection
     status: StatusSection = StatusSection()
     commands: CommandSection | None = None
+    modbus: ModbusUnitSection | None = None
+    vectornav: VectorNavSection | None = None
     noise: NoiseSection
     registers: list[RegisterEntry] = Field(default_factory=list)
+    without_register: list[str] = Field(default_factory=list)
     prior: dict[str, PriorSigma] = Field(default_factory=dict)
 
     @field_validator("frame")
@@ -165,20 +231,29 @@ class ImuProfile(StrictModel):
                 raise ValueError(f"'{name}' is no parameter or group{suggestion(name, NAMES + GROUPS)}")
         return prior
 
+    @model_validator(mode="before")
+    @classmethod
+    def _addresses(cls, data: Any) -> Any:
+        """Tells each entry how many addresses a number takes on this link, where it does not say so itself."""
+        if not isinstance(data, dict) or not isinstance(data.get("registers"), list):
+            return data
+        protocol = data.get("protocol")
+        if protocol not in ("vectornav", "modbus"):
+            return data
+        entries = []
+        for told in data["registers"]:
+            entry = told
+            if isinstance(told, dict) and "span" not in told:
+                with suppress(ValueError, TypeError):  # an unknown type is told by its own entry
+                    width = number(told.get("type", "f32")).width
+                    entry = {**told, "span": max(1, width // 2) if protocol == "modbus" else 0}
+            entries.append(entry)
+        return {**data, "registers": entries}
+
     @field_validator("registers")
     @classmethod
-    def _disjoint(cls, registers: list[RegisterEntry]) -> list[RegisterEntry]:
-        ordered = sorted(registers, key=lambda r: r.address)
-        for a, b in pairwise(ordered):
-            if b.address < a.end:
-                raise ValueError(f"{a} and {b} overlap; correct an address")
-        seen: dict[str, RegisterEntry] = {}
-        for entry in ordered:
-            for name in filter(None, entry.parameters):
-                if name in seen:
-                    raise ValueError(f"'{name}' is in {seen[name]} and in {entry}; remove one")
-                seen[name] = entry
-        return ordered
+    def _by_address(cls, registers: list[RegisterEntry]) -> list[RegisterEntry]:
+        return sorted(registers, key=lambda r: r.key)
 
     @model_validator(mode="after")
     def _section_of_protocol(self) -> "ImuProfile":
@@ -194,6 +269,15 @@ class ImuProfile(StrictModel):
         return self
 
     @model_validator(mode="after")
+    def _register_map(self) -> "ImuProfile":
+        pages = self.modbus is not None and self.modbus.page is not None
+        for entry in self.registers:
+            if self.protocol == "modbus" and number(entry.type).width % 2:
+                raise ValueError(f"{entry}: type {entry.type} does not fill 16-bit registers; correct it")
+        check_registers(self.registers, self.prior_sigmas(), self.without_register, pages=pages)
+        return self
+
+    @model_validator(mode="after")
     def _syncs_differ(self) -> "ImuProfile":
         if self.commands is None:
             return self
@@ -205,13 +289,16 @@ class ImuProfile(StrictModel):
     @property
     def timeout_s(self) -> float:
         """Host time for an answer, s."""
-        return self.commands.timeout_s if self.commands is not None else 1.0
+        section = self.commands or self.modbus or self.vectornav
+        return section.timeout_s if section is not None else 1.0
 
     def with_timeout(self, seconds: float) -> "ImuProfile":
         """The profile with another time for an answer, s."""
-        if self.commands is None:
+        name = _SECTIONS.get(self.protocol)
+        if name is None:
             return self
-        return self.model_copy(update={"commands": self.commands.model_copy(update={"timeout_s": seconds})})
+        section = getattr(self, name).model_copy(update={"timeout_s": seconds})
+        return self.model_copy(update={name: section})
 
     def prior_sigmas(self) -> dict[str, float]:
         """Prior standard deviations by parameter, SI, for those that the profile states."""

@@ -111,11 +111,12 @@ class SerialLink:
 
     def close(self) -> None:
         """Close the port; never raises."""
+        # pyserial forgets a socket whose far end has gone, without closing it.
+        held = getattr(self._serial, "_socket", None)
         with suppress(*LINK_ERRORS):
             self._serial.close()
-        # pyserial leaves a socket open whose far end has gone.
-        if (left_open := getattr(self._serial, "_socket", None)) is not None:
-            left_open.close()
+        if held is not None:
+            held.close()
 
     def _lost(self, exc: BaseException) -> PortLostError:
         return PortLostError(

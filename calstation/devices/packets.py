@@ -279,7 +279,7 @@ class TextFrame:
         ]
         found = Columns({}, {})
         for f in self._fields:
-            numbers = np.array([_parsed(row, self._columns[f.name], f.prefix) for row in rows], np.float64)
+            numbers = np.array([_parsed(row, self._columns[f.name], f) for row in rows], np.float64)
             present = np.isfinite(numbers)
             if number(f.type).whole:
                 present &= np.abs(numbers) < _EXACT
@@ -358,10 +358,11 @@ def _nothing(f: FrameField, count: int) -> Column:
     return np.zeros(count, np.int64) if number(f.type).whole else np.full(count, np.nan)
 
 
-def _parsed(row: list[str], column: int, prefix: str) -> float:
-    if column >= len(row) or not row[column].startswith(prefix):
+def _parsed(row: list[str], column: int, f: FrameField) -> float:
+    if column >= len(row) or not row[column].startswith(f.prefix):
         return np.nan
+    text = row[column][len(f.prefix) :]
     try:
-        return float(row[column][len(prefix) :])
-    except ValueError:
+        return float(text) if f.base == 10 else float(int(text, 16))
+    except (ValueError, OverflowError):
         return np.nan

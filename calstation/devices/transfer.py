@@ -110,7 +110,7 @@ def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
 
     Raises DeviceFaultError as `transfer`.
     """
-    if recognise(imu, entry) is Holds.NEW:
+    if recognise(imu, entry, registers) is Holds.NEW:
         entry.note(Step.RESTARTED)
         return Transferred(entry, dict(entry.new))
     return _put(imu, registers, entry, entry.new)
@@ -121,7 +121,7 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
 
     Raises DeviceFaultError as `transfer`.
     """
-    if recognise(imu, entry) is Holds.OLD:
+    if recognise(imu, entry, registers) is Holds.OLD:
         entry.close(Closing.KEPT)
         return dict(entry.old)
     entry.note(Step.RESTORING)
@@ -130,17 +130,19 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
     return found
 
 
-def recognise(imu: Imu, entry: Entry) -> Holds:
+def recognise(imu: Imu, entry: Entry, registers: RegisterMap | None = None) -> Holds:
     """Restart the unit, so that it shows its flash, and say which values of an entry that holds.
 
-    Raises DeviceFaultError where another unit answers or the link fails.
+    `registers` : the unit's map, for those that it gives back with a tolerance only. Raises DeviceFaultError where
+    another unit answers or the link fails.
     """
     check_serial(imu, entry.serial)
     imu.reset()
     found = imu.read_registers()
-    if not differing(entry.new, found):
+    differ = differing if registers is None else registers.differing
+    if not differ(entry.new, found):
         return Holds.NEW
-    return Holds.NEITHER if differing(entry.old, found) else Holds.OLD
+    return Holds.NEITHER if differ(entry.old, found) else Holds.OLD
 
 
 def check_serial(imu: Imu, serial: str) -> None:
@@ -175,14 +177,14 @@ def _put(imu: Imu, registers: RegisterMap, entry: Entry, wanted: Mapping[str, fl
         _compare(registers, wanted, found, "after the restart")
         entry.note(Step.RESTARTED)
     except CalstationError as error:
-        raise _explained(imu, entry, error) from error
+        raise _explained(imu, registers, entry, error) from error
     return Transferred(entry, found)
 
 
-def _explained(imu: Imu, entry: Entry, error: CalstationError) -> CalstationError:
+def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: CalstationError) -> CalstationError:
     """The error with what the unit holds now. Back at its old values the entry is closed, else it stays open."""
     try:
-        holds = recognise(imu, entry)
+        holds = recognise(imu, entry, registers)
     except CalstationError:
         return type(error)(f"{error}; what the unit's flash holds will be seen at the next start")
     if holds is Holds.OLD:
@@ -198,7 +200,7 @@ def _explained(imu: Imu, entry: Entry, error: CalstationError) -> CalstationErro
 def _compare(
     registers: RegisterMap, wanted: Mapping[str, float], found: Mapping[str, float], when: str
 ) -> None:
-    for name in differing(wanted, found):
+    for name in registers.differing(wanted, found):
         raise DeviceFaultError(
             f"IMU: register {registers.address(name)} ({name}) reads back {found.get(name, float('nan')):.9g}"
             f" instead of {wanted[name]:.9g} {when}"

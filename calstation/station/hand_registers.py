@@ -4,13 +4,10 @@ Who wrote what stands in the unit's journal beside the runs (`register_journal`)
 old values, on disk before the first register is written.
 """
 
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.registers import RegisterMap
@@ -157,7 +154,7 @@ def write_unit(
         return register_journal.begin(runs, serial, old, new, by=engineer, why="hand", source=source)
 
     with unit_alone(tell, setup) as unit:
-        refuse_interrupted(unit.imu, runs, serial)
+        refuse_interrupted(unit.imu, setup, runs, serial)
         done = transfer(unit.imu, _map(setup), serial, values, begin)
         tell(_PROVING)
         prove_at_rest(unit.imu, unit.clock, setup, done)
@@ -181,11 +178,4 @@ def _map(setup: Setup) -> RegisterMap:
 
 def _rows(entries: RegisterMap, values: Mapping[str, float]) -> tuple[Register, ...]:
     """Every register of a parameter in `values`, with its encoding."""
-    rows = []
-    for entry in entries.entries:
-        for i, name in enumerate(entry.parameters):
-            if name in values:
-                stored = np.float32(values[name] / entry.scale)
-                raw = struct.pack(">f", stored).hex().upper()
-                rows.append(Register(entry.address + i, name, values[name], raw))
-    return tuple(rows)
+    return tuple(Register(address, name, values[name], raw) for address, name, raw in entries.stored(values))

@@ -49,7 +49,7 @@ def settle(imu: Imu, clock: Clock, setup: Setup, runs: Path, emit: Emit) -> None
     entry = register_journal.interrupted(runs, request.serial)
     if entry is None:
         return
-    holds = recognise(imu, entry)
+    holds = recognise(imu, entry, _map(setup))
     about = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
     if holds is Holds.OLD:
         entry.close(Closing.KEPT)
@@ -64,11 +64,11 @@ def settle(imu: Imu, clock: Clock, setup: Setup, runs: Path, emit: Emit) -> None
     emit(Message("transfer_settled", {**about, "closing": closing}))
 
 
-def refuse_interrupted(imu: Imu, runs: Path, serial: str) -> None:
+def refuse_interrupted(imu: Imu, setup: Setup, runs: Path, serial: str) -> None:
     """Raises DeviceFaultError where a transfer to the unit waits for a decision; one that left no trace is closed."""
     entry = register_journal.interrupted(runs, serial)
     if entry is not None:
-        holds = recognise(imu, entry)
+        holds = recognise(imu, entry, _map(setup))
         if holds is not Holds.OLD:
             raise _undecided(entry, holds)
         entry.close(Closing.KEPT)
@@ -110,7 +110,7 @@ def restore_registers(
         return register_journal.begin(runs, serial, old, new, by=by, why="restore", source=source)
 
     with unit_alone(tell, setup) as unit:
-        refuse_interrupted(unit.imu, runs, serial)
+        refuse_interrupted(unit.imu, setup, runs, serial)
         done = transfer(unit.imu, _map(setup), serial, wanted.old, begin)
         prove_at_rest(unit.imu, unit.clock, setup, done)
     return Settled(serial, str(Closing.DONE), dict(done.found))

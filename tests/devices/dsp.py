@@ -107,6 +107,7 @@ class DirectImu(FramedImu):
         assert used.commands is not None
         self._wire, self._profile, self._commands = wire, used, used.commands
         self._registers = RegisterMap(tuple(used.registers))
+        self._reset_timeout, self._streaming = used.commands.reset_timeout_s, False
         self._failure = None
 
     def exchange(

@@ -70,7 +70,8 @@ VN_TEXT = {
         *({"name": name, "type": "f32", "at": 6 + k} for k, name in enumerate(CHANNELS[:3])),
         {"name": "temperature", "type": "f32"},
         {"name": "spare_pressure", "type": "f32"},
-        {"name": "counter", "type": "u32", "prefix": "S"},
+        {"name": "counter", "type": "u32", "prefix": "T"},
+        {"name": "status", "type": "u16", "prefix": "S", "base": 16},
     ],
 }
 
@@ -82,16 +83,37 @@ def line(body: str) -> bytes:
     return f"{body}*{check:02X}\r\n".encode()
 
 
+def test_a_line_of_the_maker_s_manual() -> None:
+    """VN-100 User Manual UM001, example of register 30."""
+    fields = [{"name": n, "type": "f64"} for n in ("yaw", "pitch", "roll")]
+    fields += [
+        {"name": "counter", "type": "u32", "prefix": "T"},
+        {"name": "status", "type": "u16", "prefix": "S"},
+    ]
+    frame = section(**{**VN_TEXT, "sync": "$VNYPR", "fields": fields})
+    _, frames = decode(frame, b"$VNYPR,+010.071,+000.278,-002.026,T1162704,S0000*50\r\n")
+    assert [float(frames.columns.values[n][0]) for n in ("yaw", "pitch", "roll")] == [10.071, 0.278, -2.026]
+    assert frames.columns.values["counter"].tolist() == [1162704]
+
+
 @pytest.mark.parametrize("cut", [0, 1, 3])
 def test_vectornav_text(cut: int) -> None:
     frame = section(**VN_TEXT)
-    told = "$VNIMU,+01.1,-00.2,+00.3,-00.01,+00.02,-09.81,+0.001,-0.002,+0.003,+25.5,+101.3,S"
+    told = "$VNIMU,+01.1,-00.2,+00.3,-00.01,+00.02,-09.81,+0.001,-0.002,+0.003,+25.5,+101.3,T"
     other = line("$VNIMUX,1,2")
     broken = line(told + "17").replace(b"9.81", b"9.82")
-    data = b"\r\n*" + line(told + "7") + other + broken + line(told + "8") + line("$VNIMU,,,x,1e999,S9")
+    data = (
+        b"\r\n*"
+        + line(told + "7,S00A1")
+        + other
+        + broken
+        + line(told + "8,S0000")
+        + line("$VNIMU,,,x,1e999,T9")
+    )
     decoder, frames = decode(frame, data, cut)
-    counter, counts, temperature, _ = decoder.samples(frames)
+    counter, counts, temperature, status = decoder.samples(frames)
     assert counter.tolist() == [7, 8]
+    assert status.tolist() == [0xA1, 0]
     assert counts[0].tolist() == [0.001, -0.002, 0.003, -0.01, 0.02, -9.81]
     assert temperature.tolist() == [25.5, 25.5]
     assert decoder.others == 1

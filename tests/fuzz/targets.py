@@ -1,15 +1,30 @@
 """What is fuzzed: every decoder of bytes that come from outside, each a function of bytes that must bear anything."""
 
+import re
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from calstation.devices.frame_profile import FrameSection
-from calstation.devices.frames import FrameDecoder
-from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.frames import FrameDecoder, ReplyKind
+from calstation.devices.imu_profile import CommandSection, load_imu_profile
+from calstation.devices.modbus_imu import RtuReply
+from calstation.devices.numbers import number
+from calstation.devices.registers import RegisterMap
 from calstation.devices.sample_count import SampleCount
+from calstation.devices.table_profile import load_table_profile
+from calstation.devices.text_link import Checked, Plain, Prompted
+from calstation.devices.vectornav_imu import LineReply
+from calstation.errors import DeviceFaultError
 
 DATA = Path(__file__).parents[2] / "data"
 IMUS = {path.stem: load_imu_profile(path) for path in sorted((DATA / "imus").glob("*.toml"))}
+
+TABLES = {
+    path.stem: profile
+    for path in sorted((DATA / "tables").glob("*.toml"))
+    if (profile := load_table_profile(path)).text is not None
+}
 
 TEXT = FrameSection.model_validate(
     {
@@ -17,7 +32,7 @@ TEXT = FrameSection.model_validate(
         "sync": "$VNIMU",
         "crc": {"kind": "xor8", "start": 1},
         "max_size": 200,
-        "fields": [{"name": "counter", "type": "u32", "prefix": "S"}]
+        "fields": [{"name": "counter", "type": "u32", "prefix": "T"}]
         + [{"name": f"{s}_{a}", "type": "f32"} for s in ("gyro", "accel") for a in "xyz"],
     }
 )
@@ -29,7 +44,12 @@ def decoder(name: str) -> tuple[FrameDecoder, FrameSection]:
     if name == "text":
         return FrameDecoder(TEXT), TEXT
     profile = IMUS[name]
-    return FrameDecoder(profile.frame, profile.commands), profile.frame
+    replies: CommandSection | ReplyKind | None = profile.commands
+    if profile.modbus is not None:
+        replies = RtuReply(profile.modbus.unit)
+    elif profile.vectornav is not None:
+        replies = LineReply(profile.vectornav)
+    return FrameDecoder(profile.frame, replies), profile.frame
 
 
 def stream(name: str, data: bytes) -> None:
@@ -48,8 +68,46 @@ def stream(name: str, data: bytes) -> None:
     assert taken + found.skipped + len(found._buffer) <= len(data)
 
 
+def lines(name: str, data: bytes) -> None:
+    """Look for replies of a table of text in whatever was heard; each takes something off."""
+    section = TABLES[name].text
+    assert section is not None
+    plain = Prompted(section) if section.prompt else Plain(section)
+    framing = Checked(section, section.checked) if section.checked else plain
+    patterns = [re.compile(query.answer) for query in section.queries.values()]
+    rest = data
+    while (found := framing.reply("STS,0", rest)) is not None:
+        words, left = found
+        assert len(left) < len(rest)
+        rest = left
+        for pattern in patterns:
+            pattern.search(words)
+
+
+def numbers(data: bytes) -> None:
+    """Read numbers of every type and order from any bytes, and parameters from any registers."""
+    for kind in ("u8", "i16", "i24", "u32", "f32", "f64", "q16.32", "u64"):
+        found = number(kind)
+        if len(data) >= found.width:
+            for order in ("big", "little"):
+                found.unpack(data, order)  # type: ignore[arg-type]
+    floats = [float(v) for v in data[:24]]
+    for name in ("vectornav_vn100", "dsp_modbus", "bench_nav"):
+        entries = RegisterMap(tuple(IMUS[name].registers))
+        held = {
+            e.key: [floats[i % len(floats)] if floats else 0.0 for i in range(len(e.names))]
+            for e in entries.entries
+        }
+        with suppress(DeviceFaultError):
+            entries.decode(held)
+
+
 TARGETS: dict[str, Callable[[bytes], None]] = {
     f"stream {name}": lambda data, name=name: stream(name, data)  # type: ignore[misc]
     for name in (*IMUS, "text")
+} | {
+    f"lines {name}": lambda data, name=name: lines(name, data)  # type: ignore[misc]
+    for name in TABLES
 }
+TARGETS["numbers"] = numbers
 """All targets by name."""

@@ -1,0 +1,222 @@
+"""The register map of a profile (`[[registers]]`), checked as a whole: names, overlaps, ranges, what is missing."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Literal
+
+from pydantic import Field, field_validator
+
+from calstation.configuration import StrictModel, suggestion
+from calstation.devices.conventions import (
+    SENSORS,
+    SLOTS,
+    Convention,
+    legal_range,
+    matrix_slots,
+    offset_slots,
+    parameter_of,
+)
+from calstation.devices.numbers import ByteOrder, NumberName, WordOrder, check_orders, number
+from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
+
+_LEGAL = 3.0
+"""A unit's parameter may lie this many sigmas of its prior from zero."""
+
+_KNOWN = (
+    *NAMES,
+    *SLOTS,
+    *GROUPS,
+    *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")),
+)
+_NEVER_IN_REGISTERS = "outer_lever"
+
+
+class RegisterEntry(StrictModel):
+    """Consecutive calibration registers; SI value = number in the register × scale.
+
+    Attributes
+    ----------
+    address : of the first; page : that must be chosen before, where the unit has pages
+    parameters : what they hold in order: parameters by contract name; or slots of a matrix and an offset after the
+        unit's own formula, `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group,
+        `gyro_bias` or `gyro_matrix`, stands for all of its names
+    major : whether a group that is a matrix is listed row by row or column by column
+    type, byte_order, word_order : of each number; orders as the link's where absent
+    span : addresses that each number takes, 0 where all stand at the same one; the link's own way where absent
+    scale : SI value of 1 in the register, negative where the unit has the opposite sign
+    range : lowest and highest SI value that fits
+    tolerance : by how much a value may read back otherwise, SI, of a unit that does not give its registers exactly
+    convention : of matrix and offset
+    """
+
+    address: int = Field(ge=0, le=0xFFFF)
+    page: int = Field(default=0, ge=0, le=0xFFFF)
+    parameters: list[str] = Field(min_length=1)
+    major: Literal["row", "column"] = "row"
+    type: NumberName = "f32"
+    byte_order: ByteOrder | None = None
+    word_order: WordOrder | None = None
+    span: int = Field(default=1, ge=0, le=8)
+    scale: float = 1.0
+    range: list[float] = Field(min_length=2, max_length=2)
+    tolerance: float = Field(default=0.0, ge=0)
+    convention: Convention | None = None
+
+    @field_validator("scale")
+    @classmethod
+    def _scale(cls, scale: float) -> float:
+        if scale == 0.0:
+            raise ValueError("is 0, so every value would be; give the SI value of 1 in the register")
+        return scale
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each register holds, groups told one by one."""
+        return tuple(name for told in self.parameters for name in self._members(told))
+
+    def _members(self, told: str) -> Sequence[str]:
+        for sensor in SENSORS:
+            if told == f"{sensor}_matrix":
+                rows = matrix_slots(sensor)
+                return rows if self.major == "row" else [rows[3 * (i % 3) + i // 3] for i in range(9)]
+            if told == f"{sensor}_offset":
+                return offset_slots(sensor)
+        return [p.name for p in PARAMETERS if p.group == told] or [told]
+
+    @property
+    def key(self) -> int:
+        """Address and page in one."""
+        return self.page << 16 | self.address
+
+    @property
+    def end(self) -> int:
+        """First address behind the entry."""
+        return self.address + max(1, self.span * len(self.names))
+
+    def place(self, index: int) -> int:
+        """Address of a number of the entry."""
+        return self.address + self.span * index
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """SI values that type and scale can hold."""
+        low, high = (bound * self.scale for bound in number(self.type).bounds)
+        return (low, high) if low < high else (high, low)
+
+    def __str__(self) -> str:
+        page = f"page {self.page} " if self.page else ""
+        return f"{page}register {self.address}" + (f"-{self.end - 1}" if self.span else "")
+
+
+def check_registers(
+    entries: Sequence[RegisterEntry], sigmas: Mapping[str, float], without: Sequence[str], *, pages: bool
+) -> None:
+    """Is this a register map? Raises ValueError naming the entry.
+
+    Parameters
+    ----------
+    sigmas : of the parameters' priors, SI
+    without : parameters and groups that have no register, by the profile's own word
+    pages : whether the link can choose pages
+    """
+    for entry in entries:
+        _check_entry(entry, sigmas, pages)
+    ordered = sorted(entries, key=lambda e: e.key)
+    for a, b in pairwise(ordered):
+        if a.page == b.page and b.address < a.end:
+            raise ValueError(f"{a} and {b} overlap; correct an address")
+    seen: dict[str, RegisterEntry] = {}
+    for entry in ordered:
+        for name in filter(None, entry.names):
+            if name in seen:
+                raise ValueError(f"'{name}' is in {seen[name]} and in {entry}; remove one")
+            seen[name] = entry
+    for sensor in SENSORS:
+        _check_sensor(sensor, seen)
+    _check_missing(set(seen), without)
+
+
+def _check_entry(entry: RegisterEntry, sigmas: Mapping[str, float], pages: bool) -> None:
+    for name in entry.names:
+        if name and name not in NAMES and name not in SLOTS:
+            raise ValueError(f"{entry}: '{name}' is no parameter{suggestion(name, _KNOWN) or '; remove it'}")
+    check_orders(entry.type, entry.word_order)
+    if entry.page and not pages:
+        raise ValueError(f"{entry}: this link has no pages; remove page, or say where it is chosen")
+    low, high = entry.range
+    if low >= high:
+        raise ValueError(f"{entry}: range = {entry.range} must be [low, high] with low below high")
+    least, most = entry.bounds
+    if low < least * (1 + 1e-6) - 1e-300 or high > most * (1 + 1e-6):
+        raise ValueError(
+            f"{entry}: range = {entry.range} is more than type {entry.type} × {entry.scale:g} holds,"
+            f" {least:.6g} to {most:.6g}; correct range, scale or type"
+        )
+    slots = [name for name in entry.names if name in SLOTS]
+    if entry.convention is not None and not slots:
+        raise ValueError(f"{entry}: convention belongs to registers of a matrix or an offset; remove it")
+    legal = {name: _LEGAL * sigma for name, sigma in sigmas.items()}
+    for i, name in enumerate(entry.names):
+        if name in SLOTS:
+            needed = legal_range(name, legal, entry.convention or Convention())
+        else:
+            needed = (-legal[name], legal[name]) if name in legal else None
+        if needed is not None and (needed[0] < low or needed[1] > high):
+            parameter = parameter_of(name) if name in SLOTS else name
+            raise ValueError(
+                f"{entry}: {name} in register {entry.place(i)} may need {needed[0]:.6g} to {needed[1]:.6g} (from the"
+                f" prior of {parameter}), its range is {low:g} to {high:g}; widen the range or correct the prior"
+            )
+
+
+def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
+    """The matrix of a sensor is there in a form that can be inverted, in one convention."""
+    matrix = [slot for slot in matrix_slots(sensor) if slot in seen]
+    offset = [slot for slot in offset_slots(sensor) if slot in seen]
+    direct = [
+        n for n in NAMES if n in seen and n.startswith(sensor) and any(parameter_of(s) == n for s in SLOTS)
+    ]
+    if (matrix or offset) and direct:
+        raise ValueError(
+            f"'{direct[0]}' in {seen[direct[0]]} and '{(matrix or offset)[0]}' in {seen[(matrix or offset)[0]]}: the"
+            f" {sensor}'s registers are parameters or a matrix and an offset, not both"
+        )
+    for slots in (matrix, offset):
+        for slot in slots[1:]:
+            if _convention(seen[slot]) != _convention(seen[slots[0]]):
+                raise ValueError(
+                    f"{seen[slots[0]]} and {seen[slot]}: one matrix or offset has one convention"
+                )
+    places = {slot.rsplit("_", 1)[1] for slot in matrix}
+    whole = {a + b for a in "xyz" for b in "xyz"}
+    if places and places not in (whole, {p for p in whole if p[0] >= p[1]}, {"xx", "yy", "zz"}):
+        raise ValueError(
+            f"{seen[matrix[0]]}: the {sensor}'s matrix has registers for {', '.join(sorted(places))}; it must be all"
+            " nine, the six on and below the diagonal, or the three on it"
+        )
+    if offset and len(offset) < 3:
+        raise ValueError(f"{seen[offset[0]]}: the {sensor}'s offset needs registers for x, y and z")
+
+
+def _convention(entry: RegisterEntry) -> Convention:
+    return entry.convention or Convention()
+
+
+def _check_missing(seen: set[str], without: Sequence[str]) -> None:
+    """Every parameter has a register, or the profile says that it has none."""
+    held = {parameter_of(name) if name in SLOTS else name for name in seen}
+    for name in without:
+        if name not in NAMES and name not in GROUPS:
+            raise ValueError(
+                f"without_register: '{name}' is no parameter or group{suggestion(name, NAMES + GROUPS)}"
+            )
+        inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in held]
+        if inside:
+            raise ValueError(f"without_register: '{name}': {inside[0]} has a register; remove one of both")
+    if not held:
+        return
+    for p in PARAMETERS:
+        if p.name not in held and p.group != _NEVER_IN_REGISTERS and not {p.name, p.group} & set(without):
+            raise ValueError(
+                f"{p.name} has no register; add one, or name it (or {p.group}) in without_register"
+            )

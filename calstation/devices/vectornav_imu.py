@@ -1,0 +1,155 @@
+"""Driver of VectorNav's IMUs (VN-100): a stream in binary or text, commands in lines $VN...*check between it."""
+
+from calstation.devices.checks import CHECK_WIDTHS, check_function
+from calstation.devices.frame_profile import CrcSection, FrameSection
+from calstation.devices.frames import Reply
+from calstation.devices.imu_profile import ImuProfile, VectorNavSection
+from calstation.devices.interfaces import ImuIdentity
+from calstation.devices.link import SerialLink
+from calstation.devices.numbers import number
+from calstation.devices.packets import TextLine
+from calstation.devices.register_profile import RegisterEntry
+from calstation.devices.registered_imu import RegisteredImu
+from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.errors import DeviceFaultError
+
+_ATTEMPTS = 3
+_LONGEST = 512
+"""Bytes of a reply."""
+_MODEL, _SERIAL, _FIRMWARE = 1, 3, 4
+"""Registers that tell who answers."""
+_ERRORS = {
+    0x01: "hard fault, the unit restarts",
+    0x02: "serial buffer overflow",
+    0x03: "invalid checksum",
+    0x04: "invalid command",
+    0x05: "not enough parameters",
+    0x06: "too many parameters",
+    0x07: "invalid parameter",
+    0x08: "invalid register",
+    0x09: "unauthorized access",
+    0x0A: "watchdog reset",
+    0x0B: "output buffer overflow",
+    0x0C: "insufficient baud rate",
+    0xFF: "error buffer overflow",
+}
+"""VN-100 User Manual UM001, section 3.8."""
+
+
+class LineReply:
+    """Lines that answer commands; meets `frames.ReplyKind`.
+
+    Parameters
+    ----------
+    section : the profile's
+    """
+
+    sync = b"$VN"
+
+    def __init__(self, section: VectorNavSection) -> None:
+        crc = CrcSection(kind=section.check, start=1)
+        shape = FrameSection(format="text", sync="$VN", fields=[], crc=crc, max_size=_LONGEST)
+        self._line = TextLine(self.sync, shape)
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `packets.PacketKind`."""
+        return self._line.size(buffer, place)
+
+    def sound(self, packet: bytes) -> bool:
+        """See `packets.PacketKind`."""
+        return self._line.sound(packet)
+
+    def reply(self, packet: bytes) -> Reply:
+        """The line's words between $ and *."""
+        return Reply(0, self._line.body(packet)[1:])
+
+
+def line(words: str, check: str) -> bytes:
+    """A command as it goes out."""
+    value = check_function(check)(words.encode("ascii"))
+    return f"${words}*{value:0{2 * CHECK_WIDTHS[check]}X}\r\n".encode("ascii")
+
+
+class VectorNavImu(RegisteredImu):
+    """The unit of a profile on a link. A register entry is one register of the unit with all its fields.
+
+    Parameters
+    ----------
+    link : open port
+    profile : what the bytes mean
+    """
+
+    def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
+        assert profile.vectornav is not None
+        self._section = profile.vectornav
+        super().__init__(link, profile, LineReply(self._section), self._section.reset_timeout_s)
+
+    def commit(self) -> None:
+        """Write all settings to flash, once: a lost answer is a fault, never a second flash cycle."""
+        self._ask("VNWNV", timeout=self._section.commit_timeout_s, attempts=1)
+
+    def _switch_on(self) -> None:
+        for words in self._section.start:
+            self._ask(words)
+
+    def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
+        words = [
+            ",".join(self._ask(f"VNRRG,{register}", attempts=attempts)).strip()
+            for register in (_MODEL, _SERIAL, _FIRMWARE)
+        ]
+        return ImuIdentity(*words)
+
+    def _restart(self) -> None:
+        self._ask("VNRST", attempts=1)
+
+    def _read_entry(self, entry: RegisterEntry) -> list[float]:
+        fields = self._ask(f"VNRRG,{entry.address}")
+        kind = number(entry.type)
+        try:
+            numbers = [kind.nearest(float(field)) for field in fields]
+        except ValueError:
+            numbers = []
+        if len(numbers) != len(entry.names):
+            raise DeviceFaultError(
+                f"IMU: register {entry.address} answers '{','.join(fields)}', not {len(entry.names)} numbers"
+            )
+        return numbers
+
+    def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
+        told = ",".join(f"{value:.{self._section.digits}G}" for value in numbers)
+        self._ask(f"VNWRG,{entry.address},{told}")
+
+    def _ask(self, words: str, *, timeout: float | None = None, attempts: int = _ATTEMPTS) -> list[str]:
+        """Send a line and wait for the one that repeats its command and register; its further fields."""
+        command, *rest = words.split(",")
+        begins = [command, *(rest[:1] if command in ("VNRRG", "VNWRG") else [])]
+
+        def take(reply: Reply) -> list[str] | None:
+            fields = reply.payload.decode("ascii", "replace").split(",")
+            if fields[0] == "VNERR":
+                raise ImuRefusalError(f"IMU: '{words}' was refused: {_meaning(fields[1:])}")
+            if fields[0] != begins[0] or not _same_register(fields[1:2], begins[1:]):
+                return None
+            return fields[len(begins) :]
+
+        return self.exchange(
+            line(words, self._section.check),
+            take,
+            timeout=timeout or self._section.timeout_s,
+            attempts=attempts,
+        )
+
+
+def _same_register(told: list[str], asked: list[str]) -> bool:
+    """Registers alike, with or without zeros before them."""
+    return not asked or (bool(told) and told[0].lstrip("0") == asked[0].lstrip("0"))
+
+
+def _meaning(fields: list[str]) -> str:
+    """An error's code is hexadecimal."""
+    text = fields[0] if fields else ""
+    try:
+        code = int(text, 16)
+    except ValueError:
+        return f"code '{text}'"
+    return _ERRORS.get(code, f"code {text}")

@@ -1,0 +1,189 @@
+"""The driver of Modbus registers on the stream's own line, as byte pairs: quiet while it asks, each write once."""
+
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from fastcrc import crc16
+from test_framed_imu import ScriptedLink
+from test_frames import stream_frame
+
+from calstation.devices.imu_profile import ImuProfile, ModbusUnitSection, load_imu_profile
+from calstation.devices.modbus_imu import ModbusImu
+from calstation.devices.registers import RegisterMap
+from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.errors import DeviceFaultError
+
+PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_timeout(0.15)
+MAP = RegisterMap(tuple(PROFILE.registers))
+Pair = tuple[bytes, bytes]
+
+
+def rtu(*body: int) -> bytes:
+    frame = bytes(body)
+    return frame + struct.pack("<H", crc16.modbus(frame))
+
+
+def read(address: int, words: bytes) -> Pair:
+    request = rtu(1, 3, *struct.pack(">HH", address, len(words) // 2))
+    return request, rtu(1, 3, len(words), *words)
+
+
+def write(address: int, value: int) -> Pair:
+    frame = rtu(1, 6, *struct.pack(">HH", address, value))
+    return frame, frame
+
+
+def write_many(address: int, words: bytes) -> Pair:
+    head = struct.pack(">HH", address, len(words) // 2)
+    return rtu(1, 16, *head, len(words), *words), rtu(1, 16, *head)
+
+
+ON, OFF = write(20, 1), write(20, 0)
+IDENTITY = [
+    read(0, b"bench-dsp".ljust(16, b"\0")),
+    read(8, b"SN-000042".ljust(16, b"\0")),
+    read(16, b"2.0".ljust(8, b"\0")),
+]
+
+
+def section(profile: ImuProfile) -> ModbusUnitSection:
+    assert profile.modbus is not None
+    return profile.modbus
+
+
+@contextmanager
+def driver(pairs: list[Pair], profile: ImuProfile = PROFILE) -> Iterator[tuple[ModbusImu, ScriptedLink]]:
+    link = ScriptedLink(pairs)
+    imu = ModbusImu(link, profile)  # type: ignore[arg-type]
+    try:
+        yield imu, link
+    finally:
+        imu.close()
+
+
+def wire(values: dict[str, float]) -> dict[tuple[int, int], bytes]:
+    """Registers by page and address as the profile's comments describe them, packed by hand."""
+    numbers = MAP.encode(values)
+
+    def words(data: bytes) -> bytes:
+        return b"".join(data[k + 2 : k + 4] + data[k : k + 2] for k in range(0, len(data), 4))
+
+    gyro, offset = numbers[1 << 16 | 100], numbers[1 << 16 | 118]
+    matrix, bias = numbers[2 << 16 | 200], numbers[2 << 16 | 212]
+    quadratic, lever = numbers[2 << 16 | 218], numbers[2 << 16 | 224]
+    return {
+        (1, 100): words(struct.pack(">9f", *gyro)),
+        (1, 118): struct.pack(">3d", *offset),
+        (2, 200): struct.pack(">6i", *(round(v * 2**30) for v in matrix)),
+        (2, 212): words(struct.pack(">3i", *(int(v) for v in bias))),
+        (2, 218): struct.pack(">3f", *quadratic),
+        (2, 224): struct.pack(">3h", *(int(v) for v in lever)),
+    }
+
+
+VALUES = MAP.rounded(
+    {
+        n: (-1) ** i * (1e-3 + 1e-4 * i) * (1e-2 if "quadratic" in n else 1.0)
+        for i, n in enumerate(MAP.parameters)
+    }
+)
+
+
+def test_identity_stream_and_samples() -> None:
+    with driver([ON, *IDENTITY]) as (imu, link):
+        imu.start()
+        identity = imu.identify()
+        assert (identity.model, identity.serial, identity.firmware) == ("bench-dsp", "SN-000042", "2.0")
+        link.send(stream_frame(7, [1, 2, 3, 4, 5, 6]) + stream_frame(8, [0] * 6)[:20])
+        link.send(stream_frame(8, [0] * 6)[20:])
+        deadline = time.monotonic() + 5.0
+        while imu.stats.frames < 2 and time.monotonic() < deadline:
+            time.sleep(0.001)
+        assert imu.read().seq.tolist() == [7, 8]
+        assert link.finished
+
+
+def test_registers_are_read_page_by_page_while_the_stream_is_off() -> None:
+    pairs = [OFF]
+    for (page, address), words in wire(VALUES).items():
+        pairs += [write(23, page), read(address, words)]
+    # Answers stand between frames that were still on their way.
+    pairs = [(request, stream_frame(1, [0] * 6) + reply) for request, reply in pairs]
+    with driver([ON, *pairs, ON]) as (imu, link):
+        imu.start()
+        found = imu.read_registers()
+        assert MAP.differing(VALUES, found) == []
+        assert link.finished
+
+
+def test_registers_are_written_page_by_page() -> None:
+    pairs = [OFF]
+    for (page, address), words in wire(VALUES).items():
+        pairs += [write(23, page), write_many(address, words)]
+    with driver(pairs) as (imu, link):
+        imu.write_registers(VALUES)
+        assert link.finished, "a stream that was never switched on is not switched on behind it"
+
+
+def test_commit_waits_until_it_is_done_and_reset_until_the_unit_answers() -> None:
+    commit = [OFF, write(21, 0x5A5A), read(21, b"\x5a\x5a"), read(21, b"\0\0"), ON]
+    reset = [write(22, 0xA5A5), *IDENTITY, ON]
+    with driver([ON, *commit, *reset]) as (imu, link):
+        imu.start()
+        imu.commit()
+        imu.reset()
+        assert link.finished
+
+
+def test_a_commit_that_never_ends_is_told_and_one_that_is_lost_never_repeated() -> None:
+    quick = PROFILE.model_copy(
+        update={"modbus": section(PROFILE).model_copy(update={"commit_timeout_s": 0.1})}
+    )
+    busy = [read(21, b"\x5a\x5a")] * 200
+    with (
+        driver([OFF, write(21, 0x5A5A), *busy], quick) as (imu, _),
+        pytest.raises(DeviceFaultError, match="the commit was not done within"),
+    ):
+        imu.commit()
+    with driver([OFF], quick) as (imu, link):
+        with pytest.raises(DeviceFaultError, match="no answer on SCRIPT within"):
+            imu.commit()
+        assert link.unexpected == [write(21, 0x5A5A)[0]]
+
+
+@pytest.mark.parametrize(
+    ("code", "told"), [(2, "no such register"), (6, "the device is busy"), (99, "exception 99")]
+)
+def test_an_exception_is_told_by_its_meaning(code: int, told: str) -> None:
+    with (
+        driver([(IDENTITY[0][0], rtu(1, 0x83, code))]) as (imu, _),
+        pytest.raises(ImuRefusalError, match=f"register 0 is refused: {told}"),
+    ):
+        imu.identify()
+
+
+def test_a_lost_or_hurt_answer_is_asked_for_again() -> None:
+    request, reply = IDENTITY[0]
+    hurt = reply[:5] + bytes([reply[5] ^ 4]) + reply[6:]
+    other = rtu(1, 3, 2, 0, 7)
+    with driver([(request, b""), (request, hurt), (request, other + reply), *IDENTITY[1:]]) as (imu, link):
+        assert imu.identify().model == "bench-dsp"
+        assert link.finished
+        assert imu.stats.crc_errors >= 1
+
+
+def test_a_unit_that_may_be_asked_while_it_streams_is_not_switched_off() -> None:
+    stream = section(PROFILE).stream
+    assert stream is not None
+    talks = section(PROFILE).model_copy(
+        update={"stream": stream.model_copy(update={"off": None}), "page": None}
+    )
+    profile = PROFILE.model_copy(update={"modbus": talks})
+    pairs = [read(address, words) for (_, address), words in wire(VALUES).items()]
+    with driver(pairs, profile) as (imu, link):
+        assert MAP.differing(VALUES, imu.read_registers()) == []
+        assert link.finished

@@ -1,0 +1,341 @@
+"""A register map is a profile: any type, order, scale, sign, convention and page; exact, and checked as a whole."""
+
+import copy
+import itertools
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calstation.devices.conventions import (
+    Convention,
+    from_registers,
+    matrix_slots,
+    offset_slots,
+    to_registers,
+)
+from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.register_profile import RegisterEntry
+from calstation.devices.registers import RegisterMap
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.physics.imu_model import compensate, compensation
+from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
+
+DATA = Path(__file__).parents[2] / "data" / "imus"
+CONVENTIONS = [
+    Convention(matrix=m, identity=i, negated=n, offset=o, added=a)  # type: ignore[arg-type]
+    for m, i, n, o, a in itertools.product(
+        ("correction", "error"), (True, False), (False, True), ("before", "after"), (False, True)
+    )
+    if not (i and n)
+]
+small = st.floats(-0.05, 0.05)
+vector = st.lists(small, min_size=3, max_size=3).map(np.array)
+
+
+def parameters(sensor: str, draw: Any) -> dict[str, float]:
+    names = [p.name for p in PARAMETERS if p.sensor == sensor and p.group != "accel_quadratic"]
+    return {name: draw(small) for name in names}
+
+
+def device_output(held: dict[str, float], sensor: str, c: Convention, measured: np.ndarray) -> np.ndarray:
+    """What the unit makes of a measurement: its own formula, written out."""
+    registers = np.array([[held[f"{sensor}_matrix_{row}{column}"] for column in "xyz"] for row in "xyz"])
+    offset = np.array([held[f"{sensor}_offset_{axis}"] for axis in "xyz"])
+    offset = -offset if c.added else offset
+    if not c.identity:
+        registers = np.eye(3) - registers if c.negated else np.eye(3) + registers
+    if c.matrix == "error":
+        taken_off = measured - offset if c.offset == "before" else measured
+        corrected = np.linalg.solve(registers, taken_off)
+        return corrected if c.offset == "before" else corrected - offset
+    return registers @ (measured - offset) if c.offset == "before" else registers @ measured - offset
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    sensor=st.sampled_from(["gyro", "accel"]), c=st.sampled_from(CONVENTIONS), truth=vector, data=st.data()
+)
+def test_the_unit_s_formula_gives_the_true_value_exactly(
+    sensor: str, c: Convention, truth: np.ndarray, data: st.DataObject
+) -> None:
+    values = parameters(sensor, data.draw)
+    vectorised = np.array([values.get(name, 0.0) for name in NAMES])
+    model = compensation(vectorised)
+    inverse, bias = (
+        (model.gyro_inverse, model.gyro_bias) if sensor == "gyro" else (model.accel_inverse, model.accel_bias)
+    )
+    measured = np.linalg.inv(inverse) @ truth + bias
+    held = to_registers(sensor, values, (*matrix_slots(sensor), *offset_slots(sensor)), c, c)
+    np.testing.assert_allclose(device_output(held, sensor, c, measured), truth, rtol=0, atol=1e-15)
+    back = from_registers(sensor, held, c, c)
+    assert set(back) == set(values)
+    for name, value in values.items():
+        assert back[name] == pytest.approx(value, abs=1e-15)
+
+
+def test_first_order_would_not_do() -> None:
+    """What the exact inverse is worth: at errors of 5 % the first-order one is wrong by more than 0.2 %."""
+    values = {n: 0.05 for n in NAMES if n.startswith("gyro_")}
+    held = to_registers("gyro", values, matrix_slots("gyro"), Convention(), Convention())
+    assert abs(held["gyro_matrix_xx"] - (1.0 - 0.05)) > 2e-3
+
+
+@pytest.mark.parametrize("places", [["xx", "yy", "zz"], ["xx", "yx", "yy", "zx", "zy", "zz"]])
+def test_a_matrix_that_is_only_in_part_there_inverts_the_part(places: list[str]) -> None:
+    slots = [f"accel_matrix_{p}" for p in places]
+    values = {n: 0.01 * (i + 1) for i, n in enumerate(NAMES) if n.startswith("accel")}
+    held = to_registers("accel", values, slots, Convention(), Convention())
+    back = from_registers("accel", held, Convention(), Convention())
+    assert back == {name: pytest.approx(values[name], abs=1e-15) for name in back}
+    assert len(back) == len(places)
+
+
+def test_what_cannot_be_a_calibration_is_not_one() -> None:
+    erased = dict.fromkeys(matrix_slots("gyro"), 0.0)
+    assert all(np.isnan(v) for v in from_registers("gyro", erased, Convention(), Convention()).values())
+    full = {**dict.fromkeys(matrix_slots("accel"), 0.0), "accel_matrix_xx": 1.0, "accel_matrix_yy": 1.0}
+    full |= {"accel_matrix_zz": 1.0, "accel_matrix_xz": 0.01}
+    with pytest.raises(DeviceFaultError, match="not lower triangular"):
+        from_registers("accel", full, Convention(), Convention())
+
+
+# Maps of shipped profiles ----------------------------------------------------------------------------------------
+
+
+def legal(name: str, draw: Any) -> dict[str, float]:
+    """Values that a unit of a profile's type may have."""
+    sigmas = load_imu_profile(DATA / f"{name}.toml").prior_sigmas()
+    return {n: draw(st.floats(-3 * sigmas[n], 3 * sigmas[n])) for n in map_of(name).parameters}
+
+
+def map_of(name: str) -> RegisterMap:
+    return RegisterMap(tuple(load_imu_profile(DATA / f"{name}.toml").registers))
+
+
+@pytest.mark.parametrize("name", ["bench_nav", "vectornav_vn100", "dsp_modbus"])
+@settings(deadline=None, max_examples=60)
+@given(data=st.data())
+def test_legal_values_fit_and_come_back_within_the_registers_steps(name: str, data: st.DataObject) -> None:
+    entries = map_of(name)
+    values = legal(name, data.draw)
+    held = entries.rounded(values)
+    assert set(held) == set(values)
+    for parameter, value in values.items():
+        assert held[parameter] == pytest.approx(value, abs=2e-4 if "lever" in parameter else 2e-7)
+    again = entries.rounded(held)
+    assert entries.differing(held, again) == []
+    assert entries.differing(held, entries.decode(entries.encode(held))) == []
+
+
+def test_the_vectornav_identity_is_no_calibration_at_all() -> None:
+    entries = map_of("vectornav_vn100")
+    plain = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    assert entries.encode(dict.fromkeys(entries.parameters, 0.0)) == {25: plain, 84: plain}
+    assert set(entries.decode({25: plain, 84: plain}).values()) == {0.0}
+    assert entries.address("gyro_misalign_xy") == entries.address("gyro_bias_z") == 84
+    assert set(entries.parameters) == {
+        p.name for p in PARAMETERS if p.sensor != "lever" and "quadratic" not in p.name
+    }
+
+
+def test_tolerance_of_the_read_back() -> None:
+    entries = map_of("vectornav_vn100")
+    wanted = entries.rounded({**dict.fromkeys(entries.parameters, 0.0), "gyro_scale_x": 1.2345678e-3})
+    seven_digits = {k: [float(f"{v:.6E}") for v in row] for k, row in entries.encode(wanted).items()}
+    assert entries.differing(wanted, entries.decode(seven_digits)) == []
+    seven_digits[84][0] += 2e-6
+    assert entries.differing(wanted, entries.decode(seven_digits)) == ["gyro_scale_x"]
+    seven_digits[84][0] = float("nan")
+    assert "gyro_scale_x" in entries.differing(wanted, entries.decode(seven_digits))
+
+
+def test_without_a_tolerance_every_bit_counts() -> None:
+    entries = map_of("bench_nav")
+    zero = dict.fromkeys(entries.parameters, 0.0)
+    one_step = float(np.nextafter(np.float32(1e-5), np.float32(1)))
+    assert entries.differing(
+        {**zero, "gyro_bias_x": float(np.float32(1e-5))}, {**zero, "gyro_bias_x": one_step}
+    ) == ["gyro_bias_x"]
+    assert entries.differing(zero, {**zero, "accel_bias_z": -0.0}) == ["accel_bias_z"]
+    nan = {**zero, "accel_bias_z": float("nan")}
+    assert entries.differing(nan, nan) == []
+    assert entries.differing({"gyro_bias_x": 0.0}, {}) == ["gyro_bias_x"]
+
+
+def test_column_by_column() -> None:
+    rows = RegisterEntry(address=0, parameters=["gyro_matrix"], range=[-1.0, 1.0])
+    columns = RegisterEntry(address=0, parameters=["gyro_matrix"], major="column", range=[-1.0, 1.0])
+    assert [n[-2:] for n in rows.names] == ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"]
+    assert [n[-2:] for n in columns.names] == ["xx", "yx", "zx", "xy", "yy", "zy", "xz", "yz", "zz"]
+
+
+def test_a_negative_scale_is_the_opposite_sign() -> None:
+    entry = RegisterEntry(address=7, parameters=["gyro_bias"], scale=-1e-6, type="i16", range=[-0.01, 0.01])
+    entries = RegisterMap((entry,))
+    held = entries.encode({"gyro_bias_x": 1e-3, "gyro_bias_y": -0.01, "gyro_bias_z": 0.0})
+    assert held == {7: [-1000.0, 10000.0, 0.0]}
+    assert entries.decode(held)["gyro_bias_y"] == pytest.approx(-0.01)
+    with pytest.raises(
+        DeviceFaultError, match=r"gyro_bias_z = 0.02 does not fit register 9 \(-0.01 to 0.01\)"
+    ):
+        entries.encode({"gyro_bias_x": 0.0, "gyro_bias_y": 0.0, "gyro_bias_z": 0.02})
+
+
+def test_registers_as_they_are_stored() -> None:
+    rows = map_of("bench_nav").stored({"gyro_bias_y": 1.0 / 64})
+    assert rows == [(1, "gyro_bias_y", "3C800000")]
+    stored = {name: raw for _, name, raw in map_of("dsp_modbus").stored({"accel_bias_x": -1e-7})}
+    assert stored == {"accel_bias_x": "FFFFFFFF"}
+
+
+# A map that cannot be is told by its entry -----------------------------------------------------------------------
+
+
+def edited(name: str, where: str, value: Any) -> dict[str, Any]:
+    data = copy.deepcopy(tomllib.loads((DATA / f"{name}.toml").read_text(encoding="utf-8")))
+    *parents, last = where.split("/")
+    place: Any = data
+    for part in parents:
+        place = place[int(part)] if isinstance(place, list) else place[part]
+    if value is None:
+        del place[int(last) if isinstance(place, list) else last]
+    else:
+        place[last] = value
+    return data
+
+
+@pytest.mark.parametrize(
+    ("name", "where", "value", "told"),
+    [
+        (
+            "dsp_modbus",
+            "registers/1/address",
+            117,
+            "page 1 register 100-117 and page 1 register 117-128 overlap",
+        ),
+        (
+            "dsp_modbus",
+            "registers/1/type",
+            "i24",
+            "page 1 register 118-120: type i24 does not fill 16-bit registers",
+        ),
+        ("dsp_modbus", "registers/1/type", "i12", "registers[1].type: type 'i12' is unknown"),
+        ("dsp_modbus", "registers/4/page", 0, None),
+        ("dsp_modbus", "modbus/page", None, "this link has no pages"),
+        ("dsp_modbus", "registers/2/range", [-3.0, 3.0], "is more than type q2.30 × 1 holds, -2 to 2"),
+        (
+            "dsp_modbus",
+            "registers/5/scale",
+            1e-6,
+            "is more than type i16 × 1e-06 holds, -0.032768 to 0.032767",
+        ),
+        (
+            "dsp_modbus",
+            "registers/3/range",
+            [-0.3, 0.3],
+            "accel_offset_x in register 212 may need -0.45 to 0.45",
+        ),
+        ("dsp_modbus", "registers/0/range", [-0.01, 0.01], "gyro_matrix_xx in register 100 may need -0.0225"),
+        ("dsp_modbus", "registers/3/scale", 0.0, "registers[3].scale: is 0"),
+        ("dsp_modbus", "registers/4", None, "accel_quadratic_x has no register; add one, or name it"),
+        (
+            "dsp_modbus",
+            "without_register",
+            ["gyro_bias"],
+            "'gyro_bias': gyro_bias_x has a register; remove one",
+        ),
+        ("dsp_modbus", "without_register", ["gyro_bia"], "'gyro_bia' is no parameter or group; did you mean"),
+        (
+            "dsp_modbus",
+            "registers/0/parameters",
+            ["gyro_matrix_xx"],
+            "the gyro's matrix has registers for xx; it must",
+        ),
+        (
+            "dsp_modbus",
+            "registers/1/parameters",
+            ["gyro_offset_x"],
+            "the gyro's offset needs registers for x, y and z",
+        ),
+        (
+            "dsp_modbus",
+            "registers/4/convention",
+            {"offset": "after"},
+            "convention belongs to registers of a matrix",
+        ),
+        (
+            "dsp_modbus",
+            "registers/4/word_order",
+            "fraction_first",
+            "word_order = 'fraction_first' does not fit",
+        ),
+        ("dsp_modbus", "registers/5/parameters", ["accel_misalign"], "a matrix and an offset, not both"),
+        (
+            "dsp_modbus",
+            "registers/4/parameters",
+            ["gyro_matrx"],
+            "'gyro_matrx' is no parameter; did you mean",
+        ),
+        ("dsp_modbus", "modbus", None, 'protocol = "modbus" needs [modbus]'),
+        ("vectornav_vn100", "modbus", {}, "modbus.unit is missing; add it"),
+        (
+            "vectornav_vn100",
+            "vectornav/digits",
+            6,
+            "vectornav.digits = 6 is out of range; it must be at least 9",
+        ),
+        ("vectornav_vn100", "vectornav/check", "crc32", "vectornav.check = 'crc32' is unknown"),
+        ("vectornav_vn100", "registers/1/address", 84, "register 84 and register 84 overlap"),
+        ("vectornav_vn100", "without_register", None, "accel_quadratic_x has no register"),
+        ("vectornav_vn100", "registers/0/range", [-1.0, 1.0], "gyro_matrix_xx in register 84 may need"),
+        (
+            "stim300",
+            "registers",
+            [{"address": 0, "parameters": ["gyro_bias"], "range": [-1.0, 1.0]}],
+            "writes none",
+        ),
+        ("bench_nav", "commands/ops", {"reed": 2}, "'reed' is no op; did you mean 'read'?"),
+        ("bench_nav", "commands/ops", {"read": 3}, "two ops have the same number"),
+        ("bench_nav", "commands/ops", {"read": 256}, "read = 256 is out of range"),
+        ("bench_nav", "commands/errors", {"x": "odd"}, "x must be a number in quotes"),
+        ("bench_nav", "commands", None, 'protocol = "framed" needs [commands]'),
+    ],
+)
+def test_a_wrong_register_map_is_told_by_its_entry(
+    tmp_path: Path, name: str, where: str, value: Any, told: str | None
+) -> None:
+    path = tmp_path / "profile.toml"
+    path.write_text(tomli_w.dumps(edited(name, where, value)), encoding="utf-8")
+    if told is None:
+        load_imu_profile(path)
+        return
+    with pytest.raises(ConfigurationError) as caught:
+        load_imu_profile(path)
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_group_may_stand_for_its_names() -> None:
+    for group in GROUPS:
+        entry = RegisterEntry(address=0, parameters=[group], range=[-1.0, 1.0])
+        assert list(entry.names) == [p.name for p in PARAMETERS if p.group == group]
+
+
+def test_the_compensation_and_the_unit_agree() -> None:
+    """Registers and offline compensation correct alike."""
+    random = np.random.default_rng(7)
+    entries = map_of("vectornav_vn100")
+    values = {n: float(random.uniform(-0.01, 0.01)) for n in entries.parameters}
+    held = entries.rounded(values)
+    row = entries.encode(held)[84]
+    measured = random.uniform(-1, 1, (5, 3))
+    unit = (measured - row[9:]) @ np.array(row[:9]).reshape(3, 3).T
+    vectorised = np.array([held.get(name, 0.0) for name in NAMES])
+    ours, _ = compensate(compensation(vectorised), measured, np.zeros((5, 3)))
+    np.testing.assert_allclose(unit, ours, atol=2e-7)
