@@ -22,6 +22,10 @@ MESSAGES: dict[str, str] = {
     "no_motion_between_rests": "{stage}: no motion between rests was recorded; gyro matrices are not determined.",
     "noisier_than_profile": "{stage}: the recording scatters more than the profile's noise (rests {force:.2g} m/s² "
     "and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.",
+    "pair_primary_off": "{stage}: at {time:.0f} s the primary is off itself; imu{number} is not calibrated against it.",
+    "pair_calibrated": "{stage}: at {time:.0f} s imu{number} was off and has been calibrated.",
+    "pair_given_up": "{stage}: at {time:.0f} s calibration was given up: {why}.",
+    "pair_kept": "{stage}: nothing new for secondary {numbers}; what was stored stays.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
     "registers_transfer": "Inside the limits: writing the registers.",
     "registers_written": "Registers written, read back, and the output right with them.",
@@ -54,6 +58,7 @@ REASONS: dict[str, str] = {
     "gap": "samples lost",
     "no_data": "no data",
     "saturated": "output saturated",
+    "invalid": "output is no number",
     "signal": "the system ended the program",
     "listener_lost": "the window or terminal that watched the run is gone",
     "listener_silent": "the window or terminal that watched the run does not answer",

@@ -6,7 +6,6 @@ from calstation.devices.frame_profile import FrameSection
 from calstation.estimation.sequence import unwrap_counter
 from calstation.physics.arrays import IntArray
 
-
 _OVERTAKEN = 3
 """Frames that may overtake another; a counter that falls by more was reset."""
 

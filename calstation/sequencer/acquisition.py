@@ -20,6 +20,12 @@ INTERRUPTION = 1.0
 """Between the last sample of a run and the first after it was resumed, s of counter and IMU time: how long it really
 was, nobody knows where the unit lost its power."""
 
+CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
+
+_RESTLESS, _STUCK = 0.35, 400
+"""A channel with at least so much noise, counts, that shows one value so often in a row is stuck: by chance it does so
+once in 10^28 times."""
+
 SLOWEST_POLL = 0.3
 """A poll that took longer, s, was lost and asked again on the way: nobody knows when its angles were true."""
 
@@ -35,13 +41,18 @@ class StatusMasks:
 
 @dataclass(frozen=True)
 class Flow:
-    """What a drain brought: samples, missing samples before or among them, and the status bits met."""
+    """What a drain brought: samples, missing samples before or among them, and the status bits met.
+
+    invalid : some output is no number; stuck : a channel that has shown one value for too long, "" for none
+    """
 
     count: int
     missing: int
     ready: bool
     saturated: bool
     failed: bool
+    invalid: bool = False
+    stuck: str = ""
 
 
 @dataclass(frozen=True)
@@ -66,6 +77,13 @@ def to_si(model: ImuModel) -> FloatArray:
     """Factor from counts to rad/s (gyro) and m/s² (accel), shape (6,)."""
     rate = model.sample_rate if model.output == "increment" else 1.0
     return np.repeat([model.gyro_lsb * rate, model.accel_lsb * rate], 3)
+
+
+def noise_counts(model: ImuModel) -> FloatArray:
+    """Standard deviation of the white noise of one sample, in counts, shape (6,)."""
+    period = 1.0 / model.sample_rate
+    scale = period**0.5 if model.output == "increment" else period**-0.5
+    return np.repeat([model.gyro_arw / model.gyro_lsb, model.accel_vrw / model.accel_lsb], 3) * scale
 
 
 class Acquisition:
@@ -105,6 +123,9 @@ class Acquisition:
         self._latest: SampleBatch | None = None
         self._half_period = 0.5 / model.sample_rate
         self._polls: list[_Poll] = []
+        self._restless = noise_counts(model) >= _RESTLESS
+        self._unchanged = np.zeros(6, np.int64)
+        self._shown: FloatArray | None = None
         self._delays: deque[float] = deque(maxlen=CLOCK_WINDOW)
         self._taps: list[list[SampleBlock]] = []
         self._last_seq: int | None = None
@@ -147,6 +168,8 @@ class Acquisition:
         if missing:
             self._delays.clear()
         self._delays.append(now - self.newest)
+        finite = np.isfinite(batch.counts).all(axis=1)
+        sound = finite & (batch.status & self._masks.saturated == 0)
         block = SampleBlock(
             stage=self.stage,
             seq=batch.seq,
@@ -154,7 +177,7 @@ class Acquisition:
             counts=batch.counts,
             angles=self._angles(batch),
             step=np.full(count, self.step, np.int64),
-            valid=np.full(count, self.valid),
+            valid=self.valid & sound,
             temperature=batch.temperature,
         )
         for tap in self._taps:
@@ -168,6 +191,8 @@ class Acquisition:
             ready=self._masks.ready == 0 or bool(batch.status[-1] & self._masks.ready),
             saturated=bool(seen & self._masks.saturated),
             failed=bool(seen & self._masks.failed),
+            invalid=not finite.all(),
+            stuck=self._stuck(batch.counts),
         )
 
     @property
@@ -196,6 +221,17 @@ class Acquisition:
             self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
             self._time_shift = after.time + INTERRUPTION + 2.0 * self._half_period - float(batch.time[0])
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
+
+    def _stuck(self, counts: FloatArray) -> str:
+        """The first channel whose noise should have changed it long ago."""
+        before = counts[:1] if self._shown is None else self._shown[None]
+        changed = np.diff(counts, axis=0, prepend=before) != 0.0
+        self._shown = counts[-1]
+        last = len(counts) - 1 - np.argmax(changed[::-1], axis=0)
+        any_changed = changed.any(axis=0)
+        self._unchanged = np.where(any_changed, len(counts) - 1 - last, self._unchanged + len(counts))
+        stuck = np.flatnonzero(self._restless & (self._unchanged >= _STUCK))
+        return CHANNELS[int(stuck[0])] if len(stuck) else ""
 
     def _missing(self, batch: SampleBatch) -> int:
         first = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq

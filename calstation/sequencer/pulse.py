@@ -81,6 +81,7 @@ class Pulse:
         self.keep_alive()
         self._show()
         self._check_table()
+        self._check_unit()
         self.hear()
         if self.watchful:
             self._check_data()
@@ -130,11 +131,20 @@ class Pulse:
         if self.powered and not self.status.enabled:
             raise DeviceFaultError("table: the drive switched the axes off; look at the drive's display")
 
+    def _check_unit(self) -> None:
+        if self.flow.stuck:
+            raise DeviceFaultError(
+                f"IMU: {self.flow.stuck} shows the same value all the time; switch the unit off and on,"
+                " replace it where that does not help"
+            )
+
     def _check_data(self) -> None:
         if self._clock.now() - self._acquisition.last_arrival > _NO_DATA:
             raise SpoiltStep("no_data")
         if self.flow.missing:
             raise SpoiltStep("gap")
+        if self.flow.invalid:
+            raise SpoiltStep("invalid")
         if self.flow.saturated:
             raise SpoiltStep("saturated")
 

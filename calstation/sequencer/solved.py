@@ -12,6 +12,7 @@ def told(solution: Solution) -> tuple[StageSolved | Message, ...]:
         name: {"value": float(solution.belief.mean[INDEX[name]]), "sigma": float(sigma[INDEX[name]])}
         for name in solution.estimated
     }
+    parameters |= {name: {"value": e.value, "sigma": e.sigma} for name, e in solution.found.items()}
     innovations = {
         "nis_mean": consistency.nis_mean,
         "nis_low": consistency.nis_low,

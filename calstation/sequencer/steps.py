@@ -158,5 +158,6 @@ def _explain(reason: str) -> str:
     return {
         "no_data": "IMU: no data any more; check cable, power and port",
         "gap": "IMU: samples are lost again and again; check cable, baud and the load of this computer",
+        "invalid": "IMU: the output is no number again and again; switch the unit off and on, check the IMU profile",
         "saturated": "IMU: the output saturates in this step; lower the rate in the product's schedule",
     }[reason]

@@ -31,7 +31,7 @@ from calstation.sequencer.task import StagePlan, Task
 
 GRAVITY = 9.8
 RATE = 100.0
-MODEL = ImuModel("SN-1", RATE, "rate", 1e-6, 1e-5, 1e-6, 1e-5)
+MODEL = ImuModel("SN-1", RATE, "rate", 1e-6, 1e-5, 1e-9, 1e-9)  # no noise, as the fake has none
 LIMITS = JointLimits((-20.0, -20.0), (20.0, 20.0), (1.0, 1.0), (2.0, 2.0))
 GEOMETRY = TableGeometry(limits=LIMITS)
 
@@ -164,6 +164,7 @@ class FakeImu:
     sent: int = 0
     drop: int = 0
     saturated: bool = False
+    nan: bool = False
     stats: LinkStats = field(default_factory=LinkStats)
 
     def start(self) -> None:
@@ -179,6 +180,8 @@ class FakeImu:
             seq, self.drop = seq[self.drop :], 0
         status = np.where(seq / RATE >= self.ready_at, 1, 0) | (2 if self.saturated else 0)
         counts = np.array([self._counts(s / RATE) for s in seq]).reshape(-1, 6)
+        if self.nan and len(counts):
+            counts[0, 4], self.nan = math.nan, False
         self.saturated = False
         return SampleBatch(seq, seq / RATE, counts, np.full(len(seq), 25.0), status, np.zeros(len(seq)))
 

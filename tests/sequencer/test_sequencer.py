@@ -24,7 +24,7 @@ from calstation.sequencer.sequencer import Aside
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
 from calstation.sequencer.task import StagePlan
-from tests.sequencer.fakes import GRAVITY, RATE, Scene, repeated
+from tests.sequencer.fakes import GRAVITY, MODEL, RATE, Scene, repeated
 
 
 def states(scene: Scene) -> list[str]:
@@ -383,3 +383,24 @@ def test_a_stop_that_nobody_pressed_says_why() -> None:
     assert [m.values for m in scene.told(Message) if m.id == "stopped_because"] == [
         {"reason": "listener_lost"}
     ]
+
+
+def test_output_that_is_no_number_is_spoilt_and_its_step_repeated() -> None:
+    scene = Scene()
+    scene.clock.at(16.0, lambda: setattr(scene.imu, "nan", True))
+    assert scene.run().state is State.PASSED
+    assert [m.values["reason"] for m in scene.told(Message) if m.id == "step_repeated"] == ["invalid"]
+    blocks = scene.solving.blocks["rate"]
+    bad = [block for block in blocks if np.isnan(block.counts).any()]
+    assert len(bad) == 1
+    assert not bad[0].valid[np.isnan(bad[0].counts).any(axis=1)].any()
+
+
+def test_a_channel_without_its_noise_is_told_as_stuck() -> None:
+    scene = Scene()
+    noisy = replace(MODEL, gyro_arw=1e-7)  # one count of noise at 100 Hz
+    scene.task = replace(scene.task, imu=noisy)
+    assert scene.run().state is State.FAULT
+    (fault,) = scene.told(Fault)
+    assert "gyro x shows the same value all the time" in fault.text
+    assert scene.table.told[-1] == "disable"
