@@ -12,6 +12,10 @@ Band = tuple[str, float, float]
 """A name, and where its band begins and ends."""
 
 
+_PER_CHARACTER = 0.008
+"""Share of a plot's width that a character of a name takes, at least."""
+
+
 class Bands:
     """Draws bands into a plot; every second one is shaded."""
 
@@ -27,6 +31,7 @@ class Bands:
         self._items.clear()
         self._bands = bands
         c = theme.colours()
+        span = max((end for _, _, end in bands), default=0.0) - min((b for _, b, _ in bands), default=0.0)
         for number, (name, begin, end) in enumerate(bands):
             shade = QColor(c.text)
             shade.setAlpha(16 if number % 2 == 0 else 0)
@@ -34,7 +39,8 @@ class Bands:
             region.setZValue(-20)
             self._plot.addItem(region, ignoreBounds=True)
             self._items.append(region)
-            if self._named:
+            wide = end - begin > _PER_CHARACTER * len(name) * span  # a name must not run into the next one's
+            if self._named and wide:
                 label = pg.InfLineLabel(region.lines[0], name, position=0.99, anchors=[(0, 0), (0, 0)])
                 label.setColor(QColor(c.muted))
                 label.setFont(theme.font())

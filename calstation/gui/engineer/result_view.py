@@ -208,13 +208,13 @@ def _row(
         low, high = (_display(name, float(bound))[0] for bound in checks["within"]["limit"])
         cells["limit"] = f"±{_plain(high)}" if low == -high else f"{_plain(low)} … {_plain(high)}"
     if "sigma below" in checks:
-        cells["sigma_limit"] = _plain(_display(name, float(checks["sigma below"]["limit"]))[0])
+        cells["sigma_limit"] = _plain(_display(name, float(checks["sigma below"]["limit"]))[0], 3)
     return cells
 
 
-def _plain(value: float) -> str:
-    """A limit with four digits at most, never as a power of ten."""
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
+def _plain(value: float, digits: int = 4) -> str:
+    """A limit with so many digits at most, never as a power of ten."""
+    return f"{value:.0f}" if abs(value) >= 10.0 ** (digits - 1) else f"{value:.{digits}g}"
 
 
 def _display(name: str, value: float) -> tuple[float, str]:
