@@ -43,7 +43,7 @@ def result_table(console: Console, result: Mapping[str, Any]) -> None:
     )
     table.add_column("parameter", no_wrap=True, min_width=19)
     for heading in ("value", "sigma", "unit", "limit", "≤ sigma"):
-        table.add_column(heading, justify="left" if heading == "unit" else "right")
+        table.add_column(heading, justify="left" if heading == "unit" else "right", no_wrap=True)
     table.add_column("verdict")
     for name, row in parameters.items():
         value, unit = display(name, row["value"])

@@ -49,6 +49,16 @@ class Innovations:
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """A value that is none of the 30 parameters, SI; `determined` is False where the data did not tell it."""
+
+    value: float
+    sigma: float
+    unit: str
+    determined: bool = True
+
+
+@dataclass(frozen=True)
 class Solution:
     """What a stage's solver found.
 
@@ -64,6 +74,7 @@ class Solution:
     details : anything further worth keeping (residuals, notes), JSON-ready
     messages : remarks for the user, (message id, values)
     innovations : for who looks closer; no part of a result
+    found : values by contract name that are none of the 30 parameters
     """
 
     stage: str
@@ -75,6 +86,7 @@ class Solution:
     details: Mapping[str, Any] = field(default_factory=dict)
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
     innovations: Innovations | None = None
+    found: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 class StageSolver(Protocol):

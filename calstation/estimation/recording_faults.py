@@ -6,7 +6,7 @@ have turned by, whichever way the unit was held.
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,7 +77,7 @@ def sound_links(
 
     Raises InputError or InsufficientDataError naming what is wrong with the recording, if anything is.
     """
-    for name, first, last in frozen_channels(data):
+    for name, first, last in frozen_columns(CHANNELS, np.column_stack([data.gyro, data.accel]), data.dt):
         raise InputError(
             f"{name} is frozen: one value from sample {data.seq[first]} to {data.seq[last]} "
             f"({(last - first) * data.dt:.1f} s); check the unit and its cable and record again"
@@ -115,13 +115,16 @@ def _complain_of_no_rest(
     )
 
 
-def frozen_channels(data: StageData) -> Iterator[tuple[str, int, int]]:
-    """Channels that repeat one value far longer than their noise makes likely: name, first and last sample.
+def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Iterator[tuple[str, int, int]]:
+    """Columns that repeat one value far longer than their noise makes likely: name, first and last sample.
 
-    Where all channels repeat together and repeat elsewhere too, the recording has no noise to tell by.
+    Where all columns repeat together and repeat elsewhere too, the recording has no noise to tell by.
+
+    Parameters
+    ----------
+    values : shape (n, k), sampled every `dt` s
     """
-    values = np.column_stack([data.gyro, data.accel])
-    for channel, name in enumerate(CHANNELS):
+    for channel, name in enumerate(names):
         same = np.concatenate([[False], np.diff(values[:, channel]) == 0.0, [False]])
         edges = np.flatnonzero(np.diff(same.astype(np.int8)))
         if not len(edges):
@@ -131,7 +134,7 @@ def frozen_channels(data: StageData) -> Iterator[tuple[str, int, int]]:
         others = max(len(values) - 1 - length, 0)
         again = (int(same.sum()) - length) / others if others else 0.0
         chance = np.log(len(values)) / -np.log(np.clip(again, 1e-3, 1.0 - 1e-6))
-        if length * data.dt <= FREEZE_TIME or length <= UNLIKELY * chance:
+        if length * dt <= FREEZE_TIME or length <= UNLIKELY * chance:
             continue
         others_change = np.delete(np.diff(values[first:last], axis=0) != 0.0, channel, axis=1).mean(axis=0)
         if others_change.max() > 0.5 or again < NOISY:

@@ -1,6 +1,6 @@
 """`SampleBlock`: the one form in which samples travel from driver or file to log and solver."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -64,6 +64,16 @@ class SampleBlock:
             self.others[s],
             self.joints[s],
         )
+
+
+def joined(blocks: list[SampleBlock]) -> SampleBlock:
+    """Consecutive blocks as one, of the first one's stage."""
+    columns = {
+        f.name: np.concatenate([getattr(b, f.name) for b in blocks])
+        for f in fields(SampleBlock)
+        if f.name != "stage"
+    }
+    return SampleBlock(blocks[0].stage, **columns)
 
 
 def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calstation.physics.parameters import PARAMETERS, Parameter
+from calstation.physics.parameters import PARAMETERS, Parameter, pair_parameter
 
 DEGREE = np.pi / 180.0
 ARCSECOND = DEGREE / 3600.0
@@ -25,6 +25,12 @@ DISPLAY: dict[str, tuple[str, float]] = {
     "accel_quadratic": ("µg/g²", MICRO_G / STANDARD_GRAVITY**2),
     "inner_lever": ("mm", 1e-3),
     "outer_lever": ("mm", 1e-3),
+    "secondary_gyro_bias": ("°/h", DEGREE_PER_HOUR),
+    "secondary_gyro_matrix": ("1", 1.0),
+    "secondary_accel_bias": ("µg", MICRO_G),
+    "secondary_accel_matrix": ("1", 1.0),
+    "secondary_lever": ("mm", 1e-3),
+    "clock_offset": ("µs", 1e-6),
 }
 
 _BY_NAME: dict[str, Parameter] = {p.name: p for p in PARAMETERS}
@@ -32,7 +38,10 @@ _BY_NAME: dict[str, Parameter] = {p.name: p for p in PARAMETERS}
 
 def display(name: str, value: float) -> tuple[float, str]:
     """A parameter's SI value in the unit people read, and that unit."""
-    unit, size = DISPLAY[_BY_NAME[name].group]
+    parameter = _BY_NAME.get(name) or pair_parameter(name)
+    if parameter is None:
+        raise KeyError(name)
+    unit, size = DISPLAY[parameter.group]
     return value / size, unit
 
 

@@ -9,9 +9,17 @@ from pydantic import Field, field_validator
 
 from calstation.configuration import StrictModel, suggestion
 from calstation.estimation.context import Belief
-from calstation.estimation.method import Solution
-from calstation.physics.parameters import GROUPS, INDEX, NAMES, PARAMETERS
+from calstation.estimation.method import Estimate, Solution
+from calstation.physics.parameters import (
+    GROUPS,
+    INDEX,
+    NAMES,
+    PAIR_PARAMETERS,
+    PARAMETERS,
+    pair_parameter,
+)
 
+PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
 OBSERVABLE_RATIO = 0.9
 """A posterior sigma above this share of the prior's means that the data did not determine the parameter."""
 
@@ -62,10 +70,11 @@ class Limit(StrictModel):
 
 def check_limit_names(limits: Mapping[str, Limit]) -> None:
     """Raise ValueError for a key that is neither a parameter nor a group."""
+    known = (*NAMES, *GROUPS, *(p.name for p in PAIR_PARAMETERS), *PAIR_GROUPS)
     for name in limits:
-        if name not in INDEX and name not in GROUPS:
+        if name not in known and pair_parameter(name) is None:
             raise ValueError(
-                f"limits.{name} is no parameter or group{suggestion(name, NAMES + GROUPS) or '; remove it'}"
+                f"limits.{name} is no parameter or group{suggestion(name, known) or '; remove it'}"
             )
 
 
@@ -102,11 +111,12 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     if not solutions:
         return []
     before, after = prior.sigma, solutions[-1].belief.sigma
-    return [
+    lost = [
         name
         for name in estimated_stage(solutions)
         if after[INDEX[name]] > OBSERVABLE_RATIO * before[INDEX[name]] and before[INDEX[name]] > 0
     ]
+    return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
 
 
 def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> list[str]:
@@ -140,8 +150,26 @@ def check_limits(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence
             within = bool(sigma[i] <= largest and np.isfinite(sigma[i]))
             checks.append(Check(f"{name} sigma below", float(sigma[i]), largest, unit, within))
     for s in solutions:
+        for name, estimate in s.found.items():
+            checks += _of_pair(name, estimate, limits)
+    for s in solutions:
         c = s.consistency
         checks.append(Check(f"{s.stage} consistency", c.nis_mean, c.nis_high, "1", bool(c.passed)))
     lost = unobservable(prior, solutions)
     checks.append(Check("unobservable parameters", float(len(lost)), 0.0, "1", not lost))
+    return checks
+
+
+def _of_pair(name: str, estimate: Estimate, limits: Mapping[str, Limit]) -> list[Check]:
+    """Checks of a pair parameter; a limit of its own name goes before that of its group."""
+    parameter = pair_parameter(name)
+    limit = limits.get(name, limits.get(parameter.group if parameter else ""))
+    checks = []
+    if limit is not None and limit.interval is not None:
+        low, high = limit.interval
+        inside = bool(low <= estimate.value <= high)
+        checks.append(Check(f"{name} within", estimate.value, (low, high), estimate.unit, inside))
+    if limit is not None and limit.sigma_below is not None:
+        below = bool(estimate.sigma <= limit.sigma_below)
+        checks.append(Check(f"{name} sigma below", estimate.sigma, limit.sigma_below, estimate.unit, below))
     return checks

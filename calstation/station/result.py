@@ -155,7 +155,7 @@ def _parameters(solutions: tuple[Solution, ...]) -> dict[str, dict[str, Any]]:
         return {}
     belief = solutions[-1].belief
     sigma = belief.sigma
-    return {
+    parameters: dict[str, dict[str, Any]] = {
         name: {
             "value": float(belief.mean[INDEX[name]]),
             "sigma": float(sigma[INDEX[name]]),
@@ -164,6 +164,15 @@ def _parameters(solutions: tuple[Solution, ...]) -> dict[str, dict[str, Any]]:
         }
         for name, stage in estimated_stage(solutions).items()
     }
+    for solution in solutions:
+        for name, found in solution.found.items():
+            parameters[name] = {
+                "value": found.value,
+                "sigma": found.sigma,
+                "unit": found.unit,
+                "stage": solution.stage,
+            }
+    return parameters
 
 
 def _temperature(facts: LogFacts) -> dict[str, float] | None:

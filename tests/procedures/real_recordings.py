@@ -85,3 +85,68 @@ def imu_tk_published() -> dict[str, np.ndarray]:
         "gyro_matrix": IMU_TK_GYRO_LSB * np.linalg.inv(gyro),
         "gyro_bias": IMU_TK_GYRO_LSB * (np.array([32777.1, 32459.8, 32511.8]) - 32768),
     }
+
+
+IMU_ARRAY_META = """
+[site] # Stockholm
+latitude_deg = 59.35
+longitude_deg = 18.07
+height_m = 30.0
+gravity_mps2 = 9.818
+
+[imu]
+serial = "IMU 1"
+sample_rate_hz = 62.5
+output = "rate"
+gyro_lsb = 1.0642251e-3 # 1/16.4 °/s
+accel_lsb = 4.79378e-3 # 9.818/2048 m/s²
+gyro_arw = 4e-4 # measured at rest
+accel_vrw = 4.5e-3
+
+[imu2]
+serial = "IMU {0}"
+sample_rate_hz = 62.5
+output = "rate"
+gyro_lsb = 1.0642251e-3
+accel_lsb = 4.79378e-3
+gyro_arw = 4e-4
+accel_vrw = 4.5e-3
+"""
+
+
+def imu_array(folder: Path, secondary: int) -> Path:
+    """IMU 1 of the array as primary and another as secondary; rows in which one of them saturates are not valid."""
+    raw = np.frombuffer((IMU_ARRAY / "exp_1.bin").read_bytes()[4:], np.uint8)
+    packets = raw[: len(raw) // 106 * 106].reshape(-1, 106)
+    assert np.all(packets[:, 0] == 0xAA)
+    words = packets[:, 8:104].copy().view(">i2").astype(int).reshape(-1, 8, 6)
+    ticks = packets[:, 4:8].copy().view(">u4").astype(np.int64)[:, 0]
+    time = np.concatenate([[0], np.cumsum(np.diff(ticks) % 2**32)]) / 64e6 + 0.016
+    units = [words[:, k] for k in (0, secondary - 1)]
+    saturated = (np.abs(np.hstack(units)) >= 32700).any(axis=1)
+    if secondary % 2 == 0:  # on the other side of the board: x' = −y, y' = −x, z' = −z
+        units[1] = -units[1][:, [1, 0, 2, 4, 3, 5]]
+    path = folder / f"imu_array_{secondary}.csv"
+    channels = [f"{s}{n}_{a}" for n in ("", "2") for s in ("gyro", "accel") for a in "xyz"]
+    columns = np.hstack([unit[:, [3, 4, 5, 0, 1, 2]] for unit in units]).tolist()
+    with path.open("w", encoding="utf-8") as stream:
+        stream.write(f"seq,time_s,{','.join(channels)},stage,step,valid\n")
+        for k, (t, row, spoilt) in enumerate(zip(time, columns, saturated, strict=True)):
+            stream.write(f"{k},{t:.6f},{','.join(map(str, row))},cross_calibration,0,{int(not spoilt)}\n")
+    path.with_suffix(".toml").write_text(IMU_ARRAY_META.format(secondary), encoding="utf-8")
+    return path
+
+
+ARRAY_3_TO_1 = (
+    np.array([[1.00152, 0.00597, 0.00656], [-0.00208, 0.99096, -0.00084], [0.00738, -0.00176, 1.00058]]),
+    np.array([[0.99553, 0.00445, -0.00179], [-0.00460, 0.99050, -0.00004], [-0.00157, 0.00173, 0.99709]]),
+    np.array([-0.0099, 0.0587, -0.1059]),
+)
+"""IMU 3 against IMU 1 from nine recordings of the board: gyro matrix, accelerometer matrix (± 5e-4) and bias, m/s²."""
+
+
+def array_lever_mm(number: int) -> np.ndarray:
+    """From IMU 1 to another by the board's drawing, mm."""
+    text = (IMU_ARRAY / "imu_positions_m.csv").read_text().splitlines()
+    places = np.array([[float(cell) for cell in line.split(",")[1:]] for line in text[1:]])
+    return 1e3 * (places[:, number - 1] - places[:, 0])

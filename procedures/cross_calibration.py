@@ -1,0 +1,278 @@
+"""Cross-calibration: secondary IMUs on one body against a primary one, from any motion that all of them feel.
+
+Asked for by command it fits all that was recorded. Left to its triggers it first checks at a rest, at start-up and by
+the period, and calibrates only a secondary that is off while the primary is not; the newest answer replaces the one
+before.
+"""
+
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from calstation.errors import InputError
+from calstation.estimation.context import Belief, Secondary, SolveContext, StoredPair
+from calstation.estimation.method import Consistency, Estimate, Method, Progress, Solution
+from calstation.estimation.pair_calibration import Calibrated, PairCalibration, PairRules
+from calstation.estimation.pair_fit import ACCEL_BIAS, GYRO_BIAS, Model, PairChoice
+from calstation.estimation.pair_static import Threshold
+from calstation.estimation.pair_watch import PairWatch, Triggers, WatchEvent, check_values
+from calstation.estimation.relinearise import nis_consistency
+from calstation.estimation.samples import SampleBlock, joined
+from calstation.estimation.spool import Spool
+from calstation.estimation.stage_data import StageData, stage_data
+from calstation.physics.arrays import FloatArray
+from calstation.physics.motion import Dwell, Move, Step
+from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
+from calstation.physics.table import TableGeometry
+
+NOTHING = Consistency(0.0, 0.0, 0.0, 0)
+UNDETERMINED = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
+"""A sigma beyond this says that the motion did not determine the value; of the clock offset, half a sample."""
+
+
+class Schedule(BaseModel):
+    """What is fitted, when, and beyond what.
+
+    model : bias, scale (scale factors too) or full (3×3); lever, clock_offset : fitted as well, lever with full only
+    sensors : all, or only those that triggered
+    trigger : command (everything recorded is fitted), start_up, period (start-up, then every period_s)
+    static_s, motion_s, longest_s : a rest to check at, the motion to collect, and the longest to wait for it
+    moving_dps : rate beyond that at rest from which the body moves
+    primary_*, secondary_* : what a sensor may show at rest, rad/s and m/s² (see `estimation.pair_static.Threshold`)
+    turn_deg, rate_dps, acceleration_dps2 : of the turns a table makes for it
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    model: Model = "full"
+    lever: bool = True
+    clock_offset: bool = True
+    sensors: Literal["all", "triggering"] = "all"
+    trigger: Literal["command", "start_up", "period"] = "command"
+    period_s: float = Field(3600.0, gt=0.0)
+    static_s: float = Field(2.0, ge=1.0, le=600.0)
+    motion_s: float = Field(20.0, ge=1.0, le=3600.0)
+    longest_s: float = Field(600.0, ge=10.0)
+    moving_dps: float = Field(10.0, gt=0.0)
+    primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)
+    primary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)
+    secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)
+    secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)
+    turn_deg: float = Field(180.0, ge=30.0, le=720.0)
+    rate_dps: float = Field(60.0, gt=0.0, le=360.0)
+    acceleration_dps2: float = Field(120.0, gt=0.0, le=1000.0)
+
+    @property
+    def choice(self) -> PairChoice:
+        """What is fitted."""
+        return PairChoice(self.model, self.model, self.lever and self.model == "full", self.clock_offset)
+
+    @property
+    def rules(self) -> PairRules:
+        """What counts as off, and what is fitted then."""
+        return PairRules(
+            rest=self.static_s,
+            primary={"gyro": self.primary_gyro, "accel": self.primary_accel},
+            secondary={"gyro": self.secondary_gyro, "accel": self.secondary_accel},
+            choice=self.choice,
+            only_triggering=self.sensors == "triggering",
+        )
+
+    @property
+    def triggers(self) -> Triggers:
+        """When to check and how long to wait."""
+        return Triggers(
+            start_up=self.trigger != "command",
+            period=self.period_s if self.trigger == "period" else None,
+            motion=self.motion_s,
+            longest=self.longest_s,
+            moving=float(np.deg2rad(self.moving_dps)),
+        )
+
+
+def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
+    """A rest, then turns about y, x and z there and back, and a rest."""
+    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    joints = [0.0, 0.0]
+    yield Move(0.0, 0.0, rate, acceleration, ("start",))
+    yield Dwell(schedule.static_s + 2.0)
+    for name in "yxz":
+        axis = np.zeros(3)
+        axis["xyz".index(name)] = 1.0
+        turn = geometry.body_turn(axis, joints[1])
+        if turn.inner is None:
+            joints[0] = geometry.level_inner((joints[0], joints[1]))
+        else:
+            joints[1] = turn.inner
+        yield Move(joints[0], joints[1], rate, acceleration, ("into_place", name))
+        way = turn.sign * np.deg2rad(schedule.turn_deg)
+        if not geometry.limits.within(turn.joint, joints[turn.joint] + way):
+            way = -way
+        for sign in (1.0, -1.0):
+            joints[turn.joint] += sign * way
+            angle = float(np.rad2deg(sign * way * turn.sign))
+            yield Move(joints[0], joints[1], rate, acceleration, ("turn_about", name, angle))
+    yield Dwell(schedule.static_s + 2.0)
+
+
+def estimates(context: SolveContext) -> tuple[str, ...]:
+    """None of the 30 parameters: what is found is between two units."""
+    return ()
+
+
+class PairStage:
+    """A `StageSolver` over the whole recording, or over what its triggers choose of it."""
+
+    def __init__(self, context: SolveContext, prior: Belief, schedule: Schedule) -> None:
+        if not context.secondaries:
+            raise InputError(
+                "cross_calibration needs a second IMU; add [imu2] to the configuration and its columns to the log"
+            )
+        self._context, self._prior, self._schedule = context, prior, schedule
+        self._calibration = PairCalibration(context, prior, schedule.rules)
+        self._watch: PairWatch | None = None
+        self._spool = Spool()
+        self._waiting: list[SampleBlock] = []
+        self._events: list[WatchEvent] = []
+        if schedule.trigger != "command":
+            self._watch = PairWatch(context.imu, context.secondaries, self._calibration, schedule.triggers)
+
+    def feed(self, block: SampleBlock) -> None:
+        """Take further samples of the stage."""
+        if self._watch is None:
+            self._spool.append(block)
+            return
+        self._waiting.append(block)
+        second = round(self._context.imu.sample_rate)
+        while sum(map(len, self._waiting)) >= second:  # it looks by the sample count, however bytes arrived
+            whole = joined(self._waiting)
+            self._events += self._watch.feed(whole.part(0, second))
+            self._waiting = [whole.part(second, len(whole))]
+
+    def sigma(self) -> FloatArray:
+        """The prior's: none of the 30 parameters is estimated, SI, shape (30,)."""
+        return self._prior.sigma
+
+    def finish(self, progress: Progress | None = None) -> Solution:
+        """Solve what was recorded. Raises InputError naming what makes it worthless."""
+        if self._watch is None:
+            return self._all(stage_data(list(self._spool.blocks()), self._context.imu), progress)
+        return self._watched(self._watch)
+
+    def _all(self, data: StageData, progress: Progress | None) -> Solution:
+        done: dict[int, Calibrated] = {}
+        checks: dict[int, Any] = {}
+        rest = self._calibration.last_rest(data)
+        for place, secondary in enumerate(self._context.secondaries):
+            if rest is not None:
+                check = self._calibration.check(data, rest, place, secondary, secondary.stored)
+                checks[secondary.number] = None if check is None else check_values(check)
+            done[secondary.number] = self._calibration.calibrate(
+                data, place, secondary, self._schedule.choice, secondary.stored
+            )
+            if progress is not None:
+                progress((place + 1) / len(self._context.secondaries))
+        return self._solution(
+            done, checks, {s.number: s.stored for s in self._context.secondaries}, data.gaps, ()
+        )
+
+    def _watched(self, watch: PairWatch) -> Solution:
+        for block in self._waiting:
+            self._events += watch.feed(block)
+        self._events += watch.finish()
+        checks = {number: check_values(check) for number, check in watch.checks.items()}
+        messages = [
+            (f"pair_{e.kind}", {"stage": "cross_calibration", "number": e.number, "time": e.time, **e.values})
+            for e in self._events
+            if e.kind in ("primary_off", "calibrated", "given_up")
+        ]
+        if not checks:
+            raise InputError(f"no rest of {self._schedule.static_s:g} s to check at; lay the body still once")
+        return self._solution(watch.calibrated, checks, watch.stored, 0, tuple(messages))
+
+    def _solution(
+        self,
+        done: dict[int, Calibrated],
+        checks: dict[int, Any],
+        stored: dict[int, StoredPair],
+        gaps: int,
+        messages: tuple[tuple[str, dict[str, Any]], ...],
+    ) -> Solution:
+        found: dict[str, Estimate] = {}
+        for number, calibrated in done.items():
+            found.update(_estimates(number, calibrated, self._context.imu.sample_rate))
+        halves = [c.fit.halves for c in done.values()]
+        fitted = int(sum(c.fit.fitted.sum() for c in done.values()))
+        kept = [number for number in stored if number not in done]
+        if kept:
+            messages = (*messages, ("pair_kept", {"stage": "cross_calibration", "numbers": kept}))
+        return Solution(
+            stage="cross_calibration",
+            belief=self._prior,
+            estimated=(),
+            consistency=nis_consistency(float(np.mean(halves)) * fitted, fitted, 1) if done else NOTHING,
+            gaps=gaps,
+            details={
+                "secondaries": [
+                    _details(s, done.get(s.number), checks.get(s.number), stored[s.number])
+                    for s in self._context.secondaries
+                ],
+                "events": [
+                    {"kind": e.kind, "time": e.time, "number": e.number, **e.values} for e in self._events
+                ],
+            },
+            messages=messages,
+            found=found,
+        )
+
+
+def _estimates(number: int, calibrated: Calibrated, sample_rate: float) -> dict[str, Estimate]:
+    fit = calibrated.fit
+    sigma = np.sqrt(np.diag(fit.covariance))
+    limits = {**UNDETERMINED, "clock_offset": 0.5 / sample_rate}
+    # where only the bias was fitted the matrix is told too: it is the one the bias belongs to
+    fixed = {
+        f"secondary_{s}_matrix"
+        for s, place in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS))
+        if fit.fitted[place].any()
+    }
+    return {
+        pair_name(p.name, number): Estimate(
+            float(value), float(s), p.unit, bool(s <= limits.get(p.group, np.inf))
+        )
+        for p, value, s, chosen in zip(PAIR_PARAMETERS, fit.value, sigma, fit.fitted, strict=True)
+        if chosen or p.group in fixed
+    }
+
+
+def _details(
+    secondary: Secondary, calibrated: Calibrated | None, check: Any, stored: StoredPair
+) -> dict[str, Any]:
+    details: dict[str, Any] = {
+        "number": secondary.number,
+        "serial": secondary.imu.serial,
+        "check": check,
+        "stored": {
+            "values": dict(stored.values),
+            "gyro_static": stored.gyro_static,
+            "accel_static": stored.accel_static,
+        },
+    }
+    if calibrated is not None:
+        fit, kept = calibrated.fit, calibrated.stored
+        details["stored"] = {
+            "values": dict(kept.values),
+            "gyro_static": kept.gyro_static,
+            "accel_static": kept.accel_static,
+        }
+        details["fit"] = {
+            "residual": {"gyro": fit.rms[0], "accel": fit.rms[1]},
+            "noise": {"gyro": fit.expected[0], "accel": fit.expected[1]},
+            "blocks": fit.blocks,
+            "settled": fit.settled,
+        }
+    return details
+
+
+METHOD = Method("cross_calibration", Schedule, plan, PairStage, estimates, by_hand=True)

@@ -1,0 +1,140 @@
+"""Recordings of the bench's IMUs on one body, and what a user would tell of them."""
+
+from dataclasses import replace
+
+import numpy as np
+from hand_recordings import prior_of
+
+from calstation.bench.grades import draw_imu
+from calstation.bench.hand_rig import HandRig, around, push
+from calstation.bench.imu_truth import ImuTruth
+from calstation.bench.table_truth import rotation
+from calstation.bench.unit_pair import SecondaryTruth, pair_truth, record_pair
+from calstation.bench.unit_samples import Place
+from calstation.estimation.context import (
+    Belief,
+    ImuModel,
+    Secondary,
+    Site,
+    SolveContext,
+    StoredPair,
+    TableModel,
+)
+from calstation.estimation.method import Solution
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.parameters import PAIR_PARAMETERS, group_indices
+from procedures import method
+
+RATE = 100.0
+RIG = HandRig(initial_rest=6.0, rest=2.0, speed=np.deg2rad(120.0))
+
+
+def unit(grade: str, seed: int, **options: object) -> ImuTruth:
+    """One unit whose accelerometers sit together and are straight: a pair has one lever and no second order."""
+    imu = draw_imu(grade, np.random.default_rng(seed), sample_rate=RATE, **options)
+    parameters = imu.parameters.copy()
+    for group in ("inner_lever", "outer_lever", "accel_quadratic"):
+        parameters[group_indices(group)] = 0.0
+    return replace(imu, parameters=parameters)
+
+
+def model(imu: ImuTruth, serial: str = "P") -> ImuModel:
+    """The unit's profile."""
+    return ImuModel(
+        serial,
+        imu.sample_rate,
+        imu.output,
+        imu.gyro_lsb,
+        imu.accel_lsb,
+        imu.gyro_arw,
+        imu.accel_vrw,
+        imu.gyro_bias_instability,
+        imu.accel_bias_instability,
+    )
+
+
+def pair(seed: int, grade: str = "mems", **options: object) -> tuple[ImuTruth, SecondaryTruth]:
+    """A primary, and a secondary askew by a few degrees, a few centimetres away, its clock up to 30 ms off."""
+    random = np.random.default_rng([seed, 1])
+    place = Place(rotation(random.standard_normal(3) * 0.03), random.uniform(-0.1, 0.1, 3))
+    offset = float(random.uniform(-0.03, 0.03))
+    return unit(grade, 2 * seed, **options), SecondaryTruth(
+        unit(grade, 2 * seed + 1, **options), place, offset
+    )
+
+
+def recording(
+    primary: ImuTruth,
+    secondaries: list[SecondaryTruth],
+    seed: int,
+    rig: HandRig = RIG,
+    step: float = np.deg2rad(60.0),
+) -> SampleBlock:
+    """All of them carried through the rig's positions."""
+    motion, duration = push(rig, around(step), np.random.default_rng([seed, 2]))
+    counts, others = record_pair(primary, secondaries, motion, duration, rig.field, seed)
+    seq = np.arange(len(counts))
+    return SampleBlock(
+        "cross_calibration",
+        seq,
+        (seq + 1) / RATE,
+        counts,
+        np.full((len(seq), 2), np.nan),
+        seq * 0,
+        np.ones(len(seq), np.bool_),
+        np.full(len(seq), np.nan),
+        others,
+    )
+
+
+def context_of(
+    primary: ImuTruth, secondaries: list[SecondaryTruth], stored: dict[int, StoredPair] | None = None
+) -> SolveContext:
+    """Site and profiles, and what is stored of the secondaries so far."""
+    further = tuple(
+        Secondary(number, model(s.imu, f"S{number}"), (stored or {}).get(number, StoredPair()))
+        for number, s in enumerate(secondaries, 2)
+    )
+    return SolveContext(Site(RIG.latitude, 0.0, RIG.height), model(primary), TableModel(), further)
+
+
+def known(primary: ImuTruth) -> Belief:
+    """The primary's own errors, calibrated before."""
+    prior = prior_of("mems")
+    return Belief(primary.parameters, 1e-6 * prior.covariance)
+
+
+def truth_of(primary: ImuTruth, secondary: SecondaryTruth) -> np.ndarray:
+    """The pair parameters that are to be found, shape (28,)."""
+    t = pair_truth(primary, secondary)
+    parts = [
+        t["gyro_bias"],
+        t["gyro_matrix"],
+        t["accel_bias"],
+        t["accel_matrix"],
+        t["lever"],
+        t["clock_offset"],
+    ]
+    return np.concatenate([np.ravel(p) for p in parts])
+
+
+def solver_of(context: SolveContext, prior: Belief, **schedule: object):
+    chosen = method("cross_calibration")
+    return chosen.solver(context, prior, chosen.schedule(**schedule))
+
+
+def solved(block: SampleBlock, context: SolveContext, prior: Belief, **schedule: object) -> Solution:
+    """The block as a cross_calibration stage."""
+    solver = solver_of(context, prior, **schedule)
+    solver.feed(block)
+    return solver.finish()
+
+
+def vector(solution: Solution, key: str = "value") -> np.ndarray:
+    """Values or sigmas found of the second IMU, shape (28,), neutral or 0 where nothing was."""
+    return np.array(
+        [
+            getattr(solution.found[p.name], key) if p.name in solution.found else p.neutral * (key == "value")
+            for p in PAIR_PARAMETERS
+        ]
+    )

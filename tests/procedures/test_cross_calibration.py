@@ -1,0 +1,354 @@
+"""Cross-calibration: secondaries against a primary, honest sigmas, triggers, and bad recordings named."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import real_recordings as real
+from pair_recordings import (
+    RIG,
+    context_of,
+    known,
+    pair,
+    recording,
+    solved,
+    solver_of,
+    truth_of,
+    vector,
+)
+from scipy.stats import chi2
+
+from calstation.bench.table_truth import rotation
+from calstation.bench.unit_pair import SecondaryTruth
+from calstation.bench.unit_samples import Place
+from calstation.errors import InputError, InsufficientDataError
+from calstation.estimation.context import StoredPair
+from calstation.estimation.pair_calibration import PairCalibration
+from calstation.estimation.pair_static import Threshold, compensate_secondary, pair_vector
+from calstation.estimation.pair_watch import PairWatch
+from calstation.physics.imu_model import compensation
+from calstation.physics.motion import Move
+from calstation.physics.parameters import PAIR_PARAMETERS, group_indices, pair_name, pair_parameter
+from calstation.physics.table import TableGeometry
+from calstation.station.resolve import resolve
+from procedures import method
+from procedures.cross_calibration import Schedule
+
+GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
+LOOSE = {"fixed": 10.0}
+TIGHT = {"secondary_gyro": {"fixed": 1e-3}, "secondary_accel": {"fixed": 5e-3}}
+
+
+@pytest.fixture(scope="module")
+def mems():
+    primary, secondary = pair(1)
+    return primary, secondary, recording(primary, [secondary], 1)
+
+
+def test_errors_over_many_bodies_agree_with_their_sigmas():
+    errors = []
+    for seed in range(9):
+        primary, secondary = pair(100 + seed)
+        found = solved(
+            recording(primary, [secondary], seed), context_of(primary, [secondary]), known(primary)
+        )
+        errors.append((vector(found) - truth_of(primary, secondary)) / vector(found, "sigma"))
+    for group in GROUPS:
+        columns = [k for k, p in enumerate(PAIR_PARAMETERS) if p.group == group]
+        count = 9 * min(len(columns), 3)
+        low, high = chi2.ppf([0.0005, 0.9995], count) / count
+        # the jackknife knows its sigmas to a tenth
+        assert 0.85 * low < np.mean(np.square(np.array(errors)[:, columns])) < 1.15 * high, group
+
+
+def test_the_clock_offset_is_found_far_below_a_sample(mems):
+    primary, secondary, block = mems
+    found = solved(block, context_of(primary, [secondary]), known(primary)).found["clock_offset"]
+    assert abs(found.value - secondary.offset) < 4.0 * found.sigma
+    assert found.sigma < 1e-5
+    assert abs(secondary.offset) > 1e-3
+
+
+def test_a_unit_mounted_upside_down_is_no_error():
+    primary, secondary = pair(4)
+    turned = replace(secondary, place=Place(rotation(np.array([np.pi, 0.02, 0.01])), secondary.place.arm))
+    found = solved(recording(primary, [turned], 4), context_of(primary, [turned]), known(primary))
+    error = (vector(found) - truth_of(primary, turned)) / vector(found, "sigma")
+    assert np.abs(error).max() < 5.0
+
+
+@pytest.mark.parametrize("what", ["bias", "scale"])
+def test_less_than_the_full_matrix_is_fitted_where_asked_for(what):
+    primary, secondary = pair(5)
+    straight = primary.parameters.copy()
+    matrix = [*group_indices("gyro_misalign"), *group_indices("accel_misalign")]
+    scales = [*group_indices("gyro_scale"), *group_indices("accel_scale")]
+    primary, other = (replace(u, parameters=straight.copy()) for u in (primary, secondary.imu))
+    for unit, shift in ((primary, 0.0), (other, 1.0)):
+        unit.parameters[matrix] = 0.0
+        unit.parameters[scales] = shift * 2e-3 if what == "scale" else 0.0
+        unit.parameters[group_indices("gyro_bias")] += shift * 0.004
+        unit.parameters[group_indices("accel_bias")] -= shift * 0.06
+    alike = SecondaryTruth(other, Place(np.eye(3), np.zeros(3)), 0.004)
+    found = solved(recording(primary, [alike], 5), context_of(primary, [alike]), known(primary), model=what)
+    truth, sigma = truth_of(primary, alike), vector(found, "sigma")
+    fitted = sigma > 0.0
+    assert fitted.sum() == {"bias": 7, "scale": 13}[what]
+    assert np.abs((vector(found) - truth)[fitted] / sigma[fitted]).max() < 4.5
+    assert found.found["secondary_gyro_matrix_xy"].value == 0.0
+
+
+def test_several_secondaries_have_names_of_their_own():
+    primary, first = pair(6)
+    _, second = pair(7)
+    block = recording(primary, [first, second], 6)
+    found = solved(block, context_of(primary, [first, second]), known(primary))
+    assert {"secondary_gyro_bias_x", "clock_offset", "secondary3_gyro_bias_x", "clock_offset3"} < set(
+        found.found
+    )
+    for number, secondary in ((2, first), (3, second)):
+        truth = truth_of(primary, secondary)
+        for k, p in enumerate(PAIR_PARAMETERS):
+            estimate = found.found[pair_name(p.name, number)]
+            assert abs(estimate.value - truth[k]) < 5.0 * estimate.sigma, (number, p.name)
+            assert pair_parameter(pair_name(p.name, number)) is p
+
+
+def test_secondary_data_are_compensated_with_the_stored_error_and_then_with_the_primarys_own(mems):
+    primary, secondary, _ = mems
+    random = np.random.default_rng(3)
+    omega, force = random.standard_normal((5, 3)), 5.0 * random.standard_normal((5, 3))
+    truth = truth_of(primary, replace(secondary, place=Place(secondary.place.turn, np.zeros(3))))
+    c = compensation(primary.parameters)
+    measured = [
+        omega @ np.linalg.inv(c.gyro_inverse).T + c.gyro_bias,
+        force @ np.linalg.inv(c.accel_inverse).T + c.accel_bias,
+    ]
+    gyro2 = measured[0] @ truth[3:12].reshape(3, 3).T + truth[0:3]
+    accel2 = measured[1] @ truth[15:24].reshape(3, 3).T + truth[12:15]
+    back = compensate_secondary(truth, c, gyro2, accel2)
+    assert back[0] == pytest.approx(omega, abs=1e-12)
+    assert back[1] == pytest.approx(force, abs=1e-12)
+
+
+def test_a_threshold_is_fixed_or_follows_the_last_calibration():
+    assert Threshold(fixed=0.1).limit(0.04) == 0.1
+    assert Threshold(fixed=0.1, offset=0.02).limit(0.04) == pytest.approx(0.06)
+    assert Threshold(fixed=0.1, ratio=3.0).limit(0.04) == pytest.approx(0.12)
+    assert Threshold(fixed=0.1, ratio=3.0).limit(None) == 0.1
+    with pytest.raises(ValueError, match="exclude each other"):
+        Threshold(fixed=0.1, ratio=3.0, offset=0.1)
+
+
+def watch_of(primary, secondaries, kept=None, stored=None, **schedule):
+    settings = Schedule(**{"trigger": "start_up", "motion_s": 10.0, **TIGHT, **schedule})
+    context = context_of(primary, secondaries, stored)
+    calibration = PairCalibration(context, known(primary), settings.rules)
+    keep = (lambda number, pair: None) if kept is None else kept.__setitem__
+    return PairWatch(context.imu, context.secondaries, calibration, settings.triggers, keep)
+
+
+def run(watch, block, size=100):
+    return [
+        e for k in range(0, len(block), size) for e in watch.feed(block.part(k, min(k + size, len(block))))
+    ]
+
+
+def test_a_secondary_that_is_off_is_calibrated_from_the_motion_that_follows(mems):
+    primary, secondary, block = mems
+    kept: dict[int, StoredPair] = {}
+    watch = watch_of(primary, [secondary], kept)
+    events = run(watch, block)
+    assert [e.kind for e in events] == ["triggered", "checked", "calibrating", "calibrated"]
+    assert watch.state == "waiting"
+    error = (pair_vector(kept[2]) - truth_of(primary, secondary)) / np.sqrt(
+        np.diag(watch.calibrated[2].fit.covariance)
+    )
+    assert np.abs(error).max() < 5.0
+    # checked again, with what is stored now, it is as good as the primary: nothing more is done
+    again = watch_of(primary, [secondary], kept, stored=kept)
+    assert [e.kind for e in run(again, block)] == ["triggered", "checked"]
+    assert again.checks[2].secondary["gyro"].value < 1e-4
+    assert again.stored[2] is kept[2]
+
+
+def test_the_period_and_a_command_trigger_too(mems):
+    primary, secondary, block = mems
+    quiet = {"secondary_gyro": LOOSE, "secondary_accel": LOOSE}
+    watch = watch_of(primary, [secondary], trigger="period", period_s=20.0, static_s=1.0, **quiet)
+    times = [e.time for e in run(watch, block) if e.kind == "triggered"]
+    assert len(times) >= 4
+    assert np.all(np.diff(times) >= 19.9)
+    assert np.diff(times).min() < 21.1
+    silent = watch_of(primary, [secondary], trigger="command", static_s=1.0, **quiet)
+    half = len(block) // 2
+    assert run(silent, block.part(0, half)) == []
+    silent.command()
+    assert [e.kind for e in run(silent, block.part(half, len(block)))][:2] == ["triggered", "checked"]
+
+
+def test_a_primary_that_is_off_calibrates_nothing(mems):
+    primary, secondary, block = mems
+    watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_accel={"fixed": 1e-6})
+    assert [e.kind for e in run(watch, block)] == ["triggered", "checked", "primary_off"]
+    # each sensor is judged by itself: with gyros alone in doubt the accelerometer is still calibrated
+    watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, sensors="triggering")
+    assert [e.kind for e in run(watch, block)][-1] == "calibrated"
+    assert watch.checks[2].doubtful == ("gyro",)
+    fitted = watch.calibrated[2].fit.fitted
+    assert not fitted[:12].any()
+    assert fitted[12:24].all()
+
+
+def test_only_what_triggered_is_calibrated_where_so_configured(mems):
+    primary, secondary, block = mems
+    watch = watch_of(primary, [secondary], sensors="triggering", secondary_accel=LOOSE)
+    run(watch, block)
+    assert set(watch.stored[2].values) == {
+        p.name for p in PAIR_PARAMETERS if p.group.startswith("secondary_gyro") or p.group == "clock_offset"
+    }
+
+
+def test_without_motion_calibration_is_given_up(mems):
+    primary, secondary, block = mems
+    still = block.part(0, 550)
+    watch = watch_of(primary, [secondary])
+    events = run(watch, still) + watch.finish()
+    assert [e.kind for e in events][-1] == "given_up"
+    assert "of motion where 10 are asked for" in events[-1].values["why"]
+
+
+def test_answers_do_not_depend_on_how_blocks_were_cut(mems):
+    primary, secondary, block = mems
+    context, prior = context_of(primary, [secondary]), known(primary)
+    for trigger in ("command", "start_up"):
+        answers = []
+        for size in (37, 1000, len(block)):
+            solver = solver_of(context, prior, trigger=trigger, motion_s=10.0, **TIGHT)
+            for k in range(0, len(block), size):
+                solver.feed(block.part(k, min(k + size, len(block))))
+            answers.append(vector(solver.finish()))
+        assert np.array_equal(answers[0], answers[1])
+        assert np.array_equal(answers[0], answers[2])
+
+
+def test_what_is_within_its_threshold_stays_as_it_is(mems):
+    primary, secondary, block = mems
+    found = solved(
+        block,
+        context_of(primary, [secondary]),
+        known(primary),
+        trigger="start_up",
+        secondary_gyro=LOOSE,
+        secondary_accel=LOOSE,
+    )
+    assert found.found == {}
+    assert found.messages[-1][0] == "pair_kept"
+    assert found.consistency.passed
+    shown = found.details["secondaries"][0]["check"]["secondary"]
+    assert shown["gyro"]["within"]
+
+
+def altered(block, change):
+    others = block.others.copy()
+    change(others[:, 0])
+    return replace(block, others=others)
+
+
+def lose(counts):
+    counts[:] = np.nan
+
+
+def freeze(counts):
+    counts[2000:5000, 1] = counts[2000, 1]
+
+
+def swap(counts):
+    counts[:, [0, 1]] = counts[:, [1, 0]]
+
+
+def degrees(counts):
+    counts[:, :3] *= 180.0 / np.pi
+
+
+def turn_gyro(counts):
+    counts[:, [0, 1]] = counts[:, [1, 0]] * [1.0, -1.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lose, "0.0 s of synchronous samples"),
+        (freeze, "gyro2_y is frozen for 30.0 s from 20.0 s on"),
+        (swap, "its gyro are a mirror image of the primary's"),
+        (degrees, "its gyro measures 57.2\\d* times what the primary's does"),
+        (turn_gyro, "its gyro and accelerometer lie 90° apart"),
+    ],
+)
+def test_a_bad_recording_is_named_instead_of_answered(mems, change, told):
+    primary, secondary, block = mems
+    with pytest.raises(InputError, match=told):
+        solved(altered(block, change), context_of(primary, [secondary]), known(primary))
+
+
+def test_too_little_motion_is_named(mems):
+    primary, secondary, block = mems
+    context, prior = context_of(primary, [secondary]), known(primary)
+    with pytest.raises(InsufficientDataError, match="no motion in the recording"):
+        solved(block.part(0, 550), context, prior)
+    inner_only = replace(RIG, play=0.0, stop_sigma=0.0, tilt=0.0, shake=0.0)
+    rail = recording(primary, [secondary], 3, inner_only)
+    first = int(np.flatnonzero(np.abs(rail.counts[:, 0] - np.median(rail.counts[:, 0])) > 2000)[0])
+    with pytest.raises(InsufficientDataError, match=r"hardly any motion about [xz]"):
+        solved(rail.part(0, first), context, prior)
+    with pytest.raises(InputError, match=r"add \[imu2\]"):
+        solved(block, replace(context, secondaries=()), prior)
+
+
+def test_gaps_and_missing_cells_cost_only_their_rows(mems):
+    primary, secondary, block = mems
+    others = block.others.copy()
+    others[3000:3050, 0, 2] = np.nan
+    keep = np.ones(len(block), dtype=bool)
+    keep[5000:5300] = False
+    kept = replace(
+        block,
+        **{
+            n: getattr(block, n)[keep]
+            for n in ("seq", "time", "counts", "angles", "step", "valid", "temperature", "joints")
+        },
+        others=others[keep],
+    )
+    found = solved(kept, context_of(primary, [secondary]), known(primary))
+    assert found.gaps == 1
+    assert np.abs((vector(found) - truth_of(primary, secondary)) / vector(found, "sigma")).max() < 5.0
+
+
+def test_the_plan_turns_about_all_axes_and_comes_back():
+    chosen = method("cross_calibration")
+    steps = [s for s in chosen.plan(TableGeometry(), chosen.schedule()) if isinstance(s, Move)]
+    assert {s.label[1] for s in steps if s.label[0] == "turn_about"} == {"x", "y", "z"}
+    assert chosen.by_hand
+
+
+@pytest.mark.skipif(not real.IMU_ARRAY.exists(), reason="the real recordings are not beside the project")
+@pytest.mark.parametrize("number", [3, 8])
+def test_the_array_recording_agrees_with_its_references(number: int, tmp_path: Path) -> None:
+    result = resolve(real.imu_array(tmp_path, number)).result
+    parameters = result["parameters"]
+    assert result["stages"] == ["cross_calibration"]
+    assert result["unobservable"] == []
+
+    def values(group: str) -> np.ndarray:
+        return np.array([row["value"] for name, row in parameters.items() if name.startswith(group)])
+
+    # the board's drawing, which nothing in the recording knows
+    assert 1e3 * values("secondary_lever") == pytest.approx(real.array_lever_mm(number), abs=1.0)
+    # one clock drives all: no offset to within a hundredth of a sample
+    assert parameters["clock_offset"]["value"] == pytest.approx(0.0, abs=2e-4)
+    if number == 3:
+        gyro, accel, bias = real.ARRAY_3_TO_1
+        assert values("secondary_gyro_matrix").reshape(3, 3) == pytest.approx(gyro, abs=1e-3)
+        assert values("secondary_accel_matrix").reshape(3, 3) == pytest.approx(accel, abs=5e-4)
+        assert values("secondary_accel_bias") == pytest.approx(bias, abs=6e-3)
