@@ -18,6 +18,10 @@ class TextRefusalError(DeviceFaultError):
     """The table understands and refuses a line."""
 
 
+class UnlikeAnswerError(DeviceFaultError):
+    """The table answers otherwise than the profile says."""
+
+
 class Framing(Protocol):
     """How a line goes out and how its reply is recognised."""
 

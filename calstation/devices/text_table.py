@@ -9,7 +9,7 @@ from calstation.devices.endless import check_endless
 from calstation.devices.interfaces import OtherModelError, TableIdentity, TableStatus
 from calstation.devices.link import SerialSettings
 from calstation.devices.table_profile import JOINTS, TableProfile
-from calstation.devices.text_link import TextLink
+from calstation.devices.text_link import TextLink, UnlikeAnswerError
 from calstation.devices.text_profile import Flag
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.samples import snap_angles
@@ -174,7 +174,7 @@ class TextTable:
     def _read(self, name: str, reply: str) -> dict[str, str]:
         match = self._patterns[name].search(reply)
         if match is None:
-            raise DeviceFaultError(
+            raise UnlikeAnswerError(
                 f"table: '{self._text.queries[name].send}' is answered with '{reply}', which queries.{name} of the"
                 " profile does not expect; correct its answer"
             )

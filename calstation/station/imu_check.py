@@ -55,14 +55,17 @@ def ask(
     except DeviceFaultError as exc:
         yield _unanswered(imu, setup, settings, str(exc))
         return
-    yield Finding(
-        "identified",
-        "ok",
-        {"model": identity.model, "serial": identity.serial, "firmware": identity.firmware},
-    )
-    pattern = setup.product.serial_pattern
-    if setup.station.bench is None and not re.fullmatch(pattern, identity.serial):
-        yield Finding("serial_unlike", "look", {"serial": identity.serial, "pattern": pattern})
+    if setup.imu.protocol == "stream":
+        yield Finding("cannot_tell", "told")
+    else:
+        yield Finding(
+            "identified",
+            "ok",
+            {"model": identity.model, "serial": identity.serial, "firmware": identity.firmware},
+        )
+        pattern = setup.product.serial_pattern
+        if setup.station.bench is None and not re.fullmatch(pattern, identity.serial):
+            yield Finding("serial_unlike", "look", {"serial": identity.serial, "pattern": pattern})
     try:
         registers = imu.read_registers()
     except DeviceFaultError as exc:
@@ -70,12 +73,16 @@ def ask(
     else:
         yield Finding("registers", "ok" if registers else "told", {"count": len(registers)})
     try:
-        yield from _stream(imu, setup, at, tell)
-    except DeviceFaultError as exc:
+        yield from _stream(imu, setup, at, settings, tell)
+    except PortLostError as exc:
         yield Finding("lost", "wrong", {"words": str(exc)})
+    except DeviceFaultError as exc:
+        yield _unanswered(imu, setup, settings, str(exc))
 
 
-def _stream(imu: StreamedImu, setup: Setup, at: Endpoints, tell: Tell) -> Iterator[Finding]:
+def _stream(
+    imu: StreamedImu, setup: Setup, at: Endpoints, settings: SerialSettings, tell: Tell
+) -> Iterator[Finding]:
     """Wait until the unit is ready, then watch what it sends."""
     clock, profile = at.clock, setup.imu
     if isinstance(clock, BenchClock):
@@ -99,7 +106,8 @@ def _stream(imu: StreamedImu, setup: Setup, at: Endpoints, tell: Tell) -> Iterat
     expected = profile.stream.sample_rate_hz
     values: dict[str, Value] = {"expected": expected, "measured": len(seq) / elapsed}
     if not len(seq):
-        yield Finding("no_stream", "wrong", values)
+        silent = setup.imu.protocol == "stream" and not imu.stats.frames
+        yield _unanswered(imu, setup, settings, "") if silent else Finding("no_stream", "wrong", values)
         return
     missing = int(seq[-1] - seq[0]) + 1 - len(seq)
     errors = imu.stats.crc_errors - before.crc_errors

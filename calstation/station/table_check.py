@@ -8,10 +8,12 @@ import numpy as np
 
 from calstation.devices.checks import check_bytes
 from calstation.devices.interfaces import OtherModelError, TableStatus
-from calstation.devices.link import SerialSettings
+from calstation.devices.link import PortLostError, SerialSettings
 from calstation.devices.modbus_link import ModbusRefusalError
 from calstation.devices.modbus_table import ModbusTable
+from calstation.devices.opening import host_and_port
 from calstation.devices.table_profile import JOINTS, TableProfile
+from calstation.devices.text_link import TextRefusalError, UnlikeAnswerError
 from calstation.devices.text_table import TextTable
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import SLOWEST_POLL
@@ -22,6 +24,11 @@ _POLLS = 20
 _READ_HOLDING = 3
 _REQUEST = 8
 """Bytes of a request to read over RTU."""
+_PRINTABLE = frozenset(b"\r\n\t" + bytes(range(0x20, 0x7F)))
+_MOSTLY_TEXT = 0.9
+"""Share of printable bytes from which what came is text."""
+_QUOTED = 40
+"""Characters of an unlike answer that are shown."""
 _ALIKE = 0.01
 """Travel of table and profile that differs by less, degrees, is the same."""
 
@@ -43,11 +50,15 @@ def ask(
         yield Finding("wrong_model", "wrong", {"found": exc.found, "expected": exc.expected})
     except ModbusRefusalError as exc:
         yield Finding("exception", "wrong", {"code": exc.code, "unit": profile.unit or 0})
+    except TextRefusalError as exc:
+        yield Finding("line_refused", "wrong", {"words": str(exc)})
+    except UnlikeAnswerError as exc:
+        yield Finding("unlike_answer", "wrong", {"words": str(exc)})
+    except PortLostError as exc:
+        yield Finding("lost", "wrong", {"words": str(exc)})
     except DeviceFaultError as exc:
-        if isinstance(table, ModbusTable):
-            yield _unanswered(table.heard, profile, settings, port, str(exc))
-        else:
-            yield Finding("lost", "wrong", {"words": str(exc)})
+        why = _no_modbus if isinstance(table, ModbusTable) else _no_text
+        yield why(table.heard, profile, settings, port, str(exc))
     else:
         yield Finding("identified", "ok", {"model": identity.model, "serial": identity.serial})
         worst = max(times)
@@ -63,7 +74,9 @@ def _standing(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
     stops_after = profile.link_loss_stop_s if math.isinf(status.watchdog) else status.watchdog
     if stops_after:
         yield Finding("watchdog", "ok", {"seconds": stops_after})
-    elif not math.isinf(status.watchdog):
+    elif math.isinf(status.watchdog):
+        yield Finding("no_watchdog", "told")
+    else:
         yield Finding("watchdog_off", "wrong")
     if status.fault is not None:
         yield Finding("fault", "look", {"fault": status.fault})
@@ -93,7 +106,7 @@ def _standing(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
             yield Finding("travel", "ok", values)
 
 
-def _unanswered(
+def _no_modbus(
     heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, words: str
 ) -> Finding:
     """Why nothing that makes sense came, by the bytes that did."""
@@ -112,6 +125,21 @@ def _unanswered(
     if heard[0] == unit and len(heard) > 1 and heard[1] & 0x7F == _READ_HOLDING:
         return Finding("crc", "wrong", values)
     return Finding("garbled", "wrong", values)
+
+
+def _no_text(heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, words: str) -> Finding:
+    """The same of a table that is commanded in lines of text."""
+    values: dict[str, Value] = {"seconds": profile.timeout_s, "words": words, "count": len(heard)}
+    serial = host_and_port(port) is None
+    if serial:
+        values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
+    if not heard:
+        return Finding("silent_text" if serial else "silent_host", "wrong", values)
+    plain = sum(byte in _PRINTABLE for byte in heard)
+    if serial and plain < _MOSTLY_TEXT * len(heard):
+        return Finding("garbled_text", "wrong", values)
+    said = heard.decode("latin-1").strip()[:_QUOTED]
+    return Finding("unlike_text", "wrong", {**values, "said": said})
 
 
 def _sound(frame: bytes) -> bool:

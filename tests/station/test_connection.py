@@ -2,10 +2,12 @@
 
 import socket
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 import wires
 from serial.tools import list_ports
 from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
@@ -15,6 +17,7 @@ from calstation.errors import ConfigurationError
 from calstation.station import imu_check
 from calstation.station.connection_test import try_imu, try_table
 from calstation.station.finding import Finding, Report
+from calstation.station.library import find
 from calstation.station.ports import discover
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
@@ -186,6 +189,27 @@ def test_settings_that_the_port_refuses() -> None:
     assert (found.id, found.values["parity"]) == ("bad_settings", "E")
 
 
+@needs_terminals
+@pytest.mark.parametrize(
+    ("answer", "expected"),
+    [
+        (silent, "silent_text"),
+        (lambda _: bytes(range(0x80, 0xA0)), "garbled_text"),
+        (lambda _: b"login: ", "unlike_text"),
+        (lambda _: b"HELLO\r\n>", "unlike_answer"),
+        (lambda _: b"?invalid\r\n>", "line_refused"),
+    ],
+)
+def test_a_table_commanded_in_text_with_a_wrong_setting(answer: Any, expected: str) -> None:
+    with terminal(answer) as port:
+        assert wrong(table(profile="aerosmith_atl", port=port)).id == expected
+
+
+def test_a_table_commanded_in_text_that_says_nothing_over_tcp() -> None:
+    with server(silent) as address:
+        assert wrong(table(profile="acutronic_acl", port=f"tcp://{address}")).id == "silent_host"
+
+
 # An IMU that does not answer, or not as it should
 
 
@@ -255,6 +279,43 @@ def test_a_serial_number_unlike_the_products_is_shown(tmp_path: Path) -> None:
     unlike = report.find("serial_unlike")
     assert unlike is not None
     assert unlike.values == {"serial": "SN-000042", "pattern": "X.*"}
+
+
+@pytest.fixture
+def streaming(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A product whose IMU only streams."""
+    text = (
+        find("imus", "bench_nav").read_text(encoding="utf-8").replace("[link]", 'protocol = "stream"\n[link]')
+    )
+    data = {k: v for k, v in tomllib.loads(text).items() if k not in ("commands", "registers")}
+    for name, content in (
+        ("imus/quiet.toml", tomli_w.dumps(data)),
+        ("products/quiet.toml", 'name = "p"\nimu = "quiet"\nserial_pattern = "X.*"\n'),
+    ):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    return tmp_path / "products" / "quiet.toml"
+
+
+@needs_terminals
+def test_an_imu_that_only_streams_is_right_without_a_word(streaming: Path) -> None:
+    unit = FakeImu(mute=True)
+    with terminal(unit.answer, unit.sends) as port:
+        report = try_imu(tell, order(streaming, imu={"port": port}))
+    assert report.state == "ok"
+    assert [f.id for f in report.findings][:3] == ["opened", "cannot_tell", "registers"]
+    assert report.find("rate") is not None
+
+
+@needs_terminals
+def test_an_imu_that_only_streams_at_another_baud_or_not_at_all(
+    streaming: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(imu_check, "_LISTEN", 0.01)
+    for sends, expected in ((bytes, "silent"), (lambda: b"\x99" * 64, "no_frames")):
+        with terminal(silent, sends) as port:
+            assert wrong(try_imu(tell, order(streaming, imu={"port": port}))).id == expected
 
 
 def test_an_imu_that_hangs_up() -> None:

@@ -115,6 +115,43 @@ _TABLE = {
         QT_TRANSLATE_NOOP("station_finding", "Unit {found} answers instead of unit {unit}."),
         QT_TRANSLATE_NOOP("station_finding", "Set the unit number to {found}, or correct it at the table."),
     ),
+    "silent_text": (
+        QT_TRANSLATE_NOOP("station_finding", "Nothing answers at {baud} baud within {seconds:g} s."),
+        QT_TRANSLATE_NOOP(
+            "station_finding", "Check power, cable, baud and parity; the table may be under local control."
+        ),
+    ),
+    "silent_host": (
+        QT_TRANSLATE_NOOP(
+            "station_finding", "The connection stands, but nothing answers within {seconds:g} s."
+        ),
+        QT_TRANSLATE_NOOP("station_finding", "Check the port number, and [text] in the table profile."),
+    ),
+    "garbled_text": (
+        QT_TRANSLATE_NOOP("station_finding", "{count} bytes came, but they are no text."),
+        QT_TRANSLATE_NOOP(
+            "station_finding", "Baud or parity is wrong: set here are {baud} baud, parity {parity}."
+        ),
+    ),
+    "unlike_text": (
+        QT_TRANSLATE_NOOP("station_finding", "Something answers, but not as the profile says: “{said}”."),
+        QT_TRANSLATE_NOOP("station_finding", "Compare [text] in the table profile with the table's manual."),
+    ),
+    "unlike_answer": (
+        QT_TRANSLATE_NOOP("station_finding", "An answer does not look as the profile says."),
+        QT_TRANSLATE_NOOP("station_finding", "Correct its pattern under [text.queries] ({words})."),
+    ),
+    "line_refused": (
+        QT_TRANSLATE_NOOP("station_finding", "The table refuses a question ({words})."),
+        QT_TRANSLATE_NOOP("station_finding", "Correct [text.queries] in the table profile."),
+    ),
+    "no_watchdog": (
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "The profile knows no watchdog of it: only moves to angles are made, which end by themselves.",
+        ),
+        "",
+    ),
     "exception": (QT_TRANSLATE_NOOP("station_finding", "The table refuses to be read: {meaning}."), ""),
     "round_trip": (
         QT_TRANSLATE_NOOP(
@@ -218,6 +255,12 @@ _IMU = {
     "command_refused": (
         QT_TRANSLATE_NOOP("station_finding", "The unit refuses a command ({words})."),
         QT_TRANSLATE_NOOP("station_finding", "Correct [commands] in the IMU profile."),
+    ),
+    "cannot_tell": (
+        QT_TRANSLATE_NOOP(
+            "station_finding", "The unit only streams and cannot say who it is; its number is typed in."
+        ),
+        "",
     ),
     "serial_unlike": (
         QT_TRANSLATE_NOOP(

@@ -39,6 +39,7 @@ class LinkSection(QWidget):
         self._last: dict[str, str] = {}
         self._table = device == "table"
         self._searched = False
+        self._profile: LinkDefaults | None = None
         self._heading, self._bench = QLabel(), QLabel()
         self._heading.setProperty("kind", "section")
         self._bench.setWordWrap(True)
@@ -155,6 +156,7 @@ class LinkSection(QWidget):
     def refresh(self) -> None:
         """Show what the draft says."""
         data = self._draft
+        self._profile = self._defaults()
         bench = data.value(("bench",)) is not None
         self._bench.setVisible(bench)
         self._form.setVisible(not bench)
@@ -164,6 +166,7 @@ class LinkSection(QWidget):
             self._last[way] = str(port)
         else:
             way = self.way_box.value() or way
+        self.way_box.fill()
         self.way_box.show_value(way)
         for key, field in self._port_fields.items():
             field.setVisible(key == way)
@@ -174,10 +177,12 @@ class LinkSection(QWidget):
         for field in self._line_fields:
             field.setVisible(own and way == _SERIAL)
         self._own_row.setVisible(way == _SERIAL)
-        defaults = self._defaults()
+        defaults = self._profile
         self.timeout_edit.setPlaceholderText(f"{defaults.timeout:g}" if defaults and defaults.timeout else "")
         if self._table:
-            self.unit_edit.setPlaceholderText(str(defaults.unit) if defaults else "")
+            modbus = defaults is None or defaults.unit is not None
+            self.unit_edit.setPlaceholderText(str(defaults.unit) if defaults and modbus else "")
+            self._numbers[0].setVisible(modbus)
         self.test.refresh()
 
     def retranslate(self) -> None:
@@ -219,7 +224,7 @@ class LinkSection(QWidget):
         self._port_fields[way].editor.setFocus()
 
     def _choose_own(self) -> None:
-        defaults = self._defaults()
+        defaults = self._profile
         place = (self._device, "serial")
         if not self.own_box.value():
             self._draft.set({place: None})
@@ -250,17 +255,18 @@ class LinkSection(QWidget):
         return "" if set_here else self.tr("As the profile says.")
 
     def _ways(self) -> list[tuple[Any, str]]:
-        if self._table:
-            return [
-                (_TCP, self.tr("network: Modbus TCP")),
-                (_SERIAL, self.tr("serial line: Modbus RTU")),
-                (_SERVER, self.tr("serial server: Modbus RTU")),
-            ]
-        return [(_SERIAL, self.tr("serial line")), (_SERVER, self.tr("serial server (TCP)"))]
+        if not self._table:
+            return [(_SERIAL, self.tr("serial line")), (_SERVER, self.tr("serial server (TCP)"))]
+        if self._profile is not None and self._profile.unit is None:
+            return [(_TCP, self.tr("network (TCP)")), (_SERIAL, self.tr("serial line"))]
+        return [
+            (_TCP, self.tr("network: Modbus TCP")),
+            (_SERIAL, self.tr("serial line: Modbus RTU")),
+            (_SERVER, self.tr("serial server: Modbus RTU")),
+        ]
 
     def _owns(self) -> list[tuple[Any, str]]:
-        defaults = self._defaults()
-        line = f" ({defaults.line})" if defaults is not None else ""
+        line = f" ({self._profile.line})" if self._profile is not None else ""
         return [(False, self.tr("as the profile says") + line), (True, self.tr("this station's own"))]
 
     def _parities(self) -> list[tuple[Any, str]]:

@@ -91,6 +91,10 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>按配置文件。</translation>
     </message>
     <message>
+        <source>network (TCP)</source>
+        <translation>网络（TCP）</translation>
+    </message>
+    <message>
         <source>network: Modbus TCP</source>
         <translation>网络：Modbus TCP</translation>
     </message>
@@ -1019,6 +1023,54 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>请把从站号设为 {found}，或在转台上改正。</translation>
     </message>
     <message>
+        <source>Nothing answers at {baud} baud within {seconds:g} s.</source>
+        <translation>{baud} 波特下 {seconds:g} 秒内无应答。</translation>
+    </message>
+    <message>
+        <source>Check power, cable, baud and parity; the table may be under local control.</source>
+        <translation>请检查电源、电缆、波特率和校验位；转台可能处于本地控制。</translation>
+    </message>
+    <message>
+        <source>The connection stands, but nothing answers within {seconds:g} s.</source>
+        <translation>已连通，但 {seconds:g} 秒内无应答。</translation>
+    </message>
+    <message>
+        <source>Check the port number, and [text] in the table profile.</source>
+        <translation>请检查端口号，以及转台配置的 [text]。</translation>
+    </message>
+    <message>
+        <source>{count} bytes came, but they are no text.</source>
+        <translation>收到 {count} 字节，但不是文本。</translation>
+    </message>
+    <message>
+        <source>Something answers, but not as the profile says: “{said}”.</source>
+        <translation>有应答，但与配置不符：“{said}”。</translation>
+    </message>
+    <message>
+        <source>Compare [text] in the table profile with the table's manual.</source>
+        <translation>请对照转台手册核对转台配置的 [text]。</translation>
+    </message>
+    <message>
+        <source>An answer does not look as the profile says.</source>
+        <translation>应答的格式与配置不符。</translation>
+    </message>
+    <message>
+        <source>Correct its pattern under [text.queries] ({words}).</source>
+        <translation>请改正 [text.queries] 中的格式（{words}）。</translation>
+    </message>
+    <message>
+        <source>The table refuses a question ({words}).</source>
+        <translation>转台拒绝询问（{words}）。</translation>
+    </message>
+    <message>
+        <source>Correct [text.queries] in the table profile.</source>
+        <translation>请改正转台配置的 [text.queries]。</translation>
+    </message>
+    <message>
+        <source>The profile knows no watchdog of it: only moves to angles are made, which end by themselves.</source>
+        <translation>配置中没有它的看门狗：只做到位运动，到位即自行停止。</translation>
+    </message>
+    <message>
         <source>The table refuses to be read: {meaning}.</source>
         <translation>转台拒绝读取：{meaning}。</translation>
     </message>
@@ -1145,6 +1197,10 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Correct [commands] in the IMU profile.</source>
         <translation>请改正 IMU 配置的 [commands]。</translation>
+    </message>
+    <message>
+        <source>The unit only streams and cannot say who it is; its number is typed in.</source>
+        <translation>产品只输出数据，不能报告身份；序列号由人工输入。</translation>
     </message>
     <message>
         <source>Serial number {serial} does not fit the product's pattern {pattern}.</source>
