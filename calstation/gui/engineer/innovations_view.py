@@ -3,6 +3,7 @@
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui import theme
@@ -13,6 +14,8 @@ from calstation.gui.wording import word_stage
 from calstation.station.diagnostics import Diagnostics, StageDiagnostics
 
 _LEFT = 7 * theme.GRID
+_MOST = 1500
+"""Observations inside ±3 σ that are drawn in each plot; of more, every so many-th."""
 _BOUND = 3.0
 _SHOWN = 5.0
 """Least height of a plot, sigmas either way."""
@@ -25,6 +28,7 @@ class InnovationsView(QWidget):
         super().__init__(parent)
         self._diagnostics: Diagnostics | None = None
         self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
+        self._drawn = False
         self.stage_combo = QComboBox()
         self.stage_combo.setObjectName("innovation_stage_combo")
         self.stage_combo.setMinimumWidth(22 * theme.GRID)
@@ -70,8 +74,10 @@ class InnovationsView(QWidget):
         longest = diagnostics.stages[int(np.argmax(sizes))].stage if sizes else ""
         self.stage_combo.setCurrentIndex(max(self.stage_combo.findData(longest), 0))
         self.stage_combo.blockSignals(False)
-        self._draw()
         self._tell_nis()
+        self._drawn = False
+        if self.isVisible():
+            self._draw()
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
@@ -86,9 +92,15 @@ class InnovationsView(QWidget):
         """Hear of a new language or theme."""
         if event.type() == QEvent.Type.LanguageChange:
             self.retranslate()
-        elif event.type() == QEvent.Type.PaletteChange and self._diagnostics is not None:
+        elif event.type() == QEvent.Type.PaletteChange and self._drawn:
             self._draw()
         super().changeEvent(event)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Draw once it is looked at."""
+        super().showEvent(event)
+        if not self._drawn:
+            self._draw()
 
     def _stage(self) -> StageDiagnostics | None:
         if self._diagnostics is None:
@@ -100,6 +112,7 @@ class InnovationsView(QWidget):
         for plot, item in self._items:
             plot.removeItem(item)
         self._items.clear()
+        self._drawn = True
         stage = self._stage()
         if stage is None or stage.innovations is None:
             self._beyond.setText("")
@@ -111,10 +124,11 @@ class InnovationsView(QWidget):
         size = 3 if len(seen.seq) > 100 else 8
         for number, (plot, name) in enumerate(zip(self.plots, names, strict=True)):
             values = seen.normalised[:, number]
-            inside = np.abs(values) <= _BOUND
-            for mask, colour, grow in ((inside, c.accent, 0), (~inside, c.bad, 2)):
+            beyond = np.abs(values) > _BOUND
+            inside = np.flatnonzero(~beyond)[:: -(-len(values) // _MOST)]
+            for drawn, colour, grow in ((inside, c.accent, 0), (np.flatnonzero(beyond), c.bad, 2)):
                 dots = pg.ScatterPlotItem(
-                    minutes[mask], values[mask], size=size + grow, pen=None, brush=pg.mkBrush(colour)
+                    minutes[drawn], values[drawn], size=size + grow, pen=None, brush=pg.mkBrush(colour)
                 )
                 self._add(plot, dots)
             for level in (-_BOUND, 0.0, _BOUND):

@@ -26,10 +26,10 @@ from calstation.physics.arrays import FloatArray
 
 SEEN = 1.0 / 0.9
 """Strength from which a state counts as observable."""
-_DECADES = 4.0
-"""Of strength on the scale: 1 to 10 000 times."""
+_DECADES = 5.0
+"""Of strength on the scale: 1 to 100 000 times."""
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 3 * theme.GRID
-_SCALE_WIDTH = 12 * theme.GRID
+_SCALE_WIDTH = 14 * theme.GRID
 
 
 class ObservabilityView(QWidget):
@@ -226,7 +226,7 @@ class HeatMap(QWidget):
         painter.setPen(QColor(theme.colours().text))
         for decade in range(int(_DECADES) + 1):
             y = height * (1.0 - decade / _DECADES)
-            box = QRectF(left + 2.5 * theme.GRID, min(max(y - 8, 0), height - 16), 8 * theme.GRID, 16)
+            box = QRectF(left + 2.5 * theme.GRID, min(max(y - 8, 0), height - 16), 10 * theme.GRID, 16)
             painter.drawText(box, Qt.AlignmentFlag.AlignVCenter, f"{10**decade} ×")
 
     def event(self, event: QEvent) -> bool:

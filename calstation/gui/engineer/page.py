@@ -58,7 +58,7 @@ class EngineerPage(Page):
         self._finished: Finished | None = None
         self._path: Path | None = None
         self._looked: Path | None = None
-        self._writing = False
+        self._writing = self._faulty = False
         self.header = self._fields = EngineerHeader(app.run)
         self._fields.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
         self.choice = ChoicePanel()
@@ -138,7 +138,7 @@ class EngineerPage(Page):
         self.tabs.currentChanged.connect(self._turn)
         app.engine_link.event.connect(self._take)
         app.engine_link.running_changed.connect(lambda _: self._allow())
-        app.run.changed.connect(self._allow)
+        app.run.changed.connect(self._run_changed)
         app.role.changed.connect(self._role_changed)
         app.choice_changed.connect(self._choice_undone)
         app.station_changed.connect(self._read_offer)
@@ -274,6 +274,13 @@ class EngineerPage(Page):
 
     def _run(self) -> None:
         self.app.engine_link.start(self._request())
+
+    def _run_changed(self) -> None:
+        """Many times a second; only a fault changes what may be done here."""
+        faulty = self.app.run.fault is not None
+        if faulty != self._faulty:
+            self._faulty = faulty
+            self._allow()
 
     def _take(self, event: Event) -> None:
         if isinstance(event, Verdict):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF
-from PySide6.QtGui import QResizeEvent
+from PySide6.QtGui import QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from calstation.gui import theme
@@ -30,6 +30,7 @@ class ResidualsView(QWidget):
         self._diagnostics: Diagnostics | None = None
         self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
         self._places: list[tuple[StageDiagnostics, int]] = []
+        self._drawn = False
         self.rest_label = ElidedLabel()
         self.rest_label.setObjectName("rest_label")
         self.plots = tuple(ThemedPlot() for _ in range(3))
@@ -54,7 +55,9 @@ class ResidualsView(QWidget):
     def show_diagnostics(self, diagnostics: Diagnostics) -> None:
         """Show these."""
         self._diagnostics = diagnostics
-        self._draw()
+        self._drawn = False
+        if self.isVisible():
+            self._draw()
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
@@ -73,14 +76,21 @@ class ResidualsView(QWidget):
         """Hear of a new language or theme."""
         if event.type() == QEvent.Type.LanguageChange:
             self.retranslate()
-        elif event.type() == QEvent.Type.PaletteChange:
+        elif event.type() == QEvent.Type.PaletteChange and self._drawn:
             self._draw()
         super().changeEvent(event)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Draw once it is looked at."""
+        super().showEvent(event)
+        if not self._drawn:
+            self._draw()
 
     def _draw(self) -> None:
         for plot, item in self._items:
             plot.removeItem(item)
         self._items.clear()
+        self._drawn = True
         self._places = []
         if self._diagnostics is None:
             return

@@ -1,5 +1,7 @@
 """A state as a shape and a word; its colour only repeats them."""
 
+from functools import cache
+
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPaintEvent, QPen, QPixmap, QPolygonF
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QWidget
@@ -64,6 +66,12 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
 
 def state_icon(kind: str, size: int = theme.BODY) -> QIcon:
     """A state's shape for cells and menus, sharp on fine screens and seen on a selected row."""
+    return _drawn_icon(kind, size, theme.current())
+
+
+@cache
+def _drawn_icon(kind: str, size: int, shown_in: str) -> QIcon:
+    """Drawn once in each theme `shown_in`: a table asks for it at every repaint."""
     icon = QIcon()
     on_selected = QColor(theme.colours().on_accent)
     for mode, colour in ((QIcon.Mode.Normal, None), (QIcon.Mode.Selected, on_selected)):
