@@ -1,12 +1,33 @@
 """The window's frame: pages, names, languages, themes, role."""
 
+import json
+import subprocess
+import sys
+import time
+
 import pytest
-from PySide6.QtWidgets import QComboBox, QPushButton, QTabWidget, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
 from pytestqt.qtbot import QtBot
 
+from calstation.gui import theme
+from calstation.gui.app import create_window
 from calstation.gui.main_window import MainWindow
+from calstation.records.log import open_log
+from calstation.station.resume import resumable
+from tests.gui.conftest import Place
 
 PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "station_page"]
+
+
+def opened(place: Place, qtbot: QtBot) -> MainWindow:
+    """A window as it opens from the place's settings."""
+    window = create_window(place.station)
+    assert isinstance(window, MainWindow)
+    qtbot.addWidget(window)
+    window.show()
+    qtbot.waitExposed(window)
+    return window
 
 
 def test_pages_stand_in_order_under_their_names(window: MainWindow) -> None:
@@ -30,3 +51,106 @@ def test_stop_is_on_every_page_in_the_same_place(window: MainWindow, qtbot: QtBo
 def test_english_is_the_first_language(window: MainWindow) -> None:
     combo = window.findChild(QComboBox, "language_combo")
     assert combo.itemText(0) == "English"
+
+
+def test_the_language_and_theme_chosen_are_there_again(place: Place, qtbot: QtBot) -> None:
+    first = opened(place, qtbot)
+    first.language_combo.setCurrentIndex(1)
+    first.app.set_theme("dark")
+    first.close()
+    second = opened(place, qtbot)
+    assert second.language_combo.currentText() == "中文"
+    assert second.page_tabs.tabText(0) == "操作员"
+    assert theme.current() == "dark"
+    second.app.set_theme("light")
+    second.app.set_language("en")
+    second.close()
+
+
+def test_the_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot: QtBot) -> None:
+    role, lock = window.app.role, window.findChild(QPushButton, "role_button")
+    pin, again = window.findChild(QLineEdit, "pin_edit"), window.findChild(QLineEdit, "pin_again_edit")
+
+    def press(button: QPushButton) -> None:
+        qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+
+    press(lock)
+    assert again.isVisible()
+    qtbot.keyClicks(pin, "2468")
+    qtbot.keyClicks(again, "2469")
+    qtbot.keyClick(again, Qt.Key.Key_Return)
+    assert not role.engineer
+    again.clear()
+    qtbot.keyClicks(again, "2468")
+    qtbot.keyClick(again, Qt.Key.Key_Return)
+    assert role.engineer
+    assert not pin.isVisible()
+    press(lock)
+    assert not role.engineer
+
+    press(lock)
+    assert not again.isVisible()
+    qtbot.keyClicks(pin, "1111")
+    qtbot.keyClick(pin, Qt.Key.Key_Return)
+    assert not role.engineer
+    assert "The PIN is wrong." in [label.text() for label in window.findChildren(QLabel) if label.isVisible()]
+    for digit in "2468":
+        (key,) = [b for b in window.findChildren(QPushButton) if b.text() == digit and b.isVisible()]
+        if digit == "2":
+            pin.clear()
+        press(key)
+    press(window.findChild(QPushButton, "unlock_button"))
+    assert role.engineer
+
+
+def test_nothing_is_clipped_in_any_language_theme_or_size(window: MainWindow, qtbot: QtBot) -> None:
+    for code in ("zh_CN", "en"):
+        window.app.set_language(code)
+        qtbot.wait(1)
+        for button in window.findChildren(QPushButton):
+            if button.isVisible() and button.text():
+                room = button.width() - button.fontMetrics().horizontalAdvance(button.text())
+                assert room >= 0, button.text()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(place: Place) -> None:
+    place.write({"stages": ["six_position", "rate"]})
+    script = place.folder / "at_the_window.py"
+    script.write_text(
+        "from calstation.gui import create_window\n"
+        "from calstation.station import library\n"
+        "from PySide6.QtWidgets import QApplication\n"
+        "from PySide6.QtCore import QTimer\n"
+        "if __name__ == '__main__':\n"
+        f"    window = create_window({str(place.station)!r})\n"
+        "    window.app.set_product(library.find('products', 'short'))\n"
+        "    window.show()\n"
+        "    QTimer.singleShot(0, window.operator_page.header.start_button.click)\n"
+        "    run = window.app.run\n"
+        "    def look():\n"
+        "        if len(run.stages) > 1 and run.stages[1].fraction > 0.1:\n"
+        "            print('in the second stage', flush=True)\n"
+        "    run.changed.connect(look)\n"
+        "    QApplication.exec()\n",
+        encoding="utf-8",
+    )
+    listener = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    assert listener.stdout is not None
+    assert listener.stdout.readline().strip() == "in the second stage"
+    listener.kill()
+    listener.wait()
+    listener.stdout.close()
+    deadline = time.monotonic() + 60.0
+    while not (results := [p for p in place.runs.glob("SN-*.json") if p.stat().st_size]):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    (log,) = place.runs.glob("SN-*.h5")
+    while open_log(log).outcome is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    assert open_log(log).outcome == "stopped"
+    result = json.loads(results[0].read_text(encoding="utf-8"))
+    assert (result["outcome"], result["stop_reason"]) == ("stopped", "listener_lost")
+    (offered,) = resumable(place.runs)
+    assert offered.finished == ("six_position",)

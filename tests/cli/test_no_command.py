@@ -1,0 +1,57 @@
+"""`calstation` alone: the window where there is a screen, a run in the terminal where there is none."""
+
+import subprocess
+import sys
+
+import pytest
+
+from calstation.cli import window
+from calstation.cli.app import run_app
+from calstation.station.request import RunRequest
+
+LINUX = sys.platform not in ("win32", "darwin")
+
+
+@pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")
+def test_without_a_screen_it_says_so_in_a_line_and_runs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    ran = []
+
+    def run(request: RunRequest, json: str | None, **options: object) -> int:
+        ran.append(request)
+        return 1
+
+    monkeypatch.setattr("calstation.cli.run.run_command", run)
+    assert run_app([]) == 1
+    assert [request.station for request in ran] == [None]
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 1
+    assert "no screen here" in told[0]
+
+
+@pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")
+def test_a_screen_that_cannot_be_used_counts_as_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("QT_QPA_PLATFORM", "there-is-no-such-platform")
+    assert not window.has_screen()
+
+
+def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(window, "has_screen", lambda: True)
+    monkeypatch.setattr("calstation.gui.app.main", lambda: 0)
+    assert run_app([]) == 0
+
+
+def test_no_command_of_the_terminal_needs_qt() -> None:
+    script = (
+        "import sys; sys.modules['PySide6'] = None\n"
+        "from calstation.cli.app import run_app\n"
+        "import calstation.cli.run, calstation.cli.offline, calstation.cli.study, calstation.station.engine\n"
+        "import calstation.station.run\n"
+        "sys.exit(run_app(['run', '--serial', 'x y']))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 2, done.stderr
+    assert "does not fit the pattern" in done.stderr
