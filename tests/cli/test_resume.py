@@ -1,0 +1,37 @@
+"""A stopped run carried on from the command line."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import Event, StepStarted
+from tests.station.conftest import QUICK, Place
+
+
+def test_a_stopped_run_is_carried_on(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+    place = Place(tmp_path)
+    schedule = {"rate": {"turns": 1, "dwell_s": 2.0, **QUICK}, "six_position": {"dwell_s": 2.0, **QUICK}}
+    limits = {"gyro_scale": {"within": 0.1}}
+    place.write({"schedule": schedule, "stages": ["rate", "six_position"], "limits": limits})
+
+    def watch(event: Event) -> None:
+        if isinstance(event, StepStarted) and event.stage == "six_position":
+            place.control.send(Command.STOP)
+
+    before = place.run(on_event=watch)
+    assert before.outcome == "stopped", before.result.get("error")
+    where = ("--station", place.station, "--product", place.product)
+    done = calstation("run", *where, "--resume", before.log, "--json", "-")
+    assert done.code == 0, done.err
+    assert done.json["resumed_from"] == Path(before.log).name
+    assert done.json["stages"] == ["rate", "six_position"]
+    assert "Carrying on" in done.err
+    assert "rate" in done.err
+
+    again = calstation("run", *where, "--resume", done.json["log"]["file"])
+    assert again.code == 2
+    assert "has reached its end" in again.err
+    mixed = calstation("run", *where, "--resume", before.log, "--stages", "rate")
+    assert mixed.code == 2
+    assert "leave the option out" in mixed.err
