@@ -194,6 +194,16 @@ def save_as(page: OfflinePage, name: str, target: Path, kind: int, qtbot: QtBot)
     qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
 
 
+def test_a_path_that_is_filled_in_is_opened_without_a_key(
+    page: OfflinePage, run_log: Path, qtbot: QtBot
+) -> None:
+    edit = page.findChild(QLineEdit, "log_edit")
+    edit.setText(str(run_log.with_suffix(".json")))
+    edit.setText(str(run_log))
+    qtbot.waitUntil(lambda: button(page, "solve_button").isEnabled(), timeout=WAIT)
+    assert page.log is not None
+
+
 def test_an_empty_page_says_what_to_do(page: OfflinePage) -> None:
     solve_button = button(page, "solve_button")
     assert not solve_button.isEnabled()

@@ -2,13 +2,16 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QSettings, Signal
+from PySide6.QtCore import QEvent, QSettings, QTimer, Signal
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLabel, QLineEdit, QMenu, QPushButton, QWidget
 
 from calstation.gui import theme
 
 _KEPT = 8
 _KEY = "offline/recent"
+_SETTLED_MS = 400
+"""A path that has not changed for this long and leads to a file is opened, as one that is pasted or filled in is."""
+_ENDINGS = (".h5", ".csv", ".csv.gz")
 
 
 class SourceBar(QWidget):
@@ -25,6 +28,10 @@ class SourceBar(QWidget):
         self.log_edit.setAcceptDrops(False)  # a file dropped here belongs to the page
         self.log_edit.setClearButtonEnabled(False)
         self.log_edit.returnPressed.connect(self._entered)
+        self._shown = ""
+        self._settle = QTimer(self, singleShot=True, interval=_SETTLED_MS)
+        self._settle.timeout.connect(self._settled)
+        self.log_edit.textChanged.connect(self._settle.start)
         self._label.setBuddy(self.log_edit)
         self.open_button = QPushButton()
         self.open_button.setObjectName("log_open_button")
@@ -45,7 +52,8 @@ class SourceBar(QWidget):
 
     def show_path(self, path: Path) -> None:
         """Show the log at hand."""
-        self.log_edit.setText(str(path))
+        self._shown = str(path)
+        self.log_edit.setText(self._shown)
 
     def remember(self, path: Path) -> None:
         """Put a log first among the recent ones."""
@@ -92,6 +100,11 @@ class SourceBar(QWidget):
         text = self.log_edit.text().strip().strip('"')
         if text:
             self.chosen.emit(Path(text).expanduser())
+
+    def _settled(self) -> None:
+        text = self.log_edit.text()
+        if text != self._shown and text.endswith(_ENDINGS) and Path(text).is_file():
+            self._entered()
 
     def _fill(self) -> None:
         self._menu.clear()
