@@ -183,6 +183,7 @@ def style_sheet(c: Colours) -> str:
     QListWidget[kind="nav"]::item:selected {{
         background: {c.panel}; color: {c.text}; border-left-color: {c.accent};
     }}
+    QTreeView[kind="readable"]::item {{ min-height: {3 * GRID}px; }}
     QScrollArea[kind="clear"], QScrollArea[kind="clear"] > QWidget > QWidget {{ background: transparent; }}
     QLabel[kind="pill"] {{
         border: 1px solid {c.line}; border-radius: 4px; padding: 0 {GRID}px; min-height: 28px; color: {c.text};

@@ -86,7 +86,7 @@ class Field(QWidget):
         if bare:
             self.setFixedWidth(width + _UNIT)
         else:
-            self.setMinimumWidth(LABEL + width + 2 * _UNIT)
+            self.setMinimumWidth(LABEL + width + _UNIT + 3 * theme.GRID)
         grid.addWidget(editor, 0, 1)
         self._unit = QLabel(unit)
         self._unit.setProperty("kind", "muted")

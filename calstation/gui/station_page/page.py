@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtCore import QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QComboBox,
@@ -11,6 +11,7 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QListWidget,
+    QListWidgetItem,
     QPushButton,
     QScrollArea,
     QStackedWidget,
@@ -128,7 +129,8 @@ class StationPage(Page):
         self.nav.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._stack = QStackedWidget()
         for index, section in enumerate(self._sections):
-            self.nav.addItem("")
+            item = QListWidgetItem(self.nav)
+            item.setSizeHint(QSize(_NAV, theme.BUTTON))
             self._stack.addWidget(section if index == _PROFILES else _scrolled(section))
         self.nav.currentRowChanged.connect(self._turn)
         self._elsewhere = QLabel()

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication, QSize
+from PySide6.QtCore import QCoreApplication
 from PySide6.QtWidgets import QHeaderView, QTreeWidget, QTreeWidgetItem
 
 from calstation.gui import theme
@@ -17,9 +17,6 @@ from calstation.physics.units import (
     DISPLAY,
     MICRO_G,
 )
-
-_LINE = 3 * theme.GRID
-"""Height of a line, px."""
 
 Section = tuple[str, list[tuple[str, str]]]
 """A title and its lines of label and value."""
@@ -242,6 +239,7 @@ class ReadableView(QTreeWidget):
         self.setObjectName("readable_view")
         self.setColumnCount(2)
         self.setHeaderHidden(True)
+        self.setProperty("kind", "readable")
         self.setRootIsDecorated(False)
         self.setIndentation(2 * theme.GRID)
         self.setWordWrap(True)
@@ -257,9 +255,7 @@ class ReadableView(QTreeWidget):
             top = QTreeWidgetItem(self, [title])
             top.setFont(0, bold)
             top.setFirstColumnSpanned(True)
-            top.setSizeHint(0, QSize(0, _LINE + theme.GRID))
             for label, value in lines:
                 line = QTreeWidgetItem(top, [label, value])
                 line.setToolTip(1, value)
-                line.setSizeHint(0, QSize(0, _LINE))
             top.setExpanded(True)

@@ -136,6 +136,7 @@ class TableSection(QWidget):
             ("outer_lever",),
             ChoiceBox(self._levers),
             lambda: self.tr("Lever arm from the centre"),
+            width=26 * theme.GRID,
         )
         self._fields += [*fields, lever]
         return Form(*fields, lever)

@@ -70,7 +70,7 @@
         <source>This station is the virtual bench: a table and a unit in software, behind the same protocols as hardware. It opens its own ports, so there is nothing to set here.
 
 To connect hardware, press “New from copy” above and copy the station “example_hardware”.</source>
-        <translation>本工位是虚拟台架：转台和产品都由软件模拟，通信协议与真实设备相同。端口由台架自行打开，这里无需设置。
+        <translation>本工位是虚拟台：转台和产品都由软件模拟，通信协议与真实设备相同。端口由虚拟台自行打开，这里无需设置。
 
 要连接真实设备，请点上方的“复制新建”，复制工位“example_hardware”。</translation>
     </message>
@@ -214,11 +214,11 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
     <message>
         <source>PIN so far</source>
-        <translation>原 PIN</translation>
+        <translation>原密码</translation>
     </message>
     <message>
         <source>New PIN</source>
-        <translation>新 PIN</translation>
+        <translation>新密码</translation>
     </message>
     <message>
         <source>The same again</source>
@@ -230,7 +230,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
     <message>
         <source>The engineer's PIN</source>
-        <translation>工程师 PIN</translation>
+        <translation>工程师密码</translation>
     </message>
     <message>
         <source>It opens whatever changes results. Kept as a salted hash; nobody can read it back.</source>
@@ -242,7 +242,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
     <message>
         <source>Change the PIN</source>
-        <translation>修改 PIN</translation>
+        <translation>修改密码</translation>
     </message>
     <message>
         <source>Logs and results of new runs go into this folder, and the history looks there.</source>
@@ -258,7 +258,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
     <message>
         <source>The PIN so far is wrong.</source>
-        <translation>原 PIN 不正确。</translation>
+        <translation>原密码 不正确。</translation>
     </message>
     <message>
         <source>Wait {0:.0f} s.</source>
@@ -266,7 +266,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
     <message>
         <source>The PIN has been changed.</source>
-        <translation>PIN 已修改。</translation>
+        <translation>密码已修改。</translation>
     </message>
 </context>
 <context>
@@ -522,7 +522,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
     <message>
         <source>{0} (virtual bench)</source>
-        <translation>{0}（虚拟台架）</translation>
+        <translation>{0}（虚拟台）</translation>
     </message>
 </context>
 <context>
@@ -565,7 +565,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
     <message>
         <source>Virtual bench</source>
-        <translation>虚拟台架</translation>
+        <translation>虚拟台</translation>
     </message>
     <message>
         <source>Table and unit are software behind the same protocols as hardware: a whole calibration runs without either. Nothing moves.
@@ -593,7 +593,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     </message>
     <message>
         <source>opened by the bench</source>
-        <translation>由台架打开</translation>
+        <translation>由虚拟台打开</translation>
     </message>
     <message>
         <source>Table</source>
@@ -1360,7 +1360,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     </message>
     <message>
         <source>Starting the virtual bench.</source>
-        <translation>正在启动虚拟台架。</translation>
+        <translation>正在启动虚拟台。</translation>
     </message>
     <message>
         <source>Opening the port.</source>
