@@ -1,0 +1,146 @@
+"""How long the window's one thread is busy at a stretch while a run streams in; what hours of it leave in memory."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+
+import numpy as np
+from PySide6.QtCore import QCoreApplication, QObject, Qt, QTimer
+from PySide6.QtWidgets import QApplication, QPushButton
+
+from calstation.gui.app import create_window
+from calstation.gui.main_window import MainWindow
+from calstation.physics.parameters import GROUPS
+from calstation.sequencer.events import (
+    SampleStats,
+    StageProgress,
+    StageStarted,
+    StepStarted,
+    TableMoved,
+    Trace,
+)
+from calstation.station import library
+from tests.gui.conftest import Place
+
+RATE = 2000.0
+MAY_BLOCK = 0.050
+"""s"""
+
+HOURS = 4.0
+"""Of a run on hardware that the long stream is worth."""
+
+
+class Probe(QObject):
+    """A 5 ms timer on the window's thread: how late it comes, and how much of that the thread itself worked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.waits: list[float] = []
+        self.works: list[float] = []
+        self._wall, self._cpu = time.perf_counter(), time.thread_time()
+        self._timer = QTimer(self, timerType=Qt.TimerType.PreciseTimer)
+        self._timer.timeout.connect(self._tick)
+        self._timer.start(5)
+
+    def _tick(self) -> None:
+        wall, cpu = time.perf_counter(), time.thread_time()
+        self.waits.append(wall - self._wall)
+        self.works.append(cpu - self._cpu)
+        self._wall, self._cpu = wall, cpu
+
+
+@pytest.fixture
+def window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[MainWindow]:
+    """A window at a bench whose unit sends 2000 samples a second."""
+    place = Place(tmp_path)
+    monkeypatch.setenv("CALSTATION_HOME", str(place.home))
+    monkeypatch.chdir(tmp_path)
+    profile = library.find("imus", "bench_nav").read_text(encoding="utf-8")
+    assert "sample_rate_hz = 200.0" in profile
+    (place.home / "imus").mkdir()
+    fast = profile.replace("sample_rate_hz = 200.0", f"sample_rate_hz = {RATE}")
+    (place.home / "imus" / "bench_nav.toml").write_text(fast, encoding="utf-8")
+    made = create_window(place.station)
+    assert isinstance(made, MainWindow)
+    made.app.set_product(library.find("products", "short"))
+    made.resize(1920, 1080)
+    made.show()
+    yield made
+    made.close()
+
+
+def until(condition: Callable[[], object], seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        QApplication.processEvents()
+        time.sleep(0.001)
+
+
+def resident() -> int:
+    """Bytes of memory that this process holds."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.mark.timeout(900)
+def test_the_window_stays_awake_over_a_whole_run(window: MainWindow, benchmark, figures) -> None:
+    until(lambda: window.isVisible(), 10.0)
+    button = window.findChild(QPushButton, "start_button")
+
+    def run() -> Probe:
+        button.click()
+        probe = Probe()
+        until(lambda: window.app.run.verdict is not None or window.app.run.fault is not None, 800.0)
+        return probe
+
+    probe = benchmark.pedantic(run, rounds=1)
+    assert window.app.run.state == "passed", window.app.run.fault
+    result = window.app.run.verdict.result
+    samples = result["log"]["last_seq"] - result["log"]["first_seq"] + 1
+    works, waits = np.array(probe.works), np.array(probe.waits)
+    figures(
+        samples=samples,
+        longest_work_ms=round(1e3 * works.max(), 1),
+        longest_wait_ms=round(1e3 * waits.max(), 1),
+        wait_999_ms=round(1e3 * float(np.quantile(waits, 0.999)), 1),
+        busy_percent=round(100.0 * works.sum() / waits.sum(), 1),
+    )
+    assert works.max() < MAY_BLOCK
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
+@pytest.mark.timeout(900)
+def test_hours_of_a_run_leave_memory_flat(window: MainWindow, benchmark, figures) -> None:
+    until(lambda: window.isVisible(), 10.0)
+    window.app.run._running_changed(True) if window.app.engine_link.request else None
+    sizes: list[int] = []
+
+    def stream() -> None:
+        emit = window.app.engine_link.event.emit
+        emit(StageStarted("rate", 0, 1, 3600.0 * HOURS))
+        count = int(HOURS * 3600.0 * 10.0)
+        for k in range(count):
+            now = 0.1 * k
+            emit(TableMoved(0.1 * k, -0.1 * k, 0.1, -0.1, moving=True))
+            emit(Trace((now, now + 0.05), (1e-3, 2e-3, 3e-3, 0.1, 0.2, 9.8) * 2))
+            if k % 5 == 0:
+                sigma = dict.fromkeys(GROUPS, 1.0 / (k + 1.0))
+                emit(StageProgress("rate", k / count, 0.1 * (count - k), sigma))
+                emit(SampleStats(200 * k, 0, 0, (0.0,) * 6, 25.0))
+            if k % 100 == 0:
+                emit(StepStarted("rate", k, "move", ("whole_turns", "x", 720.0)))
+            if k % 3 == 0:
+                QCoreApplication.processEvents()
+            if k % (count // 8) == 0:
+                sizes.append(resident())
+
+    benchmark.pedantic(stream, rounds=1)
+    growth = (sizes[-1] - sizes[1]) / 2**20
+    figures(hours=HOURS, first_mib=round(sizes[1] / 2**20), growth_mib=round(growth, 1))
+    assert growth < 16.0
