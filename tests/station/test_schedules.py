@@ -1,8 +1,13 @@
 """What a form is built from: fields with their ranges, a product's values, and what is wrong with a value."""
 
+from dataclasses import replace
+from datetime import UTC, datetime
+
 import pytest
 
+from calstation.errors import ConfigurationError
 from calstation.station.schedules import Problem, offer, problems, schedule_fields
+from calstation.station.setup import prepare
 from tests.station.conftest import PRODUCT, Place
 
 
@@ -61,6 +66,18 @@ def test_a_wrong_value_is_told_by_its_field(
     assert list(found) == [field]
     assert (found[field].kind, found[field].subject) == (problem.kind, problem.subject)
     assert found[field].bound == pytest.approx(problem.bound)
+
+
+def test_a_request_goes_before_the_product_and_stands_in_the_logs_meta_and_hash(place: Place) -> None:
+    asked = place.request("rate")
+    changed = prepare(replace(asked, schedule={"rate": {"turns": 2}, "excitation": {"rounds": 3}}))
+    assert list(changed.schedules) == ["rate"]
+    plain, other = (setup.meta(datetime.now(UTC), 1, {}) for setup in (prepare(asked), changed))
+    assert plain.schedule["rate"] == PRODUCT["schedule"]["rate"]
+    assert other.schedule["rate"] == {**PRODUCT["schedule"]["rate"], "turns": 2}
+    assert other.sha256() != plain.sha256()
+    with pytest.raises(ConfigurationError, match=r"schedule\.rate: turns = 0 is out of range"):
+        prepare(replace(asked, schedule={"rate": {"turns": 0}}))
 
 
 def test_other_kinds_of_fields_are_told_apart() -> None:

@@ -47,7 +47,7 @@ class LazyView(QStackedWidget):
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
         if self._error:
-            self._empty.say(self.tr("This log cannot be looked at closely"), self._error)
+            self._empty.say(self.tr("Nothing to show of this run"), self._error)
         else:
             self._empty.say(
                 self.tr("No run opened yet"),

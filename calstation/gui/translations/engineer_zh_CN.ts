@@ -299,8 +299,8 @@
 <context>
     <name>LazyView</name>
     <message>
-        <source>This log cannot be looked at closely</source>
-        <translation>这份数据记录无法细看</translation>
+        <source>Nothing to show of this run</source>
+        <translation>这次标定没有可显示的内容</translation>
     </message>
     <message>
         <source>No run opened yet</source>
