@@ -99,6 +99,7 @@ def test_a_dead_engine_is_told_to_a_polling_window_as_one_fault(place: Place) ->
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
 def test_a_frozen_engine_is_a_fault_and_says_more_when_it_comes_back(place: Place) -> None:
     """Its table's watchdog has stopped the table meanwhile, which is what it then tells."""
+    place.write(watchdog_ms=1000)
     with Engine.start(place.request("rate")) as engine:
         polled(engine, moving)
         assert engine.process.pid is not None
