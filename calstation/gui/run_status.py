@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, QTimer, Signal
 
 from calstation.errors import CalstationError
 from calstation.gui.engine_link import EngineLink
@@ -63,7 +63,7 @@ class StageState:
 
 
 class RunStatus(QObject):
-    """What the events so far amount to; `changed` after every event that changes it;
+    """What the events so far amount to; `changed` soon after events that change it, once for many;
     `stop_pressed` whenever the operator presses STOP, whatever the state.
 
     Attributes
@@ -95,6 +95,8 @@ class RunStatus(QObject):
         self.verdict: Verdict | None = None
         self.fault: Fault | None = None
         self._begun = 0.0
+        self._telling = QTimer(self, singleShot=True, interval=0)
+        self._telling.timeout.connect(self.changed)
         link.running_changed.connect(self._running_changed)
         link.event.connect(self._take)
 
@@ -213,7 +215,7 @@ class RunStatus(QObject):
                 self.state = event.outcome
         else:
             return
-        self.changed.emit()
+        self._telling.start()
 
     def _change_state(self, state: str) -> None:
         if self.state == "stopping" and state not in ("stopped", "fault", "passed", "failed"):

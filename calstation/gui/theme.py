@@ -1,6 +1,7 @@
 """How the window looks: palettes light and dark, sizes on one 8 px grid, the axes' colours, a small style sheet."""
 
 from dataclasses import dataclass
+from functools import cache
 
 from PySide6.QtGui import QColor, QFont, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
@@ -215,6 +216,11 @@ def style_sheet(c: Colours) -> str:
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:
     """The window's font at one of its sizes, px; figures are tabular, so that numbers stand still."""
+    return QFont(_font(size, bold))
+
+
+@cache
+def _font(size: int, bold: bool) -> QFont:
     made = QFont()
     made.setFamilies(FAMILIES)
     made.setPixelSize(size)

@@ -19,12 +19,26 @@ _EXTENT = 1.38
 """Half of what must fit into the picture, in ring radii."""
 
 
+_CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
+"""Of the unit's box on the disc, along the disc's two directions and its normal, ring radii."""
+_FACES = (
+    (0, (0, 1, 3, 2)),
+    (0, (4, 5, 7, 6)),
+    (1, (0, 1, 5, 4)),
+    (1, (2, 3, 7, 6)),
+    (2, (0, 2, 6, 4)),
+    (2, (1, 3, 7, 5)),
+)
+"""The box's faces as places in `_CORNERS`, with the axis that each is across."""
+
+
 class TablePicture(QWidget):
     """Draws the table at two joint angles; `set_axes` tells how it is built."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._outer_axis, self._inner_axis = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+        self._frame = np.array([*_basis(self._inner_axis), self._inner_axis])
         self._angles = (0.0, 0.0)
         self._known = False
         self.setMinimumSize(120, 120)
@@ -37,6 +51,7 @@ class TablePicture(QWidget):
     def set_axes(self, outer: tuple[float, float, float], inner: tuple[float, float, float]) -> None:
         """The axes as unit vectors in b at home."""
         self._outer_axis, self._inner_axis = np.array(outer), np.array(inner)
+        self._frame = np.array([*_basis(self._inner_axis), self._inner_axis])
         self.update()
 
     def set_angles(self, outer: float, inner: float, *, known: bool = True) -> None:
@@ -96,55 +111,29 @@ class TablePicture(QWidget):
     def _plate(self, painter: QPainter, normal: FloatArray, radius: float, hole: float) -> None:
         c = theme.colours()
         u, v = _basis(normal)
-        edge = [radius * (np.cos(t) * u + np.sin(t) * v) for t in _CIRCLE]
+        edge = np.outer(np.cos(_CIRCLE), u) + np.outer(np.sin(_CIRCLE), v)
         painter.setPen(_pen(c.muted, 0.018))
         painter.setBrush(QColor(c.line if hole else c.window))
-        outline = QPolygonF([_flat(p) for p in edge])
+        painter.drawPolygon(_polygon(radius * edge))
         if hole:
-            inner = QPolygonF([_flat(hole / radius * p) for p in edge])
-            painter.drawPolygon(outline)
             painter.setBrush(QColor(c.panel))
-            painter.drawPolygon(inner)
-        else:
-            painter.drawPolygon(outline)
+            painter.drawPolygon(_polygon(hole * edge))
 
     def _unit(self, painter: QPainter, unit: FloatArray) -> None:
         """The unit as a box on the disc, its faces from back to front."""
         c = theme.colours()
-        half, low, high = 0.3, 0.0, 0.26
-        corners = {
-            (x, y, z): unit
-            @ (
-                half * x * self._frame[0]
-                + half * y * self._frame[1]
-                + (high if z > 0 else low) * self._frame[2]
-            )
-            for x in (-1, 1)
-            for y in (-1, 1)
-            for z in (-1, 1)
-        }
-        faces = []
-        for axis in range(3):
-            for side in (-1, 1):
-                ring = []
-                for a, b in ((-1, -1), (-1, 1), (1, 1), (1, -1)):
-                    key = [a, b]
-                    key.insert(axis, side)
-                    ring.append(corners[(key[0], key[1], key[2])])
-                faces.append((float(np.mean([_depth(p) for p in ring])), axis, ring))
+        corners = (_CORNERS @ self._frame) @ unit.T
+        faces = [
+            (float(np.mean(corners[list(face)] @ -_VIEWER)), axis, corners[list(face)])
+            for axis, face in _FACES
+        ]
         painter.setPen(_pen(c.muted, 0.015))
         dark = theme.current() == "dark"
         shade = {0: 120, 1: 150, 2: 200} if dark else {0: 112, 1: 124, 2: 100}
         for _, axis, ring in sorted(faces, key=lambda face: -face[0]):
             colour = QColor(c.panel)
             painter.setBrush(colour.lighter(shade[axis]) if dark else colour.darker(shade[axis]))
-            painter.drawPolygon(QPolygonF([_flat(p) for p in ring]))
-
-    @property
-    def _frame(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The unit's axes with the disc's normal last."""
-        u, v = _basis(self._inner_axis)
-        return u, v, self._inner_axis
+            painter.drawPolygon(_polygon(ring))
 
     def _axes(self, painter: QPainter, unit: FloatArray, normal: FloatArray, facing: bool) -> None:
         """x, y and z as arrows; what lies behind the disc is dashed."""
@@ -198,11 +187,18 @@ _VIEWER = np.array([_SA * _CE, -_CA * _CE, _SE])
 """From the table towards who looks at it, level frame."""
 
 
+_SCREEN = np.array([[_CA, _SA * _SE], [_SA, -_CA * _SE], [0.0, -_CE]])
+"""From the level frame to the screen, y downward, shape (3, 2)."""
+
+
 def _flat(p: FloatArray) -> QPointF:
-    """A point of the level frame on the screen, y downward."""
-    across = _CA * p[0] + _SA * p[1]
-    away = -_SA * p[0] + _CA * p[1]
-    return QPointF(float(across), float(-(_CE * p[2] + _SE * away)))
+    """A point of the level frame on the screen."""
+    return QPointF(*(p @ _SCREEN).tolist())
+
+
+def _polygon(points: FloatArray) -> QPolygonF:
+    """Points of the level frame, shape (n, 3), on the screen."""
+    return QPolygonF([QPointF(x, y) for x, y in (points @ _SCREEN).tolist()])
 
 
 def _depth(p: FloatArray) -> float:
