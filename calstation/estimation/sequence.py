@@ -105,13 +105,6 @@ class SequenceError(InputError):
         self.place = place
 
 
-def unwrap_sequence(
-    seq: IntArray, time: FloatArray, sample_period: float
-) -> tuple[IntArray, FloatArray, list[int]]:
-    """Unwrap a whole log at once; arguments, results and errors as in `SequenceUnwrapper.feed`."""
-    return SequenceUnwrapper(sample_period).feed(np.asarray(seq), np.asarray(time))
-
-
 def unwrap_counter(
     raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None
 ) -> IntArray:

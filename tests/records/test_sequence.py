@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calstation.errors import InputError
-from calstation.estimation.sequence import SequenceUnwrapper, unwrap_counter, unwrap_sequence
+from calstation.estimation.sequence import SequenceUnwrapper, unwrap_counter
 
 PERIOD = 0.01
 
@@ -32,7 +32,7 @@ def test_wraps_and_lost_samples_leave_the_count_true(
 def test_a_reset_with_a_jump_in_time_carries_on_by_the_time_lost() -> None:
     seq = np.array([500, 501, 0, 1, 2])
     time = np.array([5.01, 5.02, 7.02, 7.03, 7.04])
-    count, clock, restarts = unwrap_sequence(seq, time, PERIOD)
+    count, clock, restarts = SequenceUnwrapper(PERIOD).feed(seq, time)
     assert count.tolist() == [500, 501, 701, 702, 703]
     np.testing.assert_array_equal(clock, time)
     assert restarts == []
@@ -40,7 +40,7 @@ def test_a_reset_with_a_jump_in_time_carries_on_by_the_time_lost() -> None:
 
 def test_a_reset_that_restarts_the_clock_as_well_keeps_time_rising() -> None:
     seq = np.array([498, 499, 500, 0, 1])
-    count, clock, restarts = unwrap_sequence(seq, (seq + 1) * PERIOD, PERIOD)
+    count, clock, restarts = SequenceUnwrapper(PERIOD).feed(seq, (seq + 1) * PERIOD)
     assert count.tolist() == [498, 499, 500, 502, 503]
     assert np.all(np.diff(clock) > 0)
     assert restarts == [3]
@@ -59,7 +59,7 @@ def test_a_reset_that_restarts_the_clock_as_well_keeps_time_rising() -> None:
 )
 def test_anything_else_that_does_not_rise_is_an_error(seq: list[int], time: list[float]) -> None:
     with pytest.raises(InputError):
-        unwrap_sequence(np.array(seq), np.array(time), PERIOD)
+        SequenceUnwrapper(PERIOD).feed(np.array(seq), np.array(time))
 
 
 @settings(deadline=None, max_examples=60)
