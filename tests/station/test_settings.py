@@ -1,5 +1,6 @@
 """A site's files are checked by the loaders' own rules, with lines, and changed without losing a comment."""
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -50,7 +51,7 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
             "frame.fields[3].type",
         ),
         ("imus", "bench_nav", "sigma = 2.5e-05", "sigma = -1.0", 90, "prior.gyro_bias.sigma = -1.0"),
-        ("imus", "bench_nav", "address = 12", "address = 11", 50, "overlap"),
+        ("imus", "bench_nav", "address = 12", "address = 11", 1, "overlap"),
         ("tables", "bench", "homed = 12", "homed = 16", 45, "status_bits.homed = 16 is out of range"),
         ("stations", "virtual_bench", "seed = 1", "seed = -1", 15, "bench.seed = -1 is out of range"),
         (
@@ -182,3 +183,17 @@ def test_a_place_that_is_hardly_meant_is_told() -> None:
     assert [f.id for f in advice(0.0, 0.0, 0.0, 0.0, None)] == ["null_island"]
     assert [f.id for f in advice(-85.0, 10.0, 0.0, None, None)] == ["azimuth_hopeless"]
     assert advice(-85.0, 10.0, 0.0, 12.0, None) == ()
+
+
+def test_the_station_in_the_guide_is_right() -> None:
+    guide = (Path(__file__).parents[2] / "docs" / "connecting.md").read_text(encoding="utf-8")
+    (station,) = re.findall(r"```toml\n(.*?)```", guide, re.DOTALL)
+    assert check("stations", station) == []
+    named = {
+        "tables": ("bench", "aerosmith_atl", "acutronic_acl", "mn_ascii"),
+        "imus": ("bench_nav", "stim300", "vectornav_vn100", "dsp_modbus"),
+    }
+    for kind, names in named.items():
+        for name in names:
+            assert f"`{name}`" in guide
+            assert name in library.names(kind)

@@ -197,3 +197,13 @@ class Row(QWidget):
         if event.type() == QEvent.Type.LanguageChange:
             self.retranslate()
         super().changeEvent(event)
+
+
+def at_top(panel: QWidget) -> QWidget:
+    """A panel that is as high as what it holds, at the top of its place."""
+    place = QWidget()
+    column = QVBoxLayout(place)
+    column.setContentsMargins(0, 0, 0, 0)
+    column.addWidget(panel)
+    column.addStretch(1)
+    return place

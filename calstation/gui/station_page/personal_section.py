@@ -18,7 +18,7 @@ from calstation.errors import ConfigurationError
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
 from calstation.gui.station_page.drafts import Drafts, computer_user
-from calstation.gui.station_page.fields import Row
+from calstation.gui.station_page.fields import Row, at_top
 from calstation.gui.station_page.inputs import ChoiceBox
 from calstation.station import role
 
@@ -69,7 +69,7 @@ class PersonalSection(QWidget):
         row_.setContentsMargins(0, 0, 0, 0)
         row_.setSpacing(3 * theme.GRID)
         row_.addLayout(left)
-        row_.addWidget(self._pin_panel(), 1)
+        row_.addWidget(at_top(self._pin_panel()), 1)
         app.theme_changed.connect(self.refresh)
         self.retranslate()
 

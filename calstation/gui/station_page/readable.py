@@ -7,6 +7,7 @@ from PySide6.QtCore import QCoreApplication
 from PySide6.QtWidgets import QHeaderView, QTreeWidget, QTreeWidgetItem
 
 from calstation.gui import theme
+from calstation.gui.engineer.field_wording import word_field
 from calstation.gui.wording import word_group, word_stage
 from calstation.physics.parameters import GROUPS
 from calstation.physics.units import (
@@ -17,6 +18,7 @@ from calstation.physics.units import (
     DISPLAY,
     MICRO_G,
 )
+from calstation.station.schedules import UNITS
 
 Section = tuple[str, list[tuple[str, str]]]
 """A title and its lines of label and value."""
@@ -55,7 +57,9 @@ def _product(data: Mapping[str, Any]) -> list[Section]:
     sections: list[Section] = [(translate("station_readable", "Unit type"), unit)]
     for stage, schedule in _table(data, "schedule").items():
         if isinstance(schedule, Mapping):
-            lines = [(key, _text(value)) for key, value in schedule.items()]
+            lines = [
+                (word_field(key), f"{_text(value)} {_unit(key)}".strip()) for key, value in schedule.items()
+            ]
             sections.append((translate("station_readable", "Schedule: {0}").format(word_stage(stage)), lines))
     limits = [
         (_group_name(name), _limit(name, limit))
@@ -156,6 +160,12 @@ def _imu(data: Mapping[str, Any]) -> list[Section]:
     if known:
         sections.append((translate("station_readable", "Known of any unit beforehand (one sigma)"), known))
     return sections
+
+
+def _unit(key: str) -> str:
+    """Unit of a schedule's value by the end of its name, the longest that fits."""
+    ends = [end for end in UNITS if key.endswith(end)]
+    return UNITS[max(ends, key=len)] if ends else ""
 
 
 def _register(names: Sequence[str]) -> str:

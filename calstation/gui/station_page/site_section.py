@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 from calstation.gui import theme
 from calstation.gui.station_page.compass import Compass
 from calstation.gui.station_page.draft import Draft
-from calstation.gui.station_page.fields import Field, Form, Row
+from calstation.gui.station_page.fields import Field, Form, Row, at_top
 from calstation.gui.station_page.inputs import ChoiceBox, NumberEdit
 from calstation.station import site_advice
 
@@ -83,7 +83,7 @@ class SiteSection(QWidget):
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(3 * theme.GRID)
         row.addLayout(left)
-        row.addWidget(self._picture(), 1)
+        row.addWidget(at_top(self._picture()), 1)
         draft.changed.connect(self.refresh)
         self.retranslate()
 

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 
 from calstation.gui import theme
 from calstation.gui.station_page.drafts import Drafts
-from calstation.gui.station_page.fields import Field, Form, Row
+from calstation.gui.station_page.fields import Field, Form, Row, at_top
 from calstation.gui.station_page.inputs import ChoiceBox, NumberEdit, WordEdit
 from calstation.gui.widgets.badge import StateBadge
 from calstation.station import library, version_store
@@ -81,7 +81,7 @@ class StationSection(QWidget):
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(3 * theme.GRID)
         row.addLayout(left)
-        row.addWidget(self._about(), 1)
+        row.addWidget(at_top(self._about()), 1)
         self._draft.changed.connect(self.refresh)
         self.retranslate()
 

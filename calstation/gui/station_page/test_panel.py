@@ -182,7 +182,7 @@ class TestPanel(QFrame):
         self._about.setText(
             self.tr(
                 "Opens the link as typed, saved or not, asks who is there and listens. "
-                "Nothing moves and nothing is written."
+                "Nothing moves and no calibration is written."
             )
         )
         self._product_label.setText(self.tr("Expected: the IMU of product"))

@@ -766,8 +766,8 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>连接测试</translation>
     </message>
     <message>
-        <source>Opens the link as typed, saved or not, asks who is there and listens. Nothing moves and nothing is written.</source>
-        <translation>按当前填写的设置（无论是否已保存）打开连接，询问对方并监听。不会运动，也不写入任何内容。</translation>
+        <source>Opens the link as typed, saved or not, asks who is there and listens. Nothing moves and no calibration is written.</source>
+        <translation>按当前填写的设置（无论是否已保存）打开连接，询问对方并监听。不会运动，也不写入标定数据。</translation>
     </message>
     <message>
         <source>Expected: the IMU of product</source>
