@@ -83,6 +83,7 @@ class BenchConfig(BaseModel):
     gravity_mps2 : true gravity, None for the normal gravity of the place
     mount_deg : smallest and largest angle of the unit on its platform
     start_deg : joint angles at power-on, None draws them
+    imu_protocol : what the unit's commands are
     table_protocol : what the table speaks; table_transport : over TCP or, "rtu", over a pseudo-terminal
     latency_s, jitter_s : a polled angle is this old, uniformly ± the jitter
     clock_drift_ppm : device time gains this much on the clock service's
@@ -91,7 +92,8 @@ class BenchConfig(BaseModel):
     watchdog_ms : the table's timeout at power-on, host time
     flash_file : keeps the unit's flash over runs; flash_banks : 2, or 1 for a unit that has no spare
     orders : faults to come
-    report_file : where the bench writes at its end how it was left and which orders it has obeyed
+    report_file : where the bench writes at its end how it was left and which orders it has obeyed; it then lives until
+        its watchdog has had its time
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -134,6 +136,7 @@ class BenchConfig(BaseModel):
 
     table_protocol: Literal["modbus", "atl", "acl", "mn"] = "modbus"
     table_transport: Literal["tcp", "rtu"] = "tcp"
+    imu_protocol: Literal["framed", "modbus", "vectornav"] = "framed"
     imu_transport: Literal["socket", "pty"] = "socket"
     latency_s: NonNegative = 0.002
     jitter_s: NonNegative = 0.001

@@ -7,13 +7,13 @@ import socket
 import sys
 from collections.abc import Callable
 
-from calstation.bench.imu_frames import CommandParser
 from calstation.bench.pseudo_terminal import open_raw
 
 #: Kernel buffer of the line: a reader that falls further behind stops the bench's time, bytes.
 BUFFER = 65536
 
-Answer = Callable[[int, bytes], bytes]
+Talk = Callable[[], Callable[[bytes], list[bytes]]]
+"""Makes what hears the bytes of one connection and gives the unit's replies."""
 
 
 class SocketLine:
@@ -25,10 +25,10 @@ class SocketLine:
     sent : bytes handed to the operating system for the client served now
     """
 
-    def __init__(self, answer: Answer) -> None:
+    def __init__(self, talk: Talk) -> None:
         self.endpoint = ""
         self.sent = 0
-        self._answer = answer
+        self._talk = talk
         self._server: asyncio.Server | None = None
         self._writer: asyncio.StreamWriter | None = None
 
@@ -68,11 +68,11 @@ class SocketLine:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         writer.transport.set_write_buffer_limits(high=0)
         self._writer, self.sent = writer, 0
-        parser = CommandParser()
+        hear = self._talk()
         try:
             while data := await reader.read(4096):
-                for op, payload in parser.feed(data):
-                    await self.send(self._answer(op, payload))
+                for reply in hear(data):
+                    await self.send(reply)
         except (ConnectionError, asyncio.CancelledError):
             pass
         finally:
@@ -96,10 +96,10 @@ class TerminalLine:
     #: Host time between looks at the terminal, s.
     POLL = 0.002
 
-    def __init__(self, answer: Answer) -> None:
+    def __init__(self, talk: Talk) -> None:
         self.endpoint = ""
         self.sent = 0
-        self._answer = answer
+        self._talk = talk
         self._master = -1
         self._task: asyncio.Task[None] | None = None
 
@@ -142,12 +142,12 @@ class TerminalLine:
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     async def _read(self) -> None:
-        parser = CommandParser()
+        hear = self._talk()
         while True:
             try:
                 data = os.read(self._master, 4096)
             except OSError:
                 data = b""
-            for op, payload in parser.feed(data):
-                await self.send(self._answer(op, payload))
+            for reply in hear(data):
+                await self.send(reply)
             await asyncio.sleep(self.POLL)

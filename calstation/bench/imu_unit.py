@@ -1,6 +1,7 @@
 """The IMU's processor: identity, calibration registers with a flash image, power-up, frames sent."""
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from calstation.bench.imu_frames import (
     READY,
     REPLY_SYNC,
     SATURATED,
+    CommandParser,
     pack,
     stream_frames,
 )
@@ -60,6 +62,7 @@ class ImuUnit:
         self._serial = serial
         self._ready_time = ready_time
         self._ambient, self._warm_up, self._warm_up_time = ambient, warm_up, warm_up_time
+        self.flash_file = flash_file
         self._flash = Flash(flash_banks, flash_file)
         self.fails_writing: int | None = None
         self.fails_committing: int | None = None
@@ -98,6 +101,11 @@ class ImuUnit:
         return stream_frames(
             counter[awake], output.counts[awake], self.temperature(float(ends[-1])), status[awake]
         )
+
+    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
+        """A fresh ear for one connection: takes bytes as they come and device time, s; gives replies, in order."""
+        parser = CommandParser()
+        return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
 
     def answer(self, op: int, payload: bytes, time: float) -> bytes:
         """Reply frame to one command at `time`, s; nothing where the power breaks down over it."""

@@ -11,8 +11,14 @@ from calstation.bench.stream_truth import SensorStream
 from calstation.bench.table_drive import TableDrive
 from calstation.bench.table_machine import Fault, TableMachine
 from calstation.bench.table_registers import TableRegisters
+from calstation.bench.unit_dsp import DspUnit
+from calstation.bench.unit_vectornav import SAMPLES as VECTORNAV
+from calstation.bench.unit_vectornav import VectorNavUnit
 
 TABLE_MODEL = "bench-table"
+
+UNITS = {"framed": ImuUnit, "modbus": DspUnit, "vectornav": VectorNavUnit}
+"""Units by what their commands are."""
 
 _FAULTS = {
     "drive_fault": Fault.DRIVE,
@@ -80,7 +86,7 @@ class LiveBench:
             serial=config.table_serial,
             **self.table_clocks(),
         )
-        self.unit = ImuUnit(
+        self.unit = UNITS[config.imu_protocol](
             config.serial,
             ready_time=config.ready_time_s,
             ambient=config.ambient_c,
@@ -89,6 +95,11 @@ class LiveBench:
             flash_file=config.flash_file,
             flash_banks=config.flash_banks,
         )
+        if isinstance(self.unit, VectorNavUnit):
+            imu = self.truth.imu
+            self.unit.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
+            self.unit.rate = imu.sample_rate
+            self.faults.frame_size = VECTORNAV.itemsize
 
     @property
     def device_time(self) -> float:
@@ -100,9 +111,10 @@ class LiveBench:
         """Samples produced so far."""
         return self._stream.produced
 
-    def answer(self, op: int, payload: bytes) -> bytes:
-        """The unit's reply to a command."""
-        return self.unit.answer(op, payload, self.device_time)
+    def talk(self) -> Callable[[bytes], list[bytes]]:
+        """What the unit makes of the bytes of one connection: its replies."""
+        hear = self.unit.conversation()
+        return lambda data: hear(data, self.device_time)
 
     def table_clocks(self) -> dict[str, Callable[[], float]]:
         """What a controller of the table tells time by."""

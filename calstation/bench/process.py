@@ -36,7 +36,7 @@ class BenchProcess:
             axes = Axes(self._bench.machine, **self._bench.table_clocks())
             self._table = TableLine(LANGUAGES[config.table_protocol](axes, config.table_serial))
         line_kind = SocketLine if config.imu_transport == "socket" else TerminalLine
-        self._line: SocketLine | TerminalLine = line_kind(self._bench.answer)
+        self._line: SocketLine | TerminalLine = line_kind(self._bench.talk)
         self._clock = ClockLink(self._advance, self._bench.obey, self._report, self.stop)
         self._bench.on_link = self._obey
         self._moving = asyncio.Lock()
@@ -59,6 +59,8 @@ class BenchProcess:
         print(json.dumps(self.endpoints()), flush=True)
         try:
             await self._stopped.wait()
+            if self._config.report_file is not None:
+                await self._outlive()
         finally:
             for task in tasks:
                 task.cancel()
@@ -118,6 +120,12 @@ class BenchProcess:
                 table.garble += int(order.value)
             elif order.order == "refuse_table":
                 table.refuse = int(order.value)
+
+    async def _outlive(self) -> None:
+        """A table goes on after the computer: its watchdog may still have something to do."""
+        machine, deadline = self._bench.machine, time.monotonic() + self._bench.machine.watchdog + 1.0
+        while machine.power is Power.ENABLED and machine.watchdog > 0.0 and time.monotonic() < deadline:
+            await asyncio.sleep(TICK)
 
     def _write_report(self) -> None:
         if self._config.report_file is not None:

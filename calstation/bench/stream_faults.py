@@ -25,10 +25,12 @@ class StreamFaults:
     silent_until, garbled_until, saturated_until, frozen_until : device time, s, up to which nothing is sent, bytes
         come as at a wrong baud, the first channel of the gyro saturates, or one channel shows what it showed last
     frozen : number of that channel
+    frame_size : bytes of a frame
     """
 
     def __init__(self, random: np.random.Generator) -> None:
         self._random = random
+        self.frame_size = STREAM.itemsize
         self.corrupt = self.drop = self.duplicate = self.reorder = self.noise = 0
         self.silent_until = self.garbled_until = self.saturated_until = self.frozen_until = -np.inf
         self.frozen = 0
@@ -56,7 +58,7 @@ class StreamFaults:
             return self._random.bytes(len(data))
         if not (self.corrupt or self.drop or self.duplicate or self.reorder or self.noise):
             return data
-        size = STREAM.itemsize
+        size = self.frame_size
         frames = [data[i : i + size] for i in range(0, len(data), size)]
         dropped = min(self.drop, len(frames))
         self.drop -= dropped
