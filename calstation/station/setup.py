@@ -144,6 +144,7 @@ class Setup:
             "grade": self.product.bench_grade,
             "serial": self.request.serial,
             "table_protocol": table.protocol,
+            "imu_protocol": self.imu.protocol,
             "sample_rate_hz": stream.sample_rate_hz,
             "output": stream.output,
             "outer_lever": table.outer_lever,
