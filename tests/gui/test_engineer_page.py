@@ -77,14 +77,14 @@ class Engineer(Operator):
 
     def start(self, meanwhile: Callable[[], None] = lambda: None) -> dict[str, Any]:
         """Press START, wait for the end and for the result to be shown."""
-        shown = self.page.result.shown
+        shown = self.page.look.result.shown
         self.press("engineer_start_button")
         meanwhile()
-        self.until(lambda: self.page.result.shown is not shown or self.run.fault is not None)
+        self.until(lambda: self.page.look.result.shown is not shown or self.run.fault is not None)
         self.until_ended()
         assert self.run.fault is None, self.run.fault
-        assert self.page.result.shown is not None
-        return dict(self.page.result.shown.result)
+        assert self.page.look.result.shown is not None
+        return dict(self.page.look.result.shown.result)
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
         """A parameter table as it stands: texts by row and heading."""
@@ -181,7 +181,7 @@ def test_single_stages_run_in_any_order_here_and_on_the_operator_page(engineer: 
 
     path = engineer.place.folder / "x.json"
     path.write_text(json.dumps({"schema": "other"}), encoding="utf-8")
-    engineer.page.open(path)
+    engineer.page.look.open(path)
     engineer.until(lambda: "This file cannot be opened" in engineer.says())
 
 
@@ -274,7 +274,7 @@ def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
     assert [line.split("\t")[0] for line in lines[1:]] == list(result["parameters"])
 
     engineer.turn_to(2)
-    engineer.until(lambda: page.innovations.isVisible())
+    engineer.until(lambda: page.look.innovations.isVisible())
     combo = engineer.widget("innovation_stage_combo", QComboBox)
     assert [combo.itemText(i) for i in range(combo.count())] == ["Six positions", "Azimuth flips"]
     assert "beyond ±3 σ" in engineer.says()
@@ -282,8 +282,8 @@ def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
     assert f"{nis:.3f}" in engineer.says()
 
     engineer.turn_to(3)
-    assert page.residuals.isVisible()
-    plot = page.residuals.plots[0]
+    assert page.look.residuals.isVisible()
+    plot = page.look.residuals.plots[0]
     place = (
         plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
     )
@@ -292,14 +292,14 @@ def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
 
     engineer.turn_to(4)
     assert "determined by this stage" in engineer.widget("unobservable_label", QLabel).text().lower()
-    heat = page.observability.map
+    heat = page.look.observability.map
     row, column = 6, 0
     told = help_at(heat, heat.cell(row, column).center().toPoint())
     assert told.startswith("gyro_bias_x after step")
 
     combo = engineer.widget("language_combo", QComboBox)
-    page.open(Path(result["log"]["file"]))
-    engineer.until(lambda: not page._loading.busy)
+    page.look.open(Path(result["log"]["file"]))
+    engineer.until(lambda: not page.look.loading.busy)
     assert "SN-000042" in engineer.says()
 
 

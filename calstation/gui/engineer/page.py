@@ -18,26 +18,19 @@ from calstation.errors import CalstationError
 from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.engineer.choice_panel import ChoicePanel
-from calstation.gui.engineer.error_wording import one_line
+from calstation.gui.engineer.close_look import CloseLook
 from calstation.gui.engineer.header import EngineerHeader
-from calstation.gui.engineer.innovations_view import InnovationsView
-from calstation.gui.engineer.lazy import LazyView
-from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.preview import PreviewView
-from calstation.gui.engineer.registers_view import RegistersView
-from calstation.gui.engineer.residuals_view import ResidualsView
-from calstation.gui.engineer.result_view import ResultView
+from calstation.gui.engineer.register_desk import RegisterDesk
 from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.page import Page
 from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.gui.wording import word_stage, word_state
+from calstation.gui.wording import word_stage
 from calstation.sequencer.events import Event, Verdict
-from calstation.station.diagnostics import Diagnostics, diagnose
-from calstation.station.finished import Finished, finished
+from calstation.station.finished import Finished
 from calstation.station.forecast import forecast
-from calstation.station.hand_registers import UnitRegisters, Wanted, read_unit, wanted_registers, write_unit
 from calstation.station.product_schedule import save_schedule
 from calstation.station.request import RunRequest
 from calstation.station.schedules import Offer, offer
@@ -55,33 +48,24 @@ class EngineerPage(Page):
         self.setObjectName("engineer_page")
         self._offer: Offer | None = None
         self._problem = ""
-        self._finished: Finished | None = None
-        self._path: Path | None = None
-        self._looked: Path | None = None
-        self._writing = self._faulty = False
+        self._faulty = False
         self.header = self._fields = EngineerHeader(app.run)
         self._fields.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
         self.choice = ChoicePanel()
         self.notice = NoticeBar()
         self._source, self.open_button = ElidedLabel(), QPushButton()
         self.open_button.setObjectName("open_result_button")
-        self.preview, self.result = PreviewView(), ResultView()
-        self.innovations, self.residuals = InnovationsView(), ResidualsView()
-        self.observability, self.registers = ObservabilityView(), RegistersView()
-        self._loading, self._wanting = JobWatch(self), JobWatch(self)
-        self._saving, self._diagnosing = JobWatch(self), JobWatch(self)
-        self._lazy = {
-            "result": LazyView(self.result),
-            "innovations": LazyView(self.innovations, self._diagnosing),
-            "residuals": LazyView(self.residuals, self._diagnosing),
-            "observability": LazyView(self.observability),
-        }
+        self.preview = PreviewView()
+        self._desk = RegisterDesk(app, self._request, self)
+        self.registers = self._desk.view
+        self.look = CloseLook(app, self)
+        self._saving = JobWatch(self)
         self.tabs, self.views = QTabBar(), QStackedWidget()
         self.tabs.setObjectName("engineer_views")
         self.tabs.setProperty("kind", "views")
         self.tabs.setDrawBase(False)
         self.tabs.setExpanding(False)
-        for view in (self.preview, *self._lazy.values(), self.registers):
+        for view in (self.preview, *self.look.views, self.registers):
             self.tabs.addTab("")
             self.views.addWidget(view)
         self._lay_out()
@@ -121,20 +105,14 @@ class EngineerPage(Page):
         self._fields.start_pressed.connect(self._start)
         self._fields.edited.connect(self._allow)
         self.preview.wanted.connect(self._preview)
-        self.preview.watch.done.connect(lambda told: self._show_observability(told=told))
+        self.preview.watch.done.connect(self.look.foresee)
         self.open_button.clicked.connect(self._ask_file)
-        self._loading.done.connect(self._loaded)
-        self._loading.failed.connect(self._not_loaded)
-        self._wanting.done.connect(self._show_wanted)
-        self._wanting.failed.connect(self.registers.complain)
+        self.look.changed.connect(lambda: self._source.setText(self.look.source()))
+        self.look.loaded.connect(self._loaded)
+        self.look.failed.connect(self._not_loaded)
+        self._desk.changed.connect(self._allow)
         self._saving.done.connect(self._saved)
         self._saving.failed.connect(self._not_saved)
-        self._diagnosing.done.connect(self._diagnosed)
-        self._diagnosing.failed.connect(self._not_diagnosed)
-        self._diagnosing.cancelled.connect(lambda: self._not_diagnosed(""))
-        self.registers.read_wanted.connect(self._read_registers)
-        self.registers.write_wanted.connect(self._write_registers)
-        self.registers.watch.done.connect(self._registers_told)
         self.tabs.currentChanged.connect(self._turn)
         app.engine_link.event.connect(self._take)
         app.engine_link.running_changed.connect(lambda _: self._allow())
@@ -143,7 +121,7 @@ class EngineerPage(Page):
         app.choice_changed.connect(self._choice_undone)
         app.station_changed.connect(self._read_offer)
         app.product_changed.connect(self._read_offer)
-        app.open_run.connect(self.open)
+        app.open_run.connect(self.look.open)
 
     # ---- what is chosen
 
@@ -284,147 +262,34 @@ class EngineerPage(Page):
 
     def _take(self, event: Event) -> None:
         if isinstance(event, Verdict):
-            self.open(Path(event.result_file))
+            self.look.open(Path(event.result_file))
 
     # ---- a finished run
-
-    def open(self, path: Path) -> None:
-        """Look at a result or a log."""
-        self._path = path
-        self._loading.watch(self.app.workshop.submit(finished, path, self.app.runs_folder))
-        self._say_source()
 
     def _ask_file(self) -> None:
         dialog = QFileDialog(self, self.tr("Open a result or a log"), str(self.app.runs_folder))
         dialog.setNameFilters(
             [self.tr("Results and logs (*.json *.h5 *.csv *.csv.gz)"), self.tr("All files (*)")]
         )
-        dialog.fileSelected.connect(lambda name: self.open(Path(name)))
+        dialog.fileSelected.connect(lambda name: self.look.open(Path(name)))
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.open()
 
     def _loaded(self, run: Finished) -> None:
-        self._finished, self._looked = run, None
-        if run.result["parameters"]:
-            self.result.show_run(run)
-            self._lazy["result"].show_view()
-        else:
-            self._lazy["result"].show_empty(self._why_no_answer(run))
-        self._show_observability(run=run)
-        for name in ("innovations", "residuals"):
-            self._lazy[name].show_empty()
-        self.registers.show_wanted(None)
-        if run.result["parameters"] and self._offer is not None:
-            job = self.app.workshop.submit(wanted_registers, self._request(), dict(run.result))
-            self._wanting.watch(job)
+        self._desk.take(run)
         if self.views.currentIndex() == 0 and not self.app.engine_link.running:
             self.tabs.setCurrentIndex(1)
-        self._say_source()
-        self._look()
+        self.look.look(self.views.currentWidget())
         self._allow()
 
-    def _not_loaded(self, error: str) -> None:
-        path, self._path = self._path, None
+    def _not_loaded(self, path: Path | None, error: str) -> None:
         self.notice.ask(
             "bad", lambda: self.tr("This file cannot be opened"), lambda: word_log_error(error, path)
         )
-        self._say_source()
-
-    def _why_no_answer(self, run: Finished) -> str:
-        said = self.tr("The run ended without an answer: {0}").format(word_state(str(run.result["outcome"])))
-        error = run.result.get("error")
-        return f"{said}. {one_line(str(error))}" if error else said
-
-    def _show_observability(self, run: Finished | None = None, told: Any = None) -> None:
-        """That of a run; before any, what a preview expects."""
-        if run is not None:
-            self.observability.show_stages(run.result.get("observability") or {})
-        elif self._finished is None and told is not None:
-            self.observability.show_stages({s.stage: s.observability for s in told.stages})
-        else:
-            return
-        self._lazy["observability"].show_view()
 
     def _turn(self, index: int) -> None:
         self.views.setCurrentIndex(index)
-        self._look()
-
-    def _look(self) -> None:
-        """Make innovations and residuals once somebody looks at them."""
-        view = self.views.currentWidget()
-        run = self._finished
-        if run is None or view not in (self._lazy["innovations"], self._lazy["residuals"]):
-            return
-        if run.log is None:
-            self._not_diagnosed(self.tr("Its log is not there any more."))
-        elif run.log != self._looked and not run.result["stages"]:
-            self._not_diagnosed(self._why_no_answer(run))
-        elif run.log != self._looked:
-            self._looked = run.log
-            log = run.result["log"]
-            stages = tuple(run.result["stages"])
-            self._diagnosing.watch(
-                self.app.workshop.submit(diagnose, run.log, stages, log["first_seq"], log["last_seq"])
-            )
-            for name in ("innovations", "residuals"):
-                self._lazy[name].show_work()
-
-    def _diagnosed(self, found: Diagnostics) -> None:
-        self.innovations.show_diagnostics(found)
-        self.residuals.show_diagnostics(found)
-        for name in ("innovations", "residuals"):
-            self._lazy[name].show_view()
-
-    def _not_diagnosed(self, error: str) -> None:
-        path, self._looked = self._looked, None
-        for name in ("innovations", "residuals"):
-            self._lazy[name].show_empty(word_log_error(error, path) if error else "")
-
-    def _say_source(self) -> None:
-        if self._loading.busy and self._path is not None:
-            self._source.setText(self.tr("Opening {0}").format(self._path.name))
-        elif self._finished is None:
-            self._source.setText("")
-        else:
-            result = self._finished.result
-            started = str(result.get("started_utc") or "").replace("T", " ")[:16]
-            parts = (str(result["unit"]["serial"]), started, word_state(str(result["outcome"])))
-            self._source.setText("  ·  ".join(part for part in parts if part))
-
-    # ---- registers
-
-    def _show_wanted(self, wanted: Wanted) -> None:
-        self.registers.show_wanted(wanted)
-        self._allow()
-
-    def _read_registers(self) -> None:
-        job = self.app.workshop.submit(read_unit, self._request(), self.app.runs_folder, cancellable=False)
-        self.registers.watch.watch(job)
-        self.registers.begin()
-        self._allow()
-
-    def _write_registers(self, values: Any) -> None:
-        assert self._finished is not None
-        result = self._finished.result
-        job = self.app.workshop.submit(
-            write_unit,
-            self._request(),
-            str(result["unit"]["serial"]),
-            dict(values),
-            Path(result["log"]["file"]).name,
-            self._fields.engineer,
-            self.app.runs_folder,
-            cancellable=False,
-        )
-        self._writing = True
-        self.registers.watch.watch(job)
-        self.registers.begin()
-        self._allow()
-
-    def _registers_told(self, unit: UnitRegisters) -> None:
-        self.registers.show_unit(unit, written=self._writing)
-        self._writing = False
-        self._allow()
+        self.look.look(self.views.currentWidget())
 
     # ---- what may be done now, and why not
 
@@ -447,7 +312,7 @@ class EngineerPage(Page):
         self.registers.engineer = self._fields.engineer
         self.registers.set_why_not(
             self._problem or busy or device,
-            role or self._problem or busy or device or name or self._why_not_write(),
+            role or self._problem or busy or device or name or self._desk.why_not(),
         )
 
     def _why_no_choice(self) -> str:
@@ -478,18 +343,6 @@ class EngineerPage(Page):
             return self.tr("Mend the values marked first.")
         return "" if form.departures else self.tr("This stage's values are the product's.")
 
-    def _why_not_write(self) -> str:
-        view = self.registers
-        if view.wanted is None:
-            return self.tr("Open a result or finish a run first: its values are what is written.")
-        if view.unit is None:
-            return self.tr("Read the unit first, so that what changes can be seen.")
-        if view.unit.serial != view.wanted.serial:
-            return self.tr("Unit {0} is in the fixture, the result is of {1}.").format(
-                view.unit.serial, view.wanted.serial
-            )
-        return "" if view.changes else self.tr("The unit holds these values already.")
-
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
         for index, text in enumerate(
@@ -505,5 +358,5 @@ class EngineerPage(Page):
             self.tabs.setTabText(index, text)
         self.open_button.setText(self.tr("Open"))
         self.open_button.setToolTip(self.tr("Look at an earlier result or log"))
-        self._say_source()
+        self._source.setText(self.look.source())
         self._allow()

@@ -25,6 +25,21 @@
     </message>
 </context>
 <context>
+    <name>CloseLook</name>
+    <message>
+        <source>Its log is not there any more.</source>
+        <translation>它的数据记录已经不在了。</translation>
+    </message>
+    <message>
+        <source>Opening {0}</source>
+        <translation>正在打开 {0}</translation>
+    </message>
+    <message>
+        <source>The run ended without an answer: {0}</source>
+        <translation>这次标定没有得出结果：{0}</translation>
+    </message>
+</context>
+<context>
     <name>EngineerHeader</name>
     <message>
         <source>Serial number</source>
@@ -106,18 +121,6 @@
         <translation>这个文件打不开</translation>
     </message>
     <message>
-        <source>The run ended without an answer: {0}</source>
-        <translation>这次标定没有得出结果：{0}</translation>
-    </message>
-    <message>
-        <source>Its log is not there any more.</source>
-        <translation>它的数据记录已经不在了。</translation>
-    </message>
-    <message>
-        <source>Opening {0}</source>
-        <translation>正在打开 {0}</translation>
-    </message>
-    <message>
         <source>A calibration is going on; press STOP first.</source>
         <translation>标定正在进行，请先按“停止”。</translation>
     </message>
@@ -164,22 +167,6 @@
     <message>
         <source>This stage's values are the product's.</source>
         <translation>本阶段的数值就是产品的设定值。</translation>
-    </message>
-    <message>
-        <source>Open a result or finish a run first: its values are what is written.</source>
-        <translation>请先打开标定结果或完成一次标定，写入的就是其中的数值。</translation>
-    </message>
-    <message>
-        <source>Read the unit first, so that what changes can be seen.</source>
-        <translation>请先读取产品，才能看出哪些内容会改变。</translation>
-    </message>
-    <message>
-        <source>Unit {0} is in the fixture, the result is of {1}.</source>
-        <translation>夹具上是产品 {0}，标定结果属于 {1}。</translation>
-    </message>
-    <message>
-        <source>The unit holds these values already.</source>
-        <translation>产品里已经是这些数值。</translation>
     </message>
     <message>
         <source>Preview</source>
@@ -453,6 +440,25 @@
     <message>
         <source>{0} to {1:.1f}°, its travel is {2:.0f}° to {3:.0f}°; choose fewer turns or rounds</source>
         <translation>{0}转到 {1:.1f}°，行程为 {2:.0f}° 到 {3:.0f}°，请减少圈数或轮数</translation>
+    </message>
+</context>
+<context>
+    <name>RegisterDesk</name>
+    <message>
+        <source>Open a result or finish a run first: its values are what is written.</source>
+        <translation>请先打开标定结果或完成一次标定，写入的就是其中的数值。</translation>
+    </message>
+    <message>
+        <source>Read the unit first, so that what changes can be seen.</source>
+        <translation>请先读取产品，才能看出哪些内容会改变。</translation>
+    </message>
+    <message>
+        <source>Unit {0} is in the fixture, the result is of {1}.</source>
+        <translation>夹具上是产品 {0}，标定结果属于 {1}。</translation>
+    </message>
+    <message>
+        <source>The unit holds these values already.</source>
+        <translation>产品里已经是这些数值。</translation>
     </message>
 </context>
 <context>
