@@ -99,7 +99,7 @@ class OperatorPage(Page):
         super().showEvent(event)
         if not self._looked:
             self._looked = True
-            self._resuming.look()
+            self._resuming.open_up()
             self._fields.focus_serial()
 
     def _live(self) -> QWidget:

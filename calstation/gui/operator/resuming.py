@@ -16,6 +16,7 @@ from calstation.station.closing import close_run
 from calstation.station.config import load_product
 from calstation.station.request import RunRequest
 from calstation.station.resume import Resumable, find_resumable
+from calstation.station.tidy import tidy_up
 
 
 class Resuming(QObject):
@@ -26,10 +27,17 @@ class Resuming(QObject):
         self._app, self._header, self._notice, self._starting = app, header, notice, starting
         self._wanted: Path | None = None
         self._serial: str | None = None
-        self._search, self._closing = JobWatch(self), JobWatch(self)
+        self._search, self._closing, self._tidying = JobWatch(self), JobWatch(self), JobWatch(self)
         self._search.done.connect(self._found)
         self._closing.failed.connect(self._complain)
         app.resume_run.connect(self._look_for_log)
+
+    def open_up(self) -> None:
+        """When the window opens: runs that died get their result, what waits is handed over; then offer."""
+        if self._app.runs_folder.is_dir():
+            tidying = self._app.workshop.submit(tidy_up, self._app.runs_folder, self._app.station_path)
+            self._tidying.watch(tidying)
+        self.look()
 
     def look(self, serial: str | None = None) -> None:
         """Offer what can be resumed; only a unit's where `serial` is given."""
