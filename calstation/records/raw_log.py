@@ -10,6 +10,7 @@ its rows.
 import json
 import os
 import re
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -47,6 +48,9 @@ ROW = np.dtype(
 )
 """Columns of every log; those of further IMUs and of a gimbal come after them."""
 CHUNK_ROWS = 1024
+SUPERBLOCK = 48
+RESERVE = 32_000_000
+"""Bytes that must be left on the disk: a run ends while there is still room for its log's and its result's end."""
 _TEXTS = ("events", "results", "closing")
 
 
@@ -55,6 +59,19 @@ def row_dtype(further_imus: int, joints: bool) -> np.dtype:
     further = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
     return np.dtype([*ROW.descr, *further, *gimbal])
+
+
+_abandoned: list["RawLogWriter"] = []
+
+
+def free_space(path: Path) -> int:
+    """Bytes left on the disk of a file."""
+    return shutil.disk_usage(path.parent).free
+
+
+def superblock_end(head: bytes) -> int:
+    """Length of the file that its first `SUPERBLOCK` bytes tell (HDF5 file format 4.0, II.A, version 3)."""
+    return int.from_bytes(head[28:36], "little")
 
 
 class RawLogWriter:
@@ -95,7 +112,7 @@ class RawLogWriter:
         self._rows: list[np.ndarray] = []
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed = self._synced = time.monotonic()
-        self._refused = False
+        self._refused = self._warned = False
         self.sync()
 
     def append(self, block: SampleBlock) -> None:
@@ -165,6 +182,12 @@ class RawLogWriter:
         if self._refused:
             return
         with self._told():
+            if not self._warned and free_space(self.path) < RESERVE:
+                self._warned = True
+                raise ConfigurationError(
+                    f"{self.path}: its disk is nearly full, less than {RESERVE // 1_000_000} MB are left; make room"
+                    " on it, then resume the run"
+                )
             os.fsync(self._sync_handle)
             if not os.path.samestat(self.path.stat(), os.fstat(self._sync_handle)):
                 raise OSError("another file has taken its place")
@@ -176,12 +199,14 @@ class RawLogWriter:
         facts = self.facts()
         if not self._file:
             return facts
-        if not self._refused:
-            self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
-            self.sync()
-        with suppress(*((OSError, RuntimeError) if self._refused else ())):
-            self._file.close()
-            os.fsync(self._sync_handle)
+        if self._refused:
+            # Closing what could not be written may take the process along: the library is left alone with it.
+            _abandoned.append(self)
+            return facts
+        self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
+        self.sync()
+        self._file.close()
+        os.fsync(self._sync_handle)
         os.close(self._sync_handle)
         return facts
 
@@ -192,12 +217,21 @@ class RawLogWriter:
             yield
         except (OSError, RuntimeError) as exc:  # h5py knows both
             self._refused = True
+            with suppress(OSError):
+                self._fill_up()
             reason = os.strerror(exc.errno) if isinstance(exc, OSError) and exc.errno else str(exc)
             found = re.search(r"error message = '([^']*)'", reason)
             raise ConfigurationError(
                 f"{self.path}: the log cannot be written any more ({found[1] if found else reason}); make room on"
                 " its disk, or bring its folder back, then resume the run"
             ) from exc
+
+    def _fill_up(self) -> None:
+        """Make the file as long as it says of itself, by a hole: readers refuse one that was cut short."""
+        os.lseek(self._sync_handle, 0, os.SEEK_SET)
+        told = superblock_end(os.read(self._sync_handle, SUPERBLOCK))
+        if os.fstat(self._sync_handle).st_size < told:
+            os.ftruncate(self._sync_handle, told)
 
     def _growing(self, name: str, dtype: DTypeLike, chunk: int) -> h5py.Dataset:
         return self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(chunk,))

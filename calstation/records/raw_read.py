@@ -13,7 +13,7 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock
 from calstation.records.meta import LogMeta, meta_from_json
-from calstation.records.raw_log import CHUNK_ROWS, FORMAT, SUFFIX
+from calstation.records.raw_log import CHUNK_ROWS, FORMAT, SUFFIX, SUPERBLOCK, superblock_end
 
 _READ_ROWS = 16 * CHUNK_ROWS
 _SIGNATURE = b"\x89HDF\r\n\x1a\n\x03"
@@ -153,11 +153,10 @@ class _Opened:
         superblock says is refused before.
         """
         with self._path.open("rb") as stream:
-            head = stream.read(48)
-        if len(head) < 48 or head[:9] != _SIGNATURE:
+            head = stream.read(SUPERBLOCK)
+        if len(head) < SUPERBLOCK or head[:9] != _SIGNATURE:
             raise self._damaged()
-        end = int.from_bytes(head[28:36], "little")
-        if self._path.stat().st_size < end:
+        if self._path.stat().st_size < superblock_end(head):
             raise self._damaged()
         return head[11] != 0
 

@@ -83,7 +83,8 @@ def noise_counts(model: ImuModel) -> FloatArray:
     """Standard deviation of the white noise of one sample, in counts, shape (6,)."""
     period = 1.0 / model.sample_rate
     scale = period**0.5 if model.output == "increment" else period**-0.5
-    return np.repeat([model.gyro_arw / model.gyro_lsb, model.accel_vrw / model.accel_lsb], 3) * scale
+    noise = np.repeat([model.gyro_arw / model.gyro_lsb, model.accel_vrw / model.accel_lsb], 3)
+    return np.asarray(noise * scale, dtype=np.float64)
 
 
 class Acquisition:
@@ -192,7 +193,7 @@ class Acquisition:
             saturated=bool(seen & self._masks.saturated),
             failed=bool(seen & self._masks.failed),
             invalid=not finite.all(),
-            stuck=self._stuck(batch.counts),
+            stuck="" if seen & self._masks.saturated else self._stuck(batch.counts),
         )
 
     @property

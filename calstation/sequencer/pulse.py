@@ -102,12 +102,12 @@ class Pulse:
             self._table.heartbeat()
             self._fed = now
 
-    def wait(self, condition: Callable[[], bool], timeout: float, failure: str) -> None:
+    def wait(self, condition: Callable[[], bool], timeout: float, failure: str | Callable[[], str]) -> None:
         """Tick until `condition`; raises DeviceFaultError(`failure`) after `timeout` s of station time."""
         deadline = self._clock.now() + timeout
         while not condition():
             if self._clock.now() > deadline:
-                raise DeviceFaultError(failure)
+                raise DeviceFaultError(failure if isinstance(failure, str) else failure())
             self.tick()
 
     def rest(self, seconds: float) -> None:

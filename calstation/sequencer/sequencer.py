@@ -211,6 +211,7 @@ class Sequencer:
         self._solving.start(stage.name)
         self.control.enough = False
         self._acquisition.stage = stage.name
+        self._runner.begin_stage()
         try:
             reason, rounds = self._drive(stage, duration)
         finally:

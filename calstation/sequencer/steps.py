@@ -54,18 +54,29 @@ class StepRunner:
         self._limits = limits
         self._on_state = on_state
         self._target: tuple[float, float] | None = None
+        self._last_move: tuple[tuple[float, float], Move] | None = None
 
     def run(self, step: Move | Dwell | Prompt) -> None:
         """Execute a step to its end, repeating it where it was interrupted.
 
+        A rest is repeated together with the move before it: a turn is worth nothing without the rest that ends it.
         Raises DeviceFaultError after too many repetitions, StopRequested on the operator's word.
         """
         start = self._target or self.position()
+        moved = isinstance(step, Move)
+        todo: list[Move | Dwell | Prompt] = [step]
+        again = todo
+        if isinstance(step, Dwell) and self._last_move is not None:
+            start, move = self._last_move
+            moved, again = True, [move, step]
         repeats = 0
         while True:
             try:
                 self._pulse.pausable = self._pulse.watchful = True
-                self._execute(step)
+                for part in todo:
+                    self._execute(part)
+                if isinstance(step, Move):
+                    self._last_move = (start, step)
                 return
             except PauseRequested:
                 self._hold()
@@ -77,7 +88,12 @@ class StepRunner:
                 self._come_to_rest()
             finally:
                 self._pulse.pausable = self._pulse.watchful = False
-            self._recover(start, isinstance(step, Move))
+            self._recover(start, moved)
+            todo = again
+
+    def begin_stage(self) -> None:
+        """What was moved before belongs to another stage and is not repeated in this one."""
+        self._last_move = None
 
     def drive(self, move: Move) -> None:
         """Move both joints and wait until they have arrived and settled."""
@@ -90,8 +106,7 @@ class StepRunner:
         self._pulse.wait(
             lambda: self.arrived((move.outer, move.inner)),
             1.5 * move_time(start, move) + 15.0,
-            f"table: did not reach outer {np.rad2deg(move.outer):.1f}°, inner {np.rad2deg(move.inner):.1f}° "
-            "in time; look for an obstacle or a stalled drive",
+            lambda: self._why_not((move.outer, move.inner)),
         )
         self._target = (move.outer, move.inner)
 
@@ -100,6 +115,18 @@ class StepRunner:
         status = self._pulse.status
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
         return status.settled and not status.moving and away < ARRIVED
+
+    def _why_not(self, target: tuple[float, float]) -> str:
+        """What is to be said of a table that has not arrived in time."""
+        status = self._pulse.status
+        wanted = f"outer {np.rad2deg(target[0]):.1f}°, inner {np.rad2deg(target[1]):.1f}°"
+        away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
+        if away < ARRIVED:
+            return f"table: does not settle at {wanted}; look at the drive's tuning and for what shakes the table"
+        if status.settled and not status.moving:
+            away_deg = np.rad2deg(away)
+            return f"table: stands {away_deg:.1f}° away from {wanted}; look at encoder and drive, home the table"
+        return f"table: did not reach {wanted} in time; look for an obstacle or a stalled drive"
 
     def position(self) -> tuple[float, float]:
         """Joint angles as last polled, rad."""

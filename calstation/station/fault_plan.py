@@ -22,7 +22,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calstation.bench.config import OrderName
 from calstation.configuration import StrictModel, load, suggestion
-from calstation.errors import ConfigurationError
+from calstation.records import raw_log
 from calstation.sequencer.events import Event, StageStarted, StepStarted
 from calstation.sequencer.ports import Emit
 
@@ -45,7 +45,7 @@ SET_UP = tuple(_SET_UP)
 that the unit is turned, degrees and m/s² by which latitude and gravity differ from the station file's."""
 
 HOST = ("engine_killed", "disk_full", "runs_folder_gone")
-"""Kinds that befall the computer: the engine's process dies, nothing more can be written, the folder is taken away."""
+"""Kinds that befall the computer: the engine's process dies, its disk seems full, the folder is taken away."""
 
 KINDS: tuple[str, ...] = (*ORDERS, *SET_UP, *HOST)
 
@@ -163,15 +163,4 @@ def _befall(kind: str, runs: Path) -> None:
     elif kind == "runs_folder_gone":
         runs.rename(runs.with_name(f"{runs.name}.gone"))
     else:
-        _fill_disk(runs)
-
-
-def _fill_disk(runs: Path) -> None:
-    """No file of this process may grow beyond the largest now in the folder: what a full disk is to a log."""
-    if sys.platform == "win32":
-        raise ConfigurationError("fault plan: 'disk_full' cannot be played on Windows; remove it")
-    import resource
-
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    size = max((path.stat().st_size for path in runs.glob("*.h5")), default=0)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+        raw_log.free_space = lambda path: 0  # nobody fills a real disk for a rehearsal

@@ -10,7 +10,7 @@ from typing import Any
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
+from calstation.records.raw_log import RESERVE, RawLogWriter, free_space
 from calstation.sequencer.acquisition import LastSample
 from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.events import Event, Fault, Message, Verdict, to_json
@@ -264,8 +264,10 @@ def _folder(folder: Path) -> Path:
         probe = folder / ".calstation"
         probe.touch()
         probe.unlink()
+        if free_space(probe) < RESERVE:
+            raise OSError(f"less than {RESERVE // 1_000_000} MB are left on its disk")
     except OSError as exc:
         raise ConfigurationError(
-            f"--out {folder}: cannot be written ({exc.strerror or exc}); choose another folder"
+            f"--out {folder}: cannot be written ({exc.strerror or exc}); make room, or choose another folder"
         ) from exc
     return folder

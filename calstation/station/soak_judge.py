@@ -2,6 +2,7 @@
 
 import json
 import os
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,12 @@ if TYPE_CHECKING:
 
 SIGMAS = 6.0
 """A parameter further from the truth than so many of its own sigmas is wrong."""
+
+_REPORT_WITHIN = 10.0
+"""Host time in which a bench says how it was left, s."""
+
+_JUMP = 5_000
+"""A gap of more samples than any run lasts in silence is a counter's jump."""
 
 _OUTCOMES = ("passed", "failed", "stopped", "fault", "incomplete")
 _VERDICTS = ("passed", "failed")
@@ -70,9 +77,9 @@ def judge_run(
     """Look at what a run left behind. `report` : of the bench, missing where it died with its engine."""
     from calstation.station.soak import resident_mb
 
-    bench = _read(report)
     kinds = [kind for kind, _ in planned.faults]
-    died = "engine_killed" in kinds and bench.get("enabled", True)
+    bench = _bench(report)
+    died = bool(kinds) and "engine_killed" in kinds and not _ended(request)
     happened = [kind for kind in kinds if kind in bench.get("obeyed", ()) or kind in SET_UP]
     result, lost = _records(request, died)
     outcome = "hung" if hung else str(result.get("outcome", "lost"))
@@ -80,7 +87,7 @@ def judge_run(
     happened += [
         kind for kind in kinds if kind in ("operator_stop", "window_killed") and outcome == "stopped"
     ]
-    samples, missing = _samples(result)
+    samples, missing = _samples(result, "jump_counter" in happened)
     return Judged(
         planned=planned,
         outcome=outcome,
@@ -88,7 +95,7 @@ def judge_run(
         injected=tuple(happened),
         wrong=tuple(_wrong(planned, request, result, outcome, bool(happened))),
         lost=tuple(lost),
-        unsafe=not died and bool(bench.get("enabled") or bench.get("moving")),
+        unsafe=bool(bench.get("enabled", True) or bench.get("moving")),
         samples=samples,
         samples_lost=missing,
         engine_mb=engine_mb,
@@ -159,8 +166,21 @@ def _outside(setup: Setup, result: dict[str, Any], truth: np.ndarray) -> list[st
     return found
 
 
-def _samples(result: dict[str, Any]) -> tuple[int, int]:
-    """Samples in a run's log, and those missing between them."""
+def _bench(report: Path) -> dict[str, Any]:
+    """How the bench was left, once its watchdog has had its time; {} where it never says."""
+    deadline = time.monotonic() + _REPORT_WITHIN
+    while not report.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return _read(report)
+
+
+def _ended(request: RunRequest) -> bool:
+    """Whether the run wrote its result itself."""
+    return bool(list(request.out.glob(f"{request.serial}_*.json")))
+
+
+def _samples(result: dict[str, Any], jumped: bool) -> tuple[int, int]:
+    """Samples in a run's log, and those missing between them; what a counter on order `jumped` is no loss."""
     if "log" not in result:
         return 0, 0
     count = missing = 0
@@ -168,7 +188,8 @@ def _samples(result: dict[str, Any]) -> tuple[int, int]:
     try:
         for block in open_log(Path(result["log"]["file"])).blocks():
             seq = block.seq if last is None else np.concatenate(([last], block.seq))
-            missing += int((np.diff(seq) - 1).sum())
+            lost = np.diff(seq) - 1
+            missing += int(lost[lost < _JUMP].sum() if jumped else lost.sum())
             count += len(block)
             last = int(block.seq[-1])
     except CalstationError:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
@@ -285,3 +286,66 @@ def test_a_folder_that_is_gone_is_told(tmp_path: Path, meta: LogMeta) -> None:
         log.sync()
     log.close("fault")
     assert sum(len(b) for b in open_log(tmp_path / "elsewhere" / "a.h5").blocks()) == 100
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 600 kB, where the system lets us have one."""
+    place = tmp_path / "tiny"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=600k", "tmpfs", str(place)]
+    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("may not mount a file system")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+_FILLS_ITS_DISK = """
+import os, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from records_samples import make_block
+from calstation.errors import ConfigurationError
+from calstation.records import raw_log
+from calstation.records.meta import meta_from_json
+raw_log.RESERVE = 0
+path = Path(sys.argv[1])
+log = raw_log.RawLogWriter(path, meta_from_json(sys.stdin.read(), path))
+kept = 0
+try:
+    while True:
+        log.append(make_block("rate", kept, 200))
+        log.flush()
+        kept += 200
+except ConfigurationError as error:
+    print(error)
+log.close("fault")
+print(kept, flush=True)
+"""
+
+
+def test_a_log_whose_disk_was_filled_by_others_is_told_and_can_be_read(
+    tiny_disk: Path, meta: LogMeta
+) -> None:
+    path = tiny_disk / "a.h5"
+    command = [sys.executable, "-c", _FILLS_ITS_DISK, str(path), str(Path(__file__).parent)]
+    told = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False).stdout
+    error, kept = told.strip().splitlines()
+    assert "the log cannot be written any more (No space left on device); make room" in error
+    log = open_log(path)
+    assert log.outcome is None
+    assert sum(len(block) for block in log.blocks()) >= int(kept)
+
+
+def test_a_disk_that_is_nearly_full_is_told_while_there_is_room_for_the_end(
+    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = RawLogWriter(tmp_path / "a.h5", meta)
+    log.append(make_block("rate", 0, 100))
+    monkeypatch.setattr(raw_log, "free_space", lambda path: raw_log.RESERVE - 1)
+    with pytest.raises(ConfigurationError, match=r"nearly full.*make room"):
+        log.sync()
+    log.event({"event": "Fault"})
+    log.close("fault")
+    found = open_log(tmp_path / "a.h5")
+    assert (found.outcome, found.events) == ("fault", [{"event": "Fault"}])

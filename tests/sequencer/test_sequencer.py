@@ -139,7 +139,7 @@ def test_pause_and_resume_repeats_the_step_from_its_start() -> None:
     assert step[-1] == first + 4
 
 
-def test_pause_during_a_rest_starts_the_rest_again() -> None:
+def test_pause_during_a_rest_repeats_the_move_that_led_there_and_the_rest() -> None:
     scene = Scene()
 
     def pause() -> None:
@@ -148,9 +148,9 @@ def test_pause_during_a_rest_starts_the_rest_again() -> None:
 
     in_stage(scene, 5.0, pause)
     assert scene.run().state is State.PASSED
-    rests = [s for s in scene.told(StepStarted) if s.kind == "dwell"]
-    assert len(rests) == 3
-    assert rests[1].step == rests[0].step + 1
+    steps = [(s.kind, s.label[:1]) for s in scene.told(StepStarted) if s.stage]
+    turn, rest = ("move", ("turn",)), ("dwell", ())
+    assert steps == [turn, rest, ("move", ("return",)), rest, turn, rest, turn, rest]
 
 
 def test_lost_samples_repeat_the_step() -> None:

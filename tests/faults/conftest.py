@@ -1,0 +1,139 @@
+"""Short runs on the virtual bench with a fault plan, and what is expected of a run that a fault ended."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.records.log import open_log
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Fault, Message, StateChanged, StepStarted, Verdict
+from calstation.station.request import RunRequest
+from calstation.station.run import execute
+from tests.station.conftest import PRODUCT, STATION
+
+SERIAL = "SN-000042"
+
+
+@dataclass
+class Ran:
+    """A run and what it left behind."""
+
+    folder: Path
+    events: list[Event] = field(default_factory=list)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Its last word."""
+        verdict = self.events[-1]
+        assert isinstance(verdict, Verdict)
+        return verdict
+
+    @property
+    def bench(self) -> dict[str, Any]:
+        """How the bench was left."""
+        report: dict[str, Any] = json.loads((self.folder / "bench.json").read_text(encoding="utf-8"))
+        return report
+
+    @property
+    def repeated(self) -> list[str]:
+        """Reasons for which steps were repeated."""
+        return [e.values["reason"] for e in self.events if isinstance(e, Message) and e.id == "step_repeated"]
+
+    @property
+    def fault(self) -> Fault:
+        """The one fault."""
+        (fault,) = [e for e in self.events if isinstance(e, Fault)]
+        return fault
+
+    def moves_after_fault(self) -> int:
+        """Motions begun after the run was a fault."""
+        states = [i for i, e in enumerate(self.events) if isinstance(e, StateChanged) and e.state == "fault"]
+        return sum(isinstance(e, StepStarted) for e in self.events[states[0] :]) if states else 0
+
+    def assert_stopped(self, *words: str) -> None:
+        """A fault as it must be: told with cause and mend, the table at rest with its axes off, everything kept."""
+        verdict, text = self.verdict, self.fault.text
+        assert verdict.outcome == "fault"
+        assert verdict.result["passed"] is False
+        for word in words:
+            assert word in text
+        assert ";" in text, "a message names what to do"
+        assert verdict.result["error"] == text
+        assert not self.bench["enabled"]
+        assert not self.bench["moving"]
+        assert self.moves_after_fault() == 0
+        log = open_log(Path(verdict.log))
+        assert log.outcome == "fault"
+        assert log.facts().sha256 == verdict.result["log"]["sha256"]
+        assert any(event.get("event") == "Fault" for event in log.events)
+
+
+class Floor:
+    """A folder with a station, a short product and fault plans."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def request(
+        self, *faults: dict[str, Any], stages: tuple[str, ...] = ("rate",), **bench: Any
+    ) -> RunRequest:
+        """A run with these faults."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        settings = {
+            "seed": 5,
+            "start_deg": [1.0, -1.0],
+            "report_file": str(self.folder / "bench.json"),
+            "flash_file": str(self.folder / "flash.bin"),
+            **bench,
+        }
+        for name, content in (
+            ("station", {**STATION, "bench": settings}),
+            ("product", PRODUCT),
+            ("plan", {"fault": list(faults)}),
+        ):
+            (self.folder / f"{name}.toml").write_text(tomli_w.dumps(content), encoding="utf-8")
+        return RunRequest(
+            SERIAL,
+            self.folder / "station.toml",
+            self.folder / "product.toml",
+            stages,
+            self.folder / "runs",
+            "tester",
+            faults=self.folder / "plan.toml",
+        )
+
+    def run(
+        self,
+        *faults: dict[str, Any],
+        stages: tuple[str, ...] = ("rate",),
+        on_event: Callable[[Event], None] = lambda event: None,
+        unfinished: Any = None,
+        **bench: Any,
+    ) -> Ran:
+        """Run in this process."""
+        ran = Ran(self.folder)
+
+        def emit(event: Event) -> None:
+            ran.events.append(event)
+            on_event(event)
+
+        request = replace(self.request(*faults, stages=stages, **bench), unfinished=unfinished)
+        execute(request, emit, Control())
+        return ran
+
+
+@pytest.fixture
+def floor(tmp_path: Path) -> Floor:
+    """An empty factory floor."""
+    return Floor(tmp_path)
+
+
+def fault(kind: str, value: float | None = None, step: int = 1, time_s: float = 0.2) -> dict[str, Any]:
+    """A fault in a step of the stage `rate`."""
+    entry: dict[str, Any] = {"kind": kind, "stage": "rate", "step": step, "time_s": time_s}
+    return entry if value is None else {**entry, "value": float(value)}

@@ -1,0 +1,103 @@
+"""Faults of the computer that a run is on: a full disk, a folder taken away, engine and window killed."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.records.log import open_log
+from calstation.sequencer.events import Event, Fault, StepStarted, Verdict
+from calstation.station.engine import Engine
+from calstation.station.fault_plan import FaultPlan, load_fault_plan
+from calstation.station.incomplete import settle_incomplete
+from tests.faults.conftest import Floor, fault
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals, limits and open files")
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "ends"),
+    [
+        ("disk_full", "its disk is nearly full, less than 32 MB are left; make room", "fault"),
+        (
+            "runs_folder_gone",
+            "cannot be written any more (No such file or directory); make room on its disk, or bring",
+            None,
+        ),
+    ],
+)
+def test_a_log_that_takes_no_more_is_a_fault_and_what_it_holds_stays(
+    floor: Floor, kind: str, words: str, ends: str | None
+) -> None:
+    events: list[Event] = []
+    with Engine.start(floor.request(fault(kind, step=4))) as engine:
+        events += engine.events()
+    (told,) = [event for event in events if isinstance(event, Fault)]
+    assert words in told.text
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "fault"
+    report = json.loads((floor.folder / "bench.json").read_text(encoding="utf-8"))
+    assert not report["enabled"]
+    assert not report["moving"]
+    (path,) = floor.folder.glob("runs*/*.h5")
+    log = open_log(path)
+    assert log.outcome == ends
+    assert sum(len(block) for block in log.blocks() if block.stage == "rate") > 200
+
+
+def test_a_killed_engine_leaves_an_incomplete_run(floor: Floor) -> None:
+    with Engine.start(floor.request(fault("engine_killed", step=4))) as engine:
+        events = engine.events()
+        with pytest.raises(DeviceFaultError, match=r"ended unexpectedly.*watchdog stops the table"):
+            list(events)
+    (path,) = (floor.folder / "runs").glob("*.h5")
+    os.utime(path, (0.0, 0.0))
+    assert settle_incomplete(path.parent) == [path]
+    result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    assert (result["outcome"], result["passed"]) == ("incomplete", False)
+    assert sum(len(block) for block in open_log(path).blocks()) > 200
+
+
+def test_a_killed_window_is_a_safe_stop(floor: Floor) -> None:
+    engine = Engine.start(floor.request(stages=("rate", "six_position")))
+    for event in engine.events():
+        if isinstance(event, StepStarted) and event.stage:
+            break
+    engine.hang_up()
+    engine.process.join(120.0)
+    report = json.loads((floor.folder / "bench.json").read_text(encoding="utf-8"))
+    assert not report["enabled"]
+    assert not report["moving"]
+    (path,) = (floor.folder / "runs").glob("SN-*.json")
+    assert json.loads(path.read_text(encoding="utf-8"))["outcome"] == "stopped"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[[fault]]\nkind = "drop_frame"', "'drop_frame' is no fault; did you mean 'drop_frames'?"),
+        ('[[fault]]\nkind = "wrong_unit"\nstage = "rate"', "is so from the start; remove stage"),
+        ('[[fault]]\nkind = "disk_full"', "needs a stage; add it"),
+        ('[[fault]]\nkind = "stall"\nstep = 2', "step needs the stage"),
+        ('[[fault]]\nkind = "stall"\ntime_s = [5.0, 1.0]', "earliest, latest"),
+    ],
+)
+def test_a_plan_that_cannot_be_is_told_with_its_mend(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "plan.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigurationError) as told:
+        load_fault_plan(path)
+    assert str(path) in str(told.value)
+    assert words in str(told.value)
+
+
+def test_drawn_times_are_the_same_for_the_same_seed() -> None:
+    plan = FaultPlan.model_validate({"seed": 3, "fault": [{"kind": "stall", "time_s": [1.0, 9.0]}] * 3})
+    assert plan.times() == plan.times()
+    assert len(set(plan.times())) == 3
+    assert all(1.0 <= t <= 9.0 for t in plan.times())
+    orders = plan.bench({"orders": []})["orders"]
+    assert [order["at"] for order in orders] == plan.times()

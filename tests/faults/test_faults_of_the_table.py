@@ -1,0 +1,85 @@
+"""Faults of the table and its link: stopped when it must be, told with cause and mend, never a verdict."""
+
+import struct
+import sys
+
+import pytest
+
+from calstation.devices.link import SerialSettings
+from calstation.devices.modbus_link import ModbusLink, ModbusRefusalError
+from calstation.sequencer.events import StepStarted
+from tests.faults.conftest import Floor, fault
+from tests.station.wires import server, tcp_pdu
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "words"),
+    [
+        ("stall", None, ("fault 'stall'", "reset it at the table")),
+        ("drive_fault", None, ("fault 'drive'", "reset it at the table")),
+        ("limit_fault", None, ("fault 'limit'", "reset it at the table")),
+        ("trip_watchdog", None, ("fault 'watchdog'", "reset it at the table")),
+        ("interlock", 0, ("interlock",)),
+        ("jam", None, ("did not reach", "obstacle")),
+        ("overshoot", 2, ("stands 2.0° away from", "encoder")),
+        ("never_settle", 600, ("does not settle", "tuning")),
+        ("mute_table", 40, ("no answer", "check cable, power")),
+        ("refuse_table", 4, ("cannot do it in its present state", "drive's display")),
+    ],
+)
+def test_a_fault_of_the_table_stops_the_run(
+    floor: Floor, kind: str, value: float | None, words: tuple[str, ...]
+) -> None:
+    floor.run(fault(kind, value)).assert_stopped("table: ", *words)
+
+
+@pytest.mark.parametrize(
+    ("planned", "words"),
+    [
+        ({"kind": "watchdog_off"}, ("watchdog is off", "set its timeout")),
+        ({"kind": "interlock_open"}, ("interlock is open", "close the cover")),
+        ({"kind": "drive_fault"}, ("'drive' is latched", "reset it at the table")),
+    ],
+)
+def test_a_table_that_must_not_move_is_not_moved_and_its_fault_stays(
+    floor: Floor, planned: dict[str, str], words: tuple[str, ...]
+) -> None:
+    ran = floor.run(planned)
+    ran.assert_stopped("table: ", *words)
+    assert not [event for event in ran.events if isinstance(event, StepStarted)]
+    assert ran.bench["fault"] == ("DRIVE" if planned["kind"] == "drive_fault" else "NONE"), "nobody reset it"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
+def test_wrong_checks_on_the_wire_are_asked_again(floor: Floor) -> None:
+    ran = floor.run(fault("garble_table", 2), stages=("rate",), table_transport="rtu")
+    assert ran.verdict.outcome == "passed"
+    assert "garble_table" in ran.bench["obeyed"]
+
+
+@pytest.mark.parametrize("code", [1, 2, 3, 4, 5, 6, 7, 8, 10, 11])
+def test_every_modbus_exception_is_told_with_a_mend_and_only_a_busy_device_is_asked_again(code: int) -> None:
+    asked: list[bytes] = []
+
+    def answer(heard: bytes) -> bytes:
+        asked.append(heard)
+        return tcp_pdu(heard, bytes([heard[7] | 0x80, code]))
+
+    with server(answer) as place:
+        link = ModbusLink(f"tcp://{place}", 1, 1.0, SerialSettings())
+        with pytest.raises(ModbusRefusalError, match=rf"\(Modbus exception {code}\); \w"):
+            link.read(0, 2)
+        assert len(asked) == (3 if code in (5, 6) else 1)
+        asked.clear()
+        with pytest.raises(ModbusRefusalError):
+            link.write(5, [1], repeat=False)
+        assert len(asked) == 1, "what must not be done twice is never sent twice"
+        link.close()
+
+
+def test_a_table_that_is_busy_once_is_asked_again() -> None:
+    answers = [bytes([0x83, 6]), bytes([3, 2]) + struct.pack(">H", 77)]
+    with server(lambda heard: tcp_pdu(heard, answers.pop(0))) as place:
+        link = ModbusLink(f"tcp://{place}", 1, 1.0, SerialSettings())
+        assert link.read(0, 1) == [77]
+        link.close()

@@ -1,0 +1,87 @@
+"""Faults of the IMU, its link, its mounting and its supply: no verdict, or an honest one, and nothing half done."""
+
+from pathlib import Path
+
+import pytest
+
+from calstation.sequencer.events import Message
+from calstation.station import register_journal
+from tests.faults.conftest import SERIAL, Floor, fault
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "words"),
+    [
+        ("silence_imu", 600, ("data did not come in time", "check the link")),
+        ("garble_imu", 600, ("check baud, parity",)),
+        ("saturate_imu", 600, ("saturates", "lower the rate")),
+        ("freeze_channel", 4, ("accel y shows the same value", "switch the unit off and on")),
+        ("hang_up_imu", None, ("port", "check cable and power")),
+    ],
+)
+def test_a_fault_of_the_unit_stops_the_run(
+    floor: Floor, kind: str, value: float | None, words: tuple[str, ...]
+) -> None:
+    ran = floor.run(fault(kind, value))
+    ran.assert_stopped("IMU: ", *words)
+    assert len(ran.repeated) <= 3, "bounded"
+
+
+@pytest.mark.parametrize(
+    ("planned", "words"),
+    [
+        ({"kind": "wrong_unit"}, ("answers to serial number 'SN-000042-OTHER'", "check the unit")),
+        ({"kind": "mounted_otherwise"}, ("away from the declared mounting", "check how the unit is mounted")),
+        ({"kind": "garble_imu", "value": 600.0}, ("check baud",)),
+    ],
+)
+def test_a_wrong_unit_mounting_or_baud_is_told_before_any_stage(
+    floor: Floor, planned: dict[str, str], words: tuple[str, ...]
+) -> None:
+    floor.run(planned).assert_stopped("IMU: ", *words)
+
+
+def test_an_adapter_that_was_unplugged_works_again_when_it_is_back(floor: Floor) -> None:
+    floor.run(fault("hang_up_imu")).assert_stopped("port")
+    assert floor.run().verdict.outcome == "passed"
+
+
+def test_a_wrong_latitude_is_never_a_pass(floor: Floor) -> None:
+    ran = floor.run({"kind": "wrong_latitude", "value": 5.0}, stages=("rate", "six_position"))
+    ran.assert_stopped("earth_rate_up", "old registers were put back", "latitude")
+    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    assert entry.closing == "restored"
+
+
+def test_a_wrong_gravity_is_never_a_pass(floor: Floor) -> None:
+    ran = floor.run({"kind": "wrong_gravity", "value": 0.03}, stages=("six_position",))
+    assert ran.verdict.outcome == "failed"
+    assert not ran.verdict.result["registers"]
+    missed = [check["name"] for check in ran.verdict.result["checks"] if not check["passed"]]
+    assert {"accel_scale_x within", "accel_scale_y within", "accel_scale_z within"} <= set(missed)
+
+
+def test_a_brown_out_over_the_write_is_a_fault_and_the_unit_keeps_its_registers(floor: Floor) -> None:
+    ran = floor.run({"kind": "brown_out_write", "value": 60.0})
+    ran.assert_stopped("before the commit", "holds its old registers")
+    assert ran.bench["flash_cycles"] == 0
+    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    assert (entry.closing, entry.cycles) == ("kept", 0)
+    assert ran.verdict.result["registers"]["verified"] is False
+
+
+def test_a_brown_out_over_the_commit_is_recognised_and_settled_at_the_next_start(floor: Floor) -> None:
+    runs = floor.folder / "runs"
+    floor.run({"kind": "brown_out_commit", "value": 60.0}).assert_stopped("holds its old registers")
+    floor.run({"kind": "brown_out_commit", "value": 128.0}).assert_stopped("new registers, not yet proved")
+    refused = floor.run()
+    refused.assert_stopped("was interrupted", "registers finish")
+    offers = [
+        e.values["offers"] for e in refused.events if isinstance(e, Message) and e.id == "transfer_open"
+    ]
+    assert offers == [["finish", "restore"]]
+    assert floor.run(unfinished="finish").verdict.outcome == "passed"
+    closings = [transfer.closing for transfer in register_journal.history(runs, SERIAL)]
+    assert closings == ["kept", "done", "done"]
+    flash = Path(floor.folder / "flash.bin").read_bytes()
+    assert int.from_bytes(flash[:4], "little") == 3 == register_journal.cycles(runs, SERIAL)

@@ -1,0 +1,91 @@
+"""One run through all that a run gets over: spoilt steps repeated, the rest not even noticed, and then a PASS."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.records.log import open_log
+from calstation.sequencer.events import Event, StepStarted
+from calstation.station.resolve import resolve
+from tests.faults.conftest import Floor, Ran, fault
+
+_FAULTS = [
+    {"kind": "jump_counter", "value": 62_500.0, "time_s": 0.0},
+    fault("corrupt_frames", 2, step=1),
+    fault("noise_bytes", 5, step=4, time_s=0.0),
+    fault("duplicate_frames", 5, step=5, time_s=0.0),
+    fault("reorder_frames", 3, step=6, time_s=0.0),
+    fault("mute_table", 2, step=7, time_s=0.0),
+    fault("slow_table", 0.35, step=8, time_s=0.0),
+    fault("drop_frames", 3, step=9),
+    fault("saturate_imu", 0.1, step=16),
+    fault("reset_imu", step=22),
+    fault("silence_imu", 0.3, step=28),
+]
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ran]:
+    """The run; its wall clock is set back by an hour in the middle."""
+    stepped: list[bool] = []
+    now = time.time
+
+    def on_event(event: Event) -> None:
+        if isinstance(event, StepStarted) and event.stage and not stepped:
+            stepped.append(True)
+            patch.setattr(time, "time", lambda: now() - 3600.0)
+
+    with pytest.MonkeyPatch.context() as patch:
+        floor = Floor(tmp_path_factory.mktemp("floor"))
+        yield floor.run(*_FAULTS, stages=("rate", "six_position"), on_event=on_event)
+    assert stepped
+
+
+def test_everything_did_happen(ran: Ran) -> None:
+    assert ran.bench["obeyed"] == [planned["kind"] for planned in _FAULTS]
+
+
+def test_it_ends_in_a_verdict_that_is_right(ran: Ran) -> None:
+    result = ran.verdict.result
+    assert ran.verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
+    assert result["registers"]["verified"] is True
+    assert resolve(Path(ran.verdict.log)).result["parameters"] == result["parameters"]
+
+
+@pytest.mark.parametrize("reason", ["gap", "saturated"])
+def test_spoilt_steps_are_repeated(ran: Ran, reason: str) -> None:
+    assert reason in ran.repeated
+
+
+def test_what_was_spoilt_is_counted_once_each(ran: Ran) -> None:
+    """Corrupt, dropped, reset and silent: a gap each; noise, twice, overtaken, wrap, mute and slow: none."""
+    assert sorted(ran.repeated) == ["gap"] * 4 + ["saturated"]
+    assert ran.verdict.result["log"]["gaps"] == 4
+
+
+def test_samples_of_a_spoilt_step_are_marked_until_it_is_repeated(ran: Ran) -> None:
+    blocks = [block for block in open_log(Path(ran.verdict.log)).blocks() if block.stage == "rate"]
+    valid = np.concatenate([block.valid for block in blocks])
+    steps = np.concatenate([block.step for block in blocks])
+    assert not valid.all()
+    begins = np.flatnonzero(np.diff(valid.astype(int)) == 1) + 1
+    assert len(begins) >= 4
+    assert (steps[begins] > steps[begins - 1]).all(), "valid again only as a step of its own"
+
+
+def test_a_counter_that_wraps_loses_nothing(ran: Ran) -> None:
+    first, last = (ran.verdict.result["log"][name] for name in ("first_seq", "last_seq"))
+    assert first < 65_536 < last
+    seq = np.concatenate([block.seq for block in open_log(Path(ran.verdict.log)).blocks()])
+    assert (np.diff(seq) > 0).all()
+    assert int((np.diff(seq) - 1).sum()) < 200
+
+
+def test_a_stepped_wall_clock_is_a_label_only(ran: Ran) -> None:
+    assert 0.0 < ran.verdict.result["duration_s"] < 600.0
+    times: list[Any] = [block.time for block in open_log(Path(ran.verdict.log)).blocks()]
+    assert (np.diff(np.concatenate(times)) > 0.0).all()
