@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import (
     QApplication,
     QComboBox,
@@ -341,7 +342,7 @@ def test_a_new_station_is_made_from_a_copy_and_stays_chosen(hands: Hands, place:
     assert saved(path)["name"] == "line_3"
     assert hands.app.station_path == path
     assert hands.find(QComboBox, "station_combo").currentText() == "line_3"
-    assert hands.app.settings.value("station") == "line_3"
+    assert AppContext().station_path == path, "remembered when the program starts again"
     hands.choose("station_combo", "virtual_bench (virtual bench)")
     assert hands.app.station_path == library.find("stations", "virtual_bench")
 
@@ -427,7 +428,9 @@ def test_serial_settings_are_the_profiles_or_the_stations_own(hands: Hands) -> N
     assert hands.says("table_unit") == "Out of range; it must be at most 255."
 
 
-def test_no_test_while_a_run_is_going(hands: Hands, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_test_and_no_change_in_force_while_a_run_is_going(
+    hands: Hands, monkeypatch: pytest.MonkeyPatch
+) -> None:
     hands.turn(TABLE_LINK)
     hands.app.engine_link.request = RunRequest("SN-000042")
     monkeypatch.setattr(EngineLink, "running", property(lambda _: True))
@@ -435,9 +438,36 @@ def test_no_test_while_a_run_is_going(hands: Hands, monkeypatch: pytest.MonkeyPa
     button = hands.find(QPushButton, "test_table_button")
     assert not button.isEnabled()
     assert button.toolTip() == "A run is going on; test when it has ended."
+    hands.turn(STATION)
+    hands.type("name_edit", "line 7")
+    save = hands.find(QPushButton, "save_station_button")
+    assert not save.isEnabled()
+    assert save.toolTip() == "A run is going on; what is typed can be saved when it has ended."
+    assert not hands.find(QComboBox, "station_combo").isEnabled()
+    assert hands.page.may_leave(lambda: None), "nobody is kept from a run"
     monkeypatch.undo()
     hands.app.engine_link.running_changed.emit(False)
     assert button.isEnabled()
+    assert save.isEnabled()
+
+
+def test_tab_goes_through_the_inputs_as_read_and_the_wheel_changes_nothing(hands: Hands) -> None:
+    hands.turn(SITE)
+    hands.choose("gravity_way_combo", "surveyed")
+    order = ["site_latitude_deg_edit", "site_longitude_deg_edit", "site_height_m_edit", "azimuth_way_combo"]
+    order += ["site_azimuth_deg_edit", "gravity_way_combo", "site_gravity_mps2_edit"]
+    widget = hands.find(QLineEdit, order[0])
+    widget.setFocus()
+    for name in order:
+        assert QApplication.focusWidget() is hands.find(QWidget, name), name
+        hands._bot.keyClick(QApplication.focusWidget(), Qt.Key.Key_Tab)
+    box = hands.find(QComboBox, "gravity_way_combo")
+    event = QWheelEvent(
+        QPointF(5, 5), box.mapToGlobal(QPointF(5, 5)), QPoint(), QPoint(0, -120),
+        Qt.MouseButton.NoButton, Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase, False,
+    )  # fmt: skip
+    QApplication.sendEvent(box, event)
+    assert box.currentText().startswith("surveyed")
 
 
 def test_every_finding_and_reason_has_words() -> None:

@@ -1,6 +1,7 @@
 """A labelled input bound to one value of a draft: checked as typed, with its message and mend beneath it."""
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any
 
 from PySide6.QtCore import QEvent
@@ -197,6 +198,12 @@ class Row(QWidget):
         if event.type() == QEvent.Type.LanguageChange:
             self.retranslate()
         super().changeEvent(event)
+
+
+def tab_through(*widgets: QWidget) -> None:
+    """Let Tab go through widgets in this order, which is that of reading."""
+    for before, after in pairwise(widgets):
+        QWidget.setTabOrder(before, after)
 
 
 def at_top(panel: QWidget) -> QWidget:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QWidget
 
 from calstation.gui import theme
@@ -34,6 +35,14 @@ def line_of(box: QComboBox) -> QLineEdit:
     line = box.lineEdit()
     assert line is not None
     return line
+
+
+class StillBox(QComboBox):
+    """A box that a turn of the wheel over it scrolls past: settings do not change by the way."""
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Leave the wheel to the page."""
+        event.ignore()
 
 
 class NumberEdit(QLineEdit):
@@ -75,7 +84,7 @@ class WordEdit(QLineEdit):
             self.setText(shown(value))
 
 
-class ChoiceBox(QComboBox):
+class ChoiceBox(StillBox):
     """One of some values, each with words."""
 
     typed = Signal()
@@ -109,7 +118,7 @@ class ChoiceBox(QComboBox):
         self.setCurrentIndex(index)
 
 
-class NumberBox(QComboBox):
+class NumberBox(StillBox):
     """A number, typed or one of the usual ones."""
 
     typed = Signal()

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.station_page.draft import Draft
-from calstation.gui.station_page.fields import EDITOR, LABEL, Field, Form, Row
+from calstation.gui.station_page.fields import EDITOR, LABEL, Field, Form, Row, tab_through
 from calstation.gui.station_page.inputs import ChoiceBox, NumberBox, NumberEdit
 from calstation.gui.station_page.port_box import AddressEdit, PortBox
 from calstation.gui.station_page.test_panel import TestPanel
@@ -52,6 +52,7 @@ class LinkSection(QWidget):
         self.search_button.clicked.connect(self.search)
         self.searching = JobWatch(self)
         self.searching.done.connect(self._found)
+        self.searching.failed.connect(self._not_found)
         self.own_box = ChoiceBox(self._owns)
         self.own_box.setObjectName(f"{device}_own_serial_combo")
         self.unit_edit, self.timeout_edit = NumberEdit(), NumberEdit()
@@ -122,6 +123,16 @@ class LinkSection(QWidget):
             *self._numbers,
             self._own_row,
             *self._line_fields,
+        )
+        tab_through(
+            self.way_box,
+            *(field.editor for field in self._port_fields.values()),
+            self.search_button,
+            *(field.editor for field in self._numbers),
+            self.own_box,
+            *(field.editor for field in self._line_fields),
+            self.test.product_box,
+            self.test.button,
         )
         left = QVBoxLayout()
         left.setSpacing(theme.GRID)
@@ -237,6 +248,10 @@ class LinkSection(QWidget):
         self._searched = True
         self.port_box.offer(ports)
         self._port_fields[_SERIAL].refresh()
+
+    def _not_found(self, sentence: str) -> None:
+        self.search_button.setEnabled(True)
+        self.search_button.setToolTip(sentence)
 
     def _about(self) -> str:
         """What is known of the port chosen."""

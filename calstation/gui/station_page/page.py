@@ -24,6 +24,7 @@ from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.page import Page
 from calstation.gui.station_page.drafts import Drafts
+from calstation.gui.station_page.fields import tab_through
 from calstation.gui.station_page.link_section import LinkSection
 from calstation.gui.station_page.new_file import NewFileBar
 from calstation.gui.station_page.personal_section import PersonalSection
@@ -82,6 +83,7 @@ class StationPage(Page):
         self.drafts.saved.connect(self._saved)
         self.drafts.station.changed.connect(self._follow_profile)
         app.role.changed.connect(lambda _: self._lock())
+        app.engine_link.running_changed.connect(lambda _: self._lock())
         app.station_changed.connect(self._open)
         self._open()
         self.retranslate()
@@ -149,6 +151,7 @@ class StationPage(Page):
         row.addWidget(self.nav)
         row.addLayout(right, 1)
         self.nav.setCurrentRow(0)
+        tab_through(self.station_box, self.new_button, self.discard_button, self.save_button)
 
     def showEvent(self, event: QShowEvent) -> None:
         """Take up files that were changed by other means, unless something is typed here."""
@@ -157,8 +160,11 @@ class StationPage(Page):
             self._open()
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """Whether the page may be left now; otherwise it asks, and goes on with `go` on its own."""
-        if not self.drafts.dirty:
+        """Whether the page may be left now; otherwise it asks, and goes on with `go` on its own.
+
+        Nobody is kept here while a run is going on: what is typed waits.
+        """
+        if not self.drafts.dirty or self.app.engine_link.running:
             return True
         wrong = bool(self.drafts.wrong) or not self.app.role.engineer
 
@@ -182,7 +188,7 @@ class StationPage(Page):
 
     def save(self) -> bool:
         """Store all that is typed; says why where it cannot be. Gives whether it was stored."""
-        if self.drafts.wrong or not self.app.role.engineer:
+        if self.drafts.wrong or self._held():
             return False
         self.notice.dismiss()
         try:
@@ -195,14 +201,14 @@ class StationPage(Page):
 
     def refresh(self) -> None:
         """Show what is typed, what is wrong with it, and what may be done about it."""
-        role = self._role_reason()
+        role, held = self._role_reason(), self._held()
         dirty, wrong = self.drafts.dirty, self.drafts.wrong
         unsaved = self.tr("● Not saved: {0}").format(self._unsaved()) if dirty else ""
         self.unsaved_label.setText(unsaved or (self.tr("Read only: an engineer unlocks it.") if role else ""))
         self.discard_button.setVisible(bool(dirty))
         self.save_button.setVisible(bool(dirty))
-        reason = role
-        if wrong and not role:
+        reason = held
+        if wrong and not held:
             first = wrong[0].problems[0]
             reason = self.tr("Correct first, in “{0}”: {1}").format(wrong[0].name, word_anywhere(first))
         self.save_button.setEnabled(not reason)
@@ -230,10 +236,11 @@ class StationPage(Page):
         reason = self._role_reason()
         for section in self._sections:
             section.lock(reason)
+        held = self._held()
         for widget in (self.station_box, self.new_button):
-            widget.setEnabled(not reason)
-            widget.setToolTip(reason)
-        if reason:
+            widget.setEnabled(not held)
+            widget.setToolTip(held)
+        if held:
             self.new_bar.hide()
         self.refresh()
 
@@ -252,6 +259,12 @@ class StationPage(Page):
         if self.app.role.engineer:
             return ""
         return self.tr("Only an engineer may change this: press the padlock at the top right.")
+
+    def _held(self) -> str:
+        """Why nothing may be put in force now, "" where it may."""
+        if self.app.engine_link.running:
+            return self.tr("A run is going on; what is typed can be saved when it has ended.")
+        return self._role_reason()
 
     def _unsaved(self) -> str:
         return ", ".join(draft.name for draft in self.drafts.dirty)
@@ -324,11 +337,12 @@ class StationPage(Page):
         station = self.drafts.station
         if kind == "stations" and station.path is not None and not station.dirty:
             self._use(station.path)
-        elif kind == "products" and self.app.product_path is not None:
-            self.app.set_product(library.find("products", self.app.product_path.stem))
+            return
+        if kind == "products" and self.app.product_path is not None:
+            self.app.product_path = library.find("products", self.app.product_path.stem)
+        self.app.station_changed.emit()
+        if kind in ("products", "imus"):
             self.app.product_changed.emit()
-        else:
-            self.app.station_changed.emit()
 
 
 def _scrolled(section: QWidget) -> QScrollArea:

@@ -18,7 +18,7 @@ from calstation.errors import ConfigurationError
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
 from calstation.gui.station_page.drafts import Drafts, computer_user
-from calstation.gui.station_page.fields import Row, at_top
+from calstation.gui.station_page.fields import Row, at_top, tab_through
 from calstation.gui.station_page.inputs import ChoiceBox
 from calstation.station import role
 
@@ -70,6 +70,7 @@ class PersonalSection(QWidget):
         row_.setSpacing(3 * theme.GRID)
         row_.addLayout(left)
         row_.addWidget(at_top(self._pin_panel()), 1)
+        tab_through(self.language_box, self.theme_box, self.author_edit, self.runs_button, self.old_edit)
         app.theme_changed.connect(self.refresh)
         self.retranslate()
 

@@ -7,7 +7,7 @@ from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QLineEdit, QSizePolicy, QWidget
 
 from calstation.gui import theme
-from calstation.gui.station_page.inputs import line_of
+from calstation.gui.station_page.inputs import StillBox, line_of
 from calstation.station.ports import FoundPort
 
 
@@ -68,7 +68,7 @@ class AddressEdit(QWidget):
         super().changeEvent(event)
 
 
-class PortBox(QComboBox):
+class PortBox(StillBox):
     """A serial port, typed or chosen; a USB adapter is chosen by its serial number, so it may be plugged anywhere."""
 
     typed = Signal()

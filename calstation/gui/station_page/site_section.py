@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 from calstation.gui import theme
 from calstation.gui.station_page.compass import Compass
 from calstation.gui.station_page.draft import Draft
-from calstation.gui.station_page.fields import Field, Form, Row, at_top
+from calstation.gui.station_page.fields import Field, Form, Row, at_top, tab_through
 from calstation.gui.station_page.inputs import ChoiceBox, NumberEdit
 from calstation.station import site_advice
 
@@ -72,6 +72,13 @@ class SiteSection(QWidget):
             f["azimuth_deg"],
             self._gravity_row,
             f["gravity_mps2"],
+        )
+        tab_through(
+            *(f[name].editor for name in ("latitude_deg", "longitude_deg", "height_m")),
+            self.azimuth_box,
+            f["azimuth_deg"].editor,
+            self.gravity_box,
+            f["gravity_mps2"].editor,
         )
         f["gravity_mps2"].advise(self._gravity_advice)
         f["latitude_deg"].advise(self._place_advice)

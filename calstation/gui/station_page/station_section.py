@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 
 from calstation.gui import theme
 from calstation.gui.station_page.drafts import Drafts
-from calstation.gui.station_page.fields import Field, Form, Row, at_top
+from calstation.gui.station_page.fields import Field, Form, Row, at_top, tab_through
 from calstation.gui.station_page.inputs import ChoiceBox, NumberEdit, WordEdit
 from calstation.gui.widgets.badge import StateBadge
 from calstation.station import library, version_store
@@ -73,6 +73,8 @@ class StationSection(QWidget):
             Row(self._browse, str),
             *self._bench_fields,
         )
+        name, profile, folder, *bench = (field.editor for field in self._form.fields)
+        tab_through(name, profile, folder, self._browse, *bench)
         left = QVBoxLayout()
         left.setSpacing(theme.GRID)
         left.addWidget(self._heading)

@@ -521,6 +521,10 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>只有工程师可以修改：请点右上角的锁。</translation>
     </message>
     <message>
+        <source>A run is going on; what is typed can be saved when it has ended.</source>
+        <translation>正在标定，结束后可保存所作修改。</translation>
+    </message>
+    <message>
         <source>{0} (virtual bench)</source>
         <translation>{0}（虚拟台）</translation>
     </message>
