@@ -46,6 +46,11 @@ SENTENCES: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP("faults", "table: {0} on {1} ({2}); check cable, power and unit number"),
     QT_TRANSLATE_NOOP("faults", "IMU: no data; check port, baud and power"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: {0} shows the same value all the time; "
+        "switch the unit off and on, replace it where that does not help",
+    ),
     QT_TRANSLATE_NOOP("faults", "IMU: no data any more; check cable, power and port"),
     QT_TRANSLATE_NOOP("faults", "IMU: no data during a turn; check cable, power and port"),
     QT_TRANSLATE_NOOP(

@@ -71,6 +71,17 @@ _MESSAGES = {
         "{stage}: the recording scatters more than the profile's noise (rests {force:.2g} m/s² "
         "and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.",
     ),
+    "pair_primary_off": QT_TRANSLATE_NOOP(
+        "wording",
+        "{stage}: at {time:.0f} s the primary is off itself; imu{number} is not calibrated against it.",
+    ),
+    "pair_calibrated": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: at {time:.0f} s imu{number} was off and has been calibrated."
+    ),
+    "pair_given_up": QT_TRANSLATE_NOOP("wording", "{stage}: at {time:.0f} s calibration was given up: {why}."),
+    "pair_kept": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: nothing new for secondary {numbers}; what was stored stays."
+    ),
     "registers_transfer": QT_TRANSLATE_NOOP("wording", "Inside the limits: writing the registers."),
     "transfer_finished": QT_TRANSLATE_NOOP(
         "wording", "The stop came while the registers were written: the transfer was finished first."

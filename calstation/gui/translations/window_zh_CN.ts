@@ -208,6 +208,10 @@
         <translation>惯组：没有数据；请检查端口、波特率和电源</translation>
     </message>
     <message>
+        <source>IMU: {0} shows the same value all the time; switch the unit off and on, replace it where that does not help</source>
+        <translation>惯组：{0} 一直输出同一个值；请断电重启产品，仍无效则更换</translation>
+    </message>
+    <message>
         <source>IMU: no data any more; check cable, power and port</source>
         <translation>惯组：数据中断；请检查电缆、电源和端口</translation>
     </message>
@@ -477,6 +481,22 @@
     <message>
         <source>{stage}: the recording scatters more than the profile's noise (rests {force:.2g} m/s² and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.</source>
         <translation>{stage}：数据散布大于配置的噪声（静止 {force:.2g} m/s²、{rate:.2g} rad/s，转动 {turn:.2g} rad），标准差已计入。</translation>
+    </message>
+    <message>
+        <source>{stage}: at {time:.0f} s the primary is off itself; imu{number} is not calibrated against it.</source>
+        <translation>{stage}：{time:.0f} s 时主惯组自身超差，imu{number} 不以它为基准标定。</translation>
+    </message>
+    <message>
+        <source>{stage}: at {time:.0f} s imu{number} was off and has been calibrated.</source>
+        <translation>{stage}：{time:.0f} s 时 imu{number} 超差，已重新标定。</translation>
+    </message>
+    <message>
+        <source>{stage}: at {time:.0f} s calibration was given up: {why}.</source>
+        <translation>{stage}：{time:.0f} s 时放弃标定：{why}。</translation>
+    </message>
+    <message>
+        <source>{stage}: nothing new for secondary {numbers}; what was stored stays.</source>
+        <translation>{stage}：从惯组 {numbers} 没有新结果，保留已存的值。</translation>
     </message>
     <message>
         <source>Inside the limits: writing the registers.</source>
