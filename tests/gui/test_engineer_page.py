@@ -22,6 +22,8 @@ from PySide6.QtWidgets import (
     QToolButton,
 )
 
+from calstation.gui import language
+from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.engineer.residuals_view import face
@@ -341,6 +343,28 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     assert after["accel_scale_x"]["Change"] == "0"
     assert after["accel_scale_x"]["Old"] == before["accel_scale_x"]["New"]
     assert "holds these values already" in engineer.why_not("write_registers_button")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "table limits: 7 whole turns need 2520° of travel on the outer axis, which has 2160°; "
+            "lower turns in the schedule of rate",
+            "转 7 整圈需要外框 2520° 的行程，实际只有 2160°；请在速率的流程参数中减少圈数",
+        ),
+        ("engine: something new; do this", "Something new. Do this."),
+    ],
+)
+def test_what_a_plan_refuses_is_said_in_the_language_in_force(
+    qapp: QApplication, text: str, said: str
+) -> None:
+    language.use("zh_CN")
+    try:
+        assert one_line(text) == said
+    finally:
+        language.use("en")
+    assert "lower turns" in one_line(text) or "new" in one_line(text)
 
 
 @pytest.mark.parametrize(

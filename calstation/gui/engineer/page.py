@@ -19,6 +19,7 @@ from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.engineer.choice_panel import ChoicePanel
 from calstation.gui.engineer.close_look import CloseLook
+from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.register_desk import RegisterDesk
@@ -133,7 +134,7 @@ class EngineerPage(Page):
             self._problem = ""
         except CalstationError as error:
             self._offer = None
-            self._problem = str(error)
+            self._problem = one_line(str(error))
         self.choice.setEnabled(self._offer is not None)
         if self._offer is not None:
             self.choice.show_offer(self._offer)
@@ -227,7 +228,7 @@ class EngineerPage(Page):
             self.app.set_product(path)
 
     def _not_saved(self, error: str) -> None:
-        self.notice.ask("bad", lambda: self.tr("The product was not saved"), lambda: error)
+        self.notice.ask("bad", lambda: self.tr("The product was not saved"), lambda: one_line(error))
         self._allow()
 
     # ---- START

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
 
 from calstation.gui import theme
 from calstation.gui.engineer import forecast_table
+from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.motion_plot import MotionPlot
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.empty_state import EmptyState
@@ -146,7 +147,7 @@ class PreviewView(QWidget):
         self.preview_button.setVisible(not busy)
         self._summary.setVisible(not busy)
         self._badge.setVisible(not busy and forecast is not None and not self._error)
-        lines: list[str] = [self._error] if self._error else []
+        lines: list[str] = [one_line(self._error)] if self._error else []
         if forecast is None:
             self._summary.setText("")
         else:
@@ -158,7 +159,7 @@ class PreviewView(QWidget):
             self._judge(forecast)
             if not self._stale:
                 lines += [self._word(violation) for violation in forecast.violations]
-                lines += [f"{word_stage(s.stage)}: {s.error}" for s in forecast.stages if s.error]
+                lines += [f"{word_stage(s.stage)}: {one_line(s.error)}" for s in forecast.stages if s.error]
                 lines += [
                     self.tr("{0}: {1} rounds do not reach its targets; give it rounds or a duration.").format(
                         word_stage(s.stage), s.rounds
@@ -196,7 +197,7 @@ class PreviewView(QWidget):
         """A broken limit with its step and the mend."""
         stage = word_stage(broken.stage)
         if broken.kind == "plan":
-            return f"{stage}: {broken.text}"
+            return f"{stage}: {one_line(broken.text)}"
         where = self.tr("{0}, move {1} ({2})").format(stage, broken.step, word_step("move", broken.label))
         if broken.more:
             where = self.tr("{0} and {1} more").format(where, broken.more)
