@@ -124,16 +124,6 @@ class LinkSection(QWidget):
             self._own_row,
             *self._line_fields,
         )
-        tab_through(
-            self.way_box,
-            *(field.editor for field in self._port_fields.values()),
-            self.search_button,
-            *(field.editor for field in self._numbers),
-            self.own_box,
-            *(field.editor for field in self._line_fields),
-            self.test.product_box,
-            self.test.button,
-        )
         left = QVBoxLayout()
         left.setSpacing(theme.GRID)
         left.addWidget(self._heading)
@@ -145,6 +135,16 @@ class LinkSection(QWidget):
         row.setSpacing(3 * theme.GRID)
         row.addLayout(left)
         row.addWidget(self.test, 1)
+        tab_through(
+            self.way_box,
+            *(field.editor for field in self._port_fields.values()),
+            self.search_button,
+            *(field.editor for field in self._numbers),
+            self.own_box,
+            *(field.editor for field in self._line_fields),
+            self.test.product_box,
+            self.test.button,
+        )
 
     @property
     def fields(self) -> list[Field]:
