@@ -26,6 +26,8 @@ MESSAGES: dict[str, str] = {
     "pair_calibrated": "{stage}: at {time:.0f} s imu{number} was off and has been calibrated.",
     "pair_given_up": "{stage}: at {time:.0f} s calibration was given up: {why}.",
     "pair_kept": "{stage}: nothing new for secondary {numbers}; what was stored stays.",
+    "gimbal_unstable": "{stage}: a gain of {gain:g} is beyond the {limit:.2f} up to which turns about {axis} converge.",
+    "gimbal_axes_missing": "{stage}: no turns about {axes}; misalignments of those columns are not determined.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
     "registers_transfer": "Inside the limits: writing the registers.",
     "registers_written": "Registers written, read back, and the output right with them.",

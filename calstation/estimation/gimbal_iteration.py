@@ -1,0 +1,153 @@
+"""Gyro misalignment from a stabilised gimbal's own joints, one turn after another.
+
+The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). Demanded to turn about one body axis alone it
+turns about N e, N = (I + M)⁻¹ (I + K): the joints that were not asked drift by D = −J(A) (m − k) for a turn by A, where
+m and k are that axis' columns of M and K without its own row. After every turn, the joints back at zero,
+
+    K_i = K_(i−1) + s α D_i,    s = −1 for a positive turn, +1 for a negative one
+
+so that the error shrinks by I − s α J. J is no multiple of the identity: a body axis that leans turns on while the body
+does. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A), sin A]], whose
+eigenvalues are 2 sin(A/2) e^(±iA/2): the iteration is stable for 0 < α < cot(A/2), fastest at half of that, where each
+turn leaves sin(A/2) of the error, and from A = 180° on for no gain at all.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calstation.physics.arrays import FloatArray
+from calstation.physics.rotation import axis_rotation, rotation_matrix
+
+AXES = "xyz"
+_DERIVATIVE_STEP = 1e-5
+
+
+def gimbal_attitude(order: str, joints: FloatArray) -> FloatArray:
+    """C_body^base of joints x, y, z (rad, shape (3,)), the first of `order` next to the base, shape (3, 3)."""
+    C = np.eye(3)
+    for name in order:
+        axis = AXES.index(name)
+        C = C @ axis_rotation(np.eye(3)[axis], float(joints[axis]))
+    return C
+
+
+def gimbal_joints(order: str, C: FloatArray) -> FloatArray:
+    """Joints x, y, z (rad, shape (3,)) of an attitude, the middle one within ±90°; Tait-Bryan angles of any order."""
+    a, b, c = (AXES.index(name) for name in order)
+    sign = 1.0 if (b - a) % 3 == 1 else -1.0
+    joints = np.empty(3)
+    joints[b] = np.arcsin(np.clip(sign * C[a, c], -1.0, 1.0))
+    joints[a] = np.arctan2(-sign * C[b, c], C[c, c])
+    joints[c] = np.arctan2(-sign * C[a, b], C[a, a])
+    return joints
+
+
+def others(axis: int) -> list[int]:
+    """The two axes that are not turned."""
+    return [k for k in range(3) if k != axis]
+
+
+def drift_matrix(order: str, axis: int, angle: float) -> FloatArray:
+    """J: how far the other joints move per rad of lean of the axis turned about, for a turn by `angle`, rad, (2, 2)."""
+    rest = others(axis)
+    J = np.empty((2, 2))
+    for column, lean in enumerate(rest):
+        moved = []
+        for step in (_DERIVATIVE_STEP, -_DERIVATIVE_STEP):
+            direction = np.eye(3)[axis] + step * np.eye(3)[lean]
+            moved.append(gimbal_joints(order, rotation_matrix(angle * direction))[rest])
+        J[:, column] = (moved[0] - moved[1]) / (2.0 * _DERIVATIVE_STEP)
+    return J
+
+
+def sign_of(angle: float) -> float:
+    """s of a turn: −1 for a positive one, +1 for a negative one."""
+    return -1.0 if angle > 0.0 else 1.0
+
+
+def largest_gain(order: str, axis: int, angle: float) -> float:
+    """The gain below which turns by ± `angle` (rad) converge: 2 Re λ/|λ|² of J's worst eigenvalue; 0 if none does."""
+    limits = []
+    for way in (angle, -angle):
+        for value in np.linalg.eigvals(-sign_of(way) * drift_matrix(order, axis, way)):
+            limits.append(2.0 * value.real / abs(value) ** 2)
+    return max(float(min(limits)), 0.0)
+
+
+def contraction(order: str, axis: int, angle: float, gain: float) -> float:
+    """What a turn there and a turn back leave of an error, as a factor per turn."""
+    both = np.eye(2)
+    for way in (angle, -angle):
+        both = (np.eye(2) + sign_of(way) * gain * drift_matrix(order, axis, way)) @ both
+    return float(np.sqrt(np.abs(np.linalg.eigvals(both)).max()))
+
+
+@dataclass(frozen=True)
+class Demand:
+    """The next turn: about `axis` by `angle`, rad, stabilised with the correction K, shape (3, 3)."""
+
+    axis: int
+    angle: float
+    correction: FloatArray
+
+
+@dataclass
+class AxisCourse:
+    """One axis' turns: angles and drifts D of the other joints (rad), and K after each, shape (2,)."""
+
+    axis: int
+    angles: list[float] = field(default_factory=list)
+    drifts: list[FloatArray] = field(default_factory=list)
+    corrections: list[FloatArray] = field(default_factory=list)
+
+
+class GimbalIteration:
+    """The method's own state: what to demand next, and what the answer changes.
+
+    Parameters
+    ----------
+    gain : α, rad/rad; angle : of every turn, rad; count : turns per axis at most
+    threshold : |D| below which an axis is done, rad; alternate : every second turn goes the other way
+
+    Attributes
+    ----------
+    correction : K, shape (3, 3); courses : of the axes so far, x, y, z
+    """
+
+    def __init__(
+        self, gain: float, angle: float, count: int, threshold: float, alternate: bool = True
+    ) -> None:
+        self._gain, self._angle, self._count = gain, angle, count
+        self._threshold, self._alternate = threshold, alternate
+        self.correction = np.zeros((3, 3))
+        self.courses: list[AxisCourse] = [AxisCourse(0)]
+
+    @property
+    def done(self) -> bool:
+        """Whether the last axis has come to its end."""
+        return len(self.courses) == 3 and self._ended(self.courses[-1])
+
+    def demand(self) -> Demand | None:
+        """The next turn, from joints at zero; None at the end."""
+        if self.done:
+            return None
+        if self._ended(self.courses[-1]):
+            self.courses.append(AxisCourse(self.courses[-1].axis + 1))
+        course = self.courses[-1]
+        back = self._alternate and len(course.drifts) % 2 == 1
+        return Demand(course.axis, -self._angle if back else self._angle, self.correction.copy())
+
+    def answer(self, angle: float, drift: FloatArray) -> None:
+        """The other joints moved by `drift`, rad, shape (2,), in a turn by `angle`, rad."""
+        course = self.courses[-1]
+        rows = others(course.axis)
+        self.correction[rows, course.axis] += sign_of(angle) * self._gain * drift
+        course.angles.append(angle)
+        course.drifts.append(np.array(drift))
+        course.corrections.append(self.correction[rows, course.axis].copy())
+
+    def _ended(self, course: AxisCourse) -> bool:
+        if not course.drifts:
+            return False
+        return len(course.drifts) >= self._count or float(np.abs(course.drifts[-1]).max()) < self._threshold

@@ -1,0 +1,181 @@
+"""Gimbal: the joints' drifts give the gyro misalignment, as fast and as far as the gain allows, with honest sigmas."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gimbal_recordings import recorded, solved, unit
+from scipy.stats import chi2
+
+from calstation.errors import ConfigurationError, InputError, InsufficientDataError
+from calstation.estimation.gimbal_iteration import (
+    GimbalIteration,
+    contraction,
+    drift_matrix,
+    gimbal_attitude,
+    gimbal_joints,
+    largest_gain,
+)
+from calstation.physics.parameters import INDEX
+from calstation.physics.table import TableGeometry
+from procedures import method
+from procedures.gimbal import ESTIMATED
+
+PLACES = [INDEX[name] for name in ESTIMATED]
+
+
+@pytest.fixture(scope="module")
+def loop():
+    imu = unit(11)
+    iteration, block = recorded(imu, 11)
+    return imu, iteration, block
+
+
+@pytest.mark.parametrize(("grade", "seeds"), [("mems", 10), ("tactical", 6), ("nav", 6)])
+def test_errors_over_many_gimbals_agree_with_their_sigmas(grade, seeds):
+    iterated, at_once = [], []
+    for seed in range(seeds):
+        imu = unit(50 + seed, grade)
+        found = solved(recorded(imu, seed)[1], imu, grade)
+        truth = imu.parameters[PLACES]
+        iterated.append((found.belief.mean[PLACES] - truth) / found.belief.sigma[PLACES])
+        squares = [found.details["least_squares"][name] for name in ESTIMATED]
+        at_once.append([(s["value"] - t) / s["sigma"] for s, t in zip(squares, truth, strict=True)])
+    low, high = chi2.ppf([0.0005, 0.9995], 6 * seeds) / (6 * seeds)
+    assert low < np.mean(np.square(iterated)) < high
+    assert low < np.mean(np.square(at_once)) < high
+
+
+def test_a_recording_replays_to_the_corrections_that_were_used(loop):
+    imu, iteration, block = loop
+    found = solved(block, imu)
+    for axis, course in zip(found.details["axes"], iteration.courses, strict=True):
+        assert axis["corrections"] == [k.tolist() for k in course.corrections]
+        assert axis["angles"] == pytest.approx(course.angles, abs=np.deg2rad(2.0))
+    assert found.estimated == ESTIMATED
+    assert found.messages == ()
+
+
+def test_drifts_shrink_as_predicted_and_the_answer_is_that_of_least_squares(loop):
+    imu, _, block = loop
+    found = solved(block, imu)
+    for axis in found.details["axes"]:
+        size = [np.linalg.norm(d) for d in axis["drifts"]]
+        assert size[-1] < 0.3 * size[0]
+        assert 0.15 < axis["contraction"] < 0.35
+        assert axis["turns"] < 10
+    for name, i in zip(ESTIMATED, PLACES, strict=True):
+        at_once = found.details["least_squares"][name]
+        assert at_once["sigma"] < found.belief.sigma[i]
+        apart = found.belief.mean[i] - at_once["value"]
+        assert abs(apart) < 4.0 * np.hypot(found.belief.sigma[i], at_once["sigma"])
+
+
+@pytest.mark.parametrize("angle", [10.0, 30.0, 60.0])
+def test_the_stable_range_of_the_gain_in_closed_form(angle):
+    A = np.deg2rad(angle)
+    for order in ("zxy", "xyz", "yzx", "zyx"):
+        first, middle, last = ("xyz".index(name) for name in order)
+        for axis in (first, last):
+            assert largest_gain(order, axis, A) == pytest.approx(1.0 / np.tan(A / 2.0), rel=1e-6)
+            best = 0.5 / np.tan(A / 2.0)
+            assert contraction(order, axis, A, best) == pytest.approx(np.sin(A / 2.0), rel=1e-6)
+        # the middle joint's neighbours come nearer to each other as it turns
+        worst = (np.sin(A) + 1.0 - np.cos(A)) / np.cos(A)
+        assert largest_gain(order, middle, A) == pytest.approx(2.0 / worst, rel=1e-6)
+    assert largest_gain("zxy", 2, np.pi) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("share", "converges"), [(0.8, True), (1.3, False)])
+def test_the_bench_converges_within_the_range_and_diverges_beyond(share, converges):
+    imu = unit(12, "tactical")
+    most = largest_gain("zxy", 2, np.deg2rad(30.0))
+    iteration, _ = recorded(imu, 12, gain=share * most, iterations=6, threshold_arcsec=0.0)
+    sizes = [np.linalg.norm(d) for d in iteration.courses[2].drifts]
+    factor = (sizes[-1] / sizes[0]) ** (1.0 / (len(sizes) - 1))
+    assert factor == pytest.approx(contraction("zxy", 2, np.deg2rad(30.0), share * most), abs=0.1)
+    assert (factor < 1.0) == converges
+
+
+def test_a_gain_beyond_the_range_is_told(loop):
+    imu = unit(13, "tactical")
+    _, block = recorded(imu, 13, gain=3.0, iterations=4)
+    found = solved(block, imu, "tactical", gain=3.0, iterations=4)
+    told = [values for key, values in found.messages if key == "gimbal_unstable"]
+    assert [t["axis"] for t in told] == ["x"]  # the middle joint's range ends at 2.73, the others' at 3.73
+
+
+def test_the_axes_are_done_one_after_another_until_the_count_or_the_threshold():
+    iteration = GimbalIteration(1.0, 0.5, 3, 1e-4)
+    demand = iteration.demand()
+    assert (demand.axis, demand.angle) == (0, 0.5)
+    iteration.answer(0.5, np.array([-2e-3, 1e-3]))
+    assert iteration.correction[1:, 0] == pytest.approx([2e-3, -1e-3])
+    assert iteration.demand().angle == -0.5
+    iteration.answer(-0.5, np.array([-5e-4, 0.0]))
+    assert iteration.correction[1:, 0] == pytest.approx([1.5e-3, -1e-3])
+    iteration.answer(0.5, np.array([5e-3, 0.0]))
+    assert iteration.demand().axis == 1  # the count is reached
+    iteration.answer(0.5, np.array([5e-5, -5e-5]))
+    assert iteration.demand().axis == 2  # below the threshold
+    iteration.answer(0.5, np.array([0.0, 0.0]))
+    assert iteration.demand() is None
+    assert iteration.done
+
+
+def test_joints_and_attitudes_are_each_others_inverse():
+    joints = np.array([0.3, -0.4, 0.7])
+    for order in ("xyz", "zxy", "yzx", "zyx", "xzy", "yxz"):
+        assert gimbal_joints(order, gimbal_attitude(order, joints)) == pytest.approx(joints)
+    assert drift_matrix("zxy", 2, 1e-3) == pytest.approx(1e-3 * np.eye(2), abs=1e-6)
+
+
+def altered(block, **columns):
+    return replace(block, **columns)
+
+
+def test_bad_recordings_are_named_instead_of_answered(loop):
+    imu, _, block = loop
+    joints = block.joints
+    with pytest.raises(InputError, match="no joint angles; add the columns"):
+        solved(altered(block, joints=np.empty((len(block), 0))), imu)
+    stuck = joints.copy()
+    stuck[:, 1] = 0.0
+    with pytest.raises(InputError, match="joint_y is frozen"):
+        solved(altered(block, joints=stuck), imu)
+    with pytest.raises(InputError, match="axes are swapped"):
+        solved(altered(block, joints=joints[:, [1, 0, 2]]), imu)
+    with pytest.raises(InputError, match="units wrong by a factor"):
+        solved(altered(block, joints=0.5 * joints), imu)
+    with pytest.raises(InputError, match="opposite ways"):
+        solved(altered(block, joints=-joints), imu)
+    frozen = block.counts.copy()
+    frozen[3000:6000, 2] = frozen[3000, 2]
+    with pytest.raises(InputError, match="gyro_z is frozen"):
+        solved(altered(block, counts=frozen), imu)
+    with pytest.raises(InsufficientDataError, match="no turn of one joint from zero"):
+        solved(block.part(0, 900), imu)
+
+
+def test_rates_that_were_not_corrected_are_told():
+    imu = unit(14)
+    _, block = recorded(imu, 14, corrected=False, iterations=5)
+    with pytest.raises(InputError, match="the rates were not corrected by K"):
+        solved(block, imu, iterations=5)
+
+
+def test_polled_joints_do_as_well(loop):
+    imu, _, block = loop
+    polled = block.joints.copy()
+    polled[np.arange(len(polled)) % 5 > 0] = np.nan
+    found = solved(altered(block, joints=polled), imu)
+    error = (found.belief.mean - imu.parameters)[PLACES] / found.belief.sigma[PLACES]
+    assert np.abs(error).max() < 4.0
+
+
+def test_a_rate_table_is_no_gimbal():
+    chosen = method("gimbal")
+    with pytest.raises(ConfigurationError, match="a gimbal that stabilises on the corrected rates"):
+        list(chosen.plan(TableGeometry(), chosen.schedule()))
+    with pytest.raises(ValueError, match="must name x, y and z once each"):
+        chosen.schedule(order="zzy")
