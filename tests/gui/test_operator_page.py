@@ -140,7 +140,7 @@ def test_a_failed_unit_is_told_what_to_do(operator: Operator) -> None:
     operator.scan(SERIAL)
     operator.press("start_button")
     operator.until(lambda: operator.verdict == "FAIL")
-    assert "accel scale factor y is" in operator.says()
+    assert "Accel scale factor y is" in operator.says()
     assert "Reseat the unit" in operator.says()
     operator.until_ended()
 

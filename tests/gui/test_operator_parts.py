@@ -118,7 +118,7 @@ def test_advice_names_the_first_failure_and_counts_the_rest() -> None:
     ]
     result = {"checks": checks, "unobservable": [], "advice": "reseat"}
     said = advice.reason("failed", result)
-    assert said == "gyro scale factor x is 2000 ppm, allowed are ±1000. (1 more checks failed.)"
+    assert said == "Gyro scale factor x is 2000 ppm, allowed are ±1000. (1 more checks failed.)"
     assert advice.next_action("failed", result).startswith("Reseat the unit")
     assert advice.next_action("failed", {**result, "advice": "set_aside"}).startswith("Set the unit aside")
 

@@ -37,6 +37,7 @@ def reason(outcome: str, result: Mapping[str, Any]) -> str:
     if not failed:
         return QCoreApplication.translate("advice", "No stage was solved.")
     first = word_check(failed[0], result)
+    first = first[0].upper() + first[1:]
     if len(failed) == 1:
         return first
     more = QCoreApplication.translate("advice", "({count} more checks failed.)").format(count=len(failed) - 1)

@@ -219,6 +219,8 @@ class VerdictPanel(QFrame):
         label = QLabel(text)
         if muted:
             label.setProperty("kind", "muted")
+        else:
+            label.setFont(theme.font(theme.SECTION))
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
         self._figures.addWidget(label, row, column, side | Qt.AlignmentFlag.AlignVCenter)
 
