@@ -1,0 +1,86 @@
+"""The soak: the same plans for the same seed, every kind in turn, and a judge that knows the truth."""
+
+import json
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.station.fault_plan import KINDS
+from calstation.station.soak import OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
+from calstation.station.soak_judge import Judged, _wrong
+
+GOOD = Planned(0, 5, faulty_unit=False, faults=())
+
+
+def judged(**changes: Any) -> Judged:
+    """A sound run without a fault."""
+    run = Judged(GOOD, "passed", None, (), (), (), unsafe=False, samples=9, samples_lost=0, engine_mb=1.0,
+                 parent_mb=1.0, seconds=1.0)  # fmt: skip
+    return replace(run, **changes)
+
+
+def test_plans_are_the_same_for_the_same_seed_and_deal_every_kind_in_turn() -> None:
+    assert list(plans(30, 4)) == list(plans(30, 4)) != list(plans(30, 5))
+    deck = len(STAGE_FAULTS) + len(OTHER_FAULTS)
+    dealt = [fault for planned in plans(200, 4) for fault in planned.faults]
+    assert len(dealt) > 2 * deck
+    assert set(Counter(dealt[:deck]).values()) == {1}
+    listened = {"operator_stop", "window_killed"}
+    assert {kind for kind, _ in (*STAGE_FAULTS, *OTHER_FAULTS)} - listened <= set(KINDS)
+
+
+def test_what_is_wrong_lost_unsafe_or_hung_makes_a_soak_unsound() -> None:
+    assert Soak([judged()]).sound
+    for bad in (
+        judged(wrong=("passed with gyro_bias_x off by 7.0 sigma",)),
+        judged(lost=("no log",)),
+        judged(unsafe=True),
+        judged(outcome="hung"),
+    ):
+        soak = Soak([judged(), bad])
+        assert not soak.sound
+        assert json.loads(json.dumps(soak.counts()))["runs"] == 2
+    assert not Soak([judged()], undelivered=1).sound
+    counts = Soak([judged(), judged(injected=("jam",), outcome="fault")]).counts()
+    assert counts["faults"] == {"jam": {"injected": 1, "recovered": 0, "stopped_safely": 1}}
+    assert (counts["recovered"], counts["stopped_safely"]) == (0, 1)
+
+
+def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
+    from calstation.bench.config import BenchConfig
+    from calstation.physics.parameters import INDEX
+    from calstation.station.setup import configured
+
+    request = _written(GOOD, tmp_path, ("rate", "six_position"))
+    setup, _ = configured(request)
+    truth = BenchConfig.model_validate(setup.bench_config()).truth().imu.parameters
+    row = {"value": float(truth[INDEX["accel_bias_x"]]), "sigma": 1e-4}
+    check = {"name": "accel_bias_x within", "limit": [-0.0074, 0.0074], "passed": True}
+    result: dict[str, Any] = {"parameters": {"accel_bias_x": row}, "checks": [check]}
+    assert _wrong(GOOD, request, result, "passed", False) == []
+    row["value"] += 7e-4
+    (what,) = _wrong(GOOD, request, result, "passed", False)
+    assert "accel_bias_x off by 7.0 sigma" in what
+    check["limit"], row["value"] = [-1e-9, 1e-9], float(truth[INDEX["accel_bias_x"]])
+    (what,) = _wrong(GOOD, request, result, "passed", False)
+    assert "outside its limits" in what
+    failed = {**result, "checks": [{**check, "passed": False}]}
+    assert _wrong(GOOD, request, failed, "failed", False)
+    assert not _wrong(GOOD, request, failed, "failed", True)
+    assert not _wrong(replace(GOOD, faulty_unit=True), request, failed, "failed", False)
+    assert _wrong(GOOD, request, {}, "hung", False)
+
+
+def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_app(["soak", "--runs", "2", "--seed", "3", "--keep", str(tmp_path), "--json", "-"]) == 0
+    output = capsys.readouterr()
+    counts = json.loads(output.out)
+    assert counts["runs"] == 2
+    assert counts["wrong_verdicts"] == counts["lost_records"] == counts["unsafe"] == 0
+    assert counts["samples"] > 5_000
+    assert "wrong verdicts" in output.err
+    assert len(list((tmp_path / "handover").glob("SN-*.json"))) == 2
