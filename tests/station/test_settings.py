@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import given
+from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from calstation.configuration import load
@@ -128,6 +129,7 @@ DATA = st.recursive(
 )  # fmt: skip
 
 
+@hypothesis_settings(deadline=None)
 @given(DATA)
 def test_every_value_of_a_text_has_a_line_that_holds_it(data: dict[str, object]) -> None:
     import tomli_w
