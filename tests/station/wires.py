@@ -24,7 +24,7 @@ Answer = Callable[[bytes], bytes]
 def order(product: Path | None = None, **sections: dict[str, Any]) -> Order:
     """A station to be tested; unnamed ports lead nowhere, and nobody waits long."""
     table = {"profile": "bench", "port": "tcp://127.0.0.1:1", "timeout_s": 0.1}
-    imu = {"port": "/dev/ttyNONE7", "timeout_s": 0.15}
+    imu = {"port": "/dev/ttyNONE9", "timeout_s": 0.15}
     data: dict[str, Any] = {"name": "wires", "site": SITE}
     if "bench" in sections:
         data |= {"table": {"profile": "bench"}, "bench": sections["bench"]}
