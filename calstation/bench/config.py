@@ -84,7 +84,8 @@ class BenchConfig(BaseModel):
     mount_deg : smallest and largest angle of the unit on its platform
     start_deg : joint angles at power-on, None draws them
     imu_protocol : what the unit's commands are
-    table_protocol : what the table speaks; table_transport : over TCP or, "rtu", over a pseudo-terminal
+    table_protocol : what the table speaks, "imu_link" where the unit's own line carries its registers
+    table_transport : over TCP or, "rtu", over a pseudo-terminal
     latency_s, jitter_s : a polled angle is this old, uniformly ± the jitter
     clock_drift_ppm : device time gains this much on the clock service's
     ready_time_s : from power-up to the unit's ready bit
@@ -134,7 +135,7 @@ class BenchConfig(BaseModel):
     interlock_closed: bool = True
     watchdog_ms: Annotated[int, Field(ge=0, le=65535)] = 2000
 
-    table_protocol: Literal["modbus", "atl", "acl", "mn"] = "modbus"
+    table_protocol: Literal["modbus", "imu_link", "atl", "acl", "mn"] = "modbus"
     table_transport: Literal["tcp", "rtu"] = "tcp"
     imu_protocol: Literal["framed", "modbus", "vectornav"] = "framed"
     imu_transport: Literal["socket", "pty"] = "socket"

@@ -16,6 +16,8 @@ from calstation.bench.imu_frames import (
     stream_frames,
 )
 from calstation.bench.stream_truth import StreamOutput
+from calstation.bench.table_machine import OutOfRange, Refusal
+from calstation.bench.table_registers import SIZE, WRITABLE, TableRegisters
 from calstation.physics.arrays import FloatArray
 
 MODEL = "bench-imu"
@@ -23,8 +25,8 @@ FIRMWARE = "1.0.0"
 
 # Registers: gyro bias from 0, gyro matrix 3, accel bias 12, accel matrix 15, quadratic 24, inner levers 27.
 
-IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, ERROR = 1, 2, 3, 4, 5, 6, 0xFF
-BAD_OP, BAD_ADDRESS, FLASH_BUSY = 1, 2, 3
+IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, READ_WORDS, WRITE_WORDS, ERROR = 1, 2, 3, 4, 5, 6, 7, 8, 0xFF
+BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
 
 #: Device time during which the flash is busy after a commit, and silence after power-up or reset, s.
 FLASH_TIME = 0.2
@@ -43,6 +45,7 @@ class ImuUnit:
 
     Attributes
     ----------
+    axes : registers of its own axes, where its line carries them
     counter : of the next sample
     fails_writing, fails_committing : bytes after which the power breaks down for a moment while registers are
         written, or flash is burnt; None for a sound supply
@@ -64,6 +67,7 @@ class ImuUnit:
         self._ambient, self._warm_up, self._warm_up_time = ambient, warm_up, warm_up_time
         self.flash_file = flash_file
         self._flash = Flash(flash_banks, flash_file)
+        self.axes: TableRegisters | None = None
         self.fails_writing: int | None = None
         self.fails_committing: int | None = None
         self._busy_until = -np.inf
@@ -117,6 +121,8 @@ class ImuUnit:
             RESET: self._reset,
             STREAM: self._stream,
         }
+        if self.axes is not None:
+            handlers |= {READ_WORDS: self._read_words, WRITE_WORDS: self._write_words}
         handler = handlers.get(op)
         try:
             result = BAD_OP if handler is None else handler(payload, time)
@@ -152,6 +158,32 @@ class ImuUnit:
                 self.fails_writing = None
                 raise PowerCut
         self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
+        return payload[:3]
+
+    def _read_words(self, payload: bytes, time: float) -> bytes | int:
+        assert self.axes is not None
+        if len(payload) != 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload)
+        if count == 0 or count > 126 or address + count > SIZE:
+            return BAD_ADDRESS
+        self.axes.refresh()
+        return payload + struct.pack(f"<{count}H", *self.axes.words[address : address + count])
+
+    def _write_words(self, payload: bytes, time: float) -> bytes | int:
+        assert self.axes is not None
+        if len(payload) < 5:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload[:3])
+        writable = {first + i for first, size in WRITABLE for i in range(size)}
+        if len(payload) != 3 + 2 * count or not writable.issuperset(range(address, address + count)):
+            return BAD_ADDRESS
+        try:
+            self.axes.write(address, list(struct.unpack(f"<{count}H", payload[3:])))
+        except OutOfRange:
+            return BAD_VALUE
+        except Refusal:
+            return BAD_STATE
         return payload[:3]
 
     def _commit(self, payload: bytes, time: float) -> bytes | int:

@@ -95,6 +95,8 @@ class LiveBench:
             flash_file=config.flash_file,
             flash_banks=config.flash_banks,
         )
+        if config.table_protocol == "imu_link":
+            self.unit.axes = self.registers
         if isinstance(self.unit, VectorNavUnit):
             imu = self.truth.imu
             self.unit.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)

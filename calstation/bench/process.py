@@ -25,14 +25,20 @@ TICK = 0.005
 SLICE = 0.5
 
 
+#: Device time that a table is given to come to rest when nobody lets time pass any more, s.
+COASTING = 2.0
+
+
 class BenchProcess:
     """Runs a bench on an event loop until `stop`."""
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
         self._bench = LiveBench(config, time.monotonic)
-        self._table: TableLink | TableLine = TableLink(self._bench.registers)
-        if config.table_protocol in LANGUAGES:
+        self._table: TableLink | TableLine | None = None
+        if config.table_protocol == "modbus":
+            self._table = TableLink(self._bench.registers)
+        elif config.table_protocol in LANGUAGES:
             axes = Axes(self._bench.machine, **self._bench.table_clocks())
             self._table = TableLine(LANGUAGES[config.table_protocol](axes, config.table_serial))
         line_kind = SocketLine if config.imu_transport == "socket" else TerminalLine
@@ -49,9 +55,9 @@ class BenchProcess:
 
     async def run(self) -> None:
         """Open everything, announce it on standard output, serve until stopped."""
-        if self._config.table_transport == "rtu":
+        if self._table is not None and self._config.table_transport == "rtu":
             await self._table.serve_rtu()
-        else:
+        elif self._table is not None:
             await self._table.serve_tcp()
         await self._line.open()
         await self._clock.open()
@@ -66,13 +72,14 @@ class BenchProcess:
                 task.cancel()
             await self._clock.close()
             await self._line.close()
-            await self._table.close()
+            if self._table is not None:
+                await self._table.close()
             self._write_report()
 
     def endpoints(self) -> dict[str, Any]:
         """What is announced: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
         return {
-            "table": self._table.endpoint,
+            "table": self._line.endpoint if self._table is None else self._table.endpoint,
             "table_transport": self._config.table_transport,
             "imu": self._line.endpoint,
             "clock": self._clock.endpoint,
@@ -111,7 +118,7 @@ class BenchProcess:
         table = self._table
         if order.order == "hang_up_imu":
             self._line.hang_up()
-        elif order.order == "mute_table":
+        elif order.order == "mute_table" and table is not None:
             table.mute += int(order.value)
         elif isinstance(table, TableLink):
             if order.order == "slow_table":
@@ -126,6 +133,7 @@ class BenchProcess:
         machine, deadline = self._bench.machine, time.monotonic() + self._bench.machine.watchdog + 1.0
         while machine.power is Power.ENABLED and machine.watchdog > 0.0 and time.monotonic() < deadline:
             await asyncio.sleep(TICK)
+        self._bench.advance(self._bench.now + COASTING)
 
     def _write_report(self) -> None:
         if self._config.report_file is not None:

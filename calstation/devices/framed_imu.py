@@ -12,7 +12,13 @@ from calstation.devices.registered_imu import RegisteredImu
 from calstation.devices.streamed_imu import ImuRefusalError
 from calstation.errors import DeviceFaultError
 
-_ERRORS = {"1": "unknown command", "2": "no such register", "3": "flash busy"}
+_ERRORS = {
+    "1": "unknown command",
+    "2": "no such register",
+    "3": "flash busy",
+    "4": "it cannot do it in its present state",
+    "5": "the value is refused",
+}
 _ATTEMPTS = 3
 _VALUES_PER_TRANSFER = 32
 _PAYLOAD = 255
@@ -41,6 +47,20 @@ class FramedImu(RegisteredImu):
             raise DeviceFaultError(
                 "IMU: the unit refused to commit its registers; power it off and on, try again"
             )
+
+    def read_words(self, address: int, count: int) -> list[int]:
+        """Read 16-bit registers of the system's own axes; a lost answer is asked for again."""
+        head = struct.pack(self._format("HB"), address, count)
+        answer = self._ask("read_words", head, head)
+        if len(answer) != len(head) + 2 * count:
+            raise DeviceFaultError(f"table: registers from {address} answer with a wrong length")
+        return list(struct.unpack(self._format(f"{count}H"), answer[len(head) :]))
+
+    def write_words(self, address: int, values: list[int], repeat: bool) -> None:
+        """Write 16-bit registers of the system's own axes; a lost answer is asked for again only where `repeat`."""
+        head = struct.pack(self._format("HB"), address, len(values))
+        body = struct.pack(self._format(f"{len(values)}H"), *values)
+        self._ask("write_words", head + body, head, _ATTEMPTS if repeat else 1)
 
     def _switch_on(self) -> None:
         self._ask("stream", b"\x01")

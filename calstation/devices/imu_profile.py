@@ -20,8 +20,18 @@ STATUS_WORDS = ("status", "status2", "status3")
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 
 
-OPS = {"identify": 1, "read": 2, "write": 3, "commit": 4, "reset": 5, "stream": 6, "error": 255}
-"""Ops of the framed link, and their usual numbers."""
+OPS = {
+    "identify": 1,
+    "read": 2,
+    "write": 3,
+    "commit": 4,
+    "reset": 5,
+    "stream": 6,
+    "read_words": 7,
+    "write_words": 8,
+    "error": 255,
+}
+"""Ops of the framed link, and their usual numbers; those of words belong to systems with axes of their own."""
 
 
 class StreamSection(StrictModel):

@@ -4,6 +4,7 @@ from calstation.devices.link import SerialSettings
 from calstation.devices.modbus_table import ModbusTable
 from calstation.devices.table_profile import TableProfile
 from calstation.devices.text_table import TextTable
+from calstation.errors import ConfigurationError
 
 
 def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) -> ModbusTable | TextTable:
@@ -19,8 +20,10 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
     DeviceFaultError, ConfigurationError
         where the port cannot be opened.
     """
-    return (
-        ModbusTable(port, profile, serial)
-        if profile.protocol == "modbus"
-        else TextTable(port, profile, serial)
-    )
+    if profile.protocol == "imu_link":
+        raise ConfigurationError(
+            f"table: profile '{profile.name}' is of axes behind the IMU's link; they have no port of their own"
+        )
+    if profile.protocol == "modbus":
+        return ModbusTable(port, profile, serial)
+    return TextTable(port, profile, serial)

@@ -75,6 +75,15 @@ class ModbusSection(StrictModel):
     serial: SerialSettings = SerialSettings()
 
 
+class ImuLinkSection(StrictModel):
+    """`[imu_link]`: axes commanded through the link of an inertial system that has them.
+
+    gap : unused registers that may be read along
+    """
+
+    gap: int = Field(default=0, ge=0, le=100)
+
+
 class JointSection(StrictModel):
     """`[outer]`, `[inner]`: travel in degrees, largest rate and acceleration in °/s and °/s²."""
 
@@ -110,8 +119,9 @@ class TableProfile(StrictModel):
     """One type of table: all that driver, plans and solvers must know of it.
 
     model : text that the table's own model name must contain
-    protocol : "modbus", by the sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; or text by
-        `[text]`: "atl" with a prompt, "acl" in plain lines, "mn" in checked lines
+    protocol : "modbus", by the sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
+        registers behind the link of the IMU that the axes belong to, with `[imu_link]`; or text by `[text]`: "atl"
+        with a prompt, "acl" in plain lines, "mn" in checked lines
     status_bits : bit numbers in the statusword; commands : values of the command register
     faults : meaning of the fault codes; settle_s : from the end of a move's course until the table says settled
     link_loss_stop_s : a table without a watchdog stops its axes by itself so long after the last line that it
@@ -120,7 +130,7 @@ class TableProfile(StrictModel):
 
     name: str
     model: str
-    protocol: Literal["modbus", "atl", "acl", "mn"]
+    protocol: Literal["modbus", "imu_link", "atl", "acl", "mn"]
     outer_axis: list[float] = Field(min_length=3, max_length=3)
     inner_axis: list[float] = Field(min_length=3, max_length=3)
     outer_lever: Literal["estimated", "fixed"]
@@ -131,6 +141,7 @@ class TableProfile(StrictModel):
     link_loss_stop_s: float | None = Field(default=None, gt=0, le=60)
     faults: dict[str, str]
     modbus: ModbusSection | None = None
+    imu_link: ImuLinkSection | None = None
     status_bits: dict[str, int] = Field(default_factory=dict)
     commands: dict[str, int] = Field(default_factory=dict)
     registers: dict[str, ModbusRegister] = Field(default_factory=dict)
@@ -147,17 +158,19 @@ class TableProfile(StrictModel):
     def _whole(self) -> "TableProfile":
         if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
             raise ValueError("outer_axis and inner_axis are less than 60° apart; correct one of them")
-        if self.protocol == "modbus":
-            self._check_modbus()
+        own = self.protocol if self.protocol in ("modbus", "imu_link") else "text"
+        if getattr(self, own) is None:
+            raise ValueError(f'protocol = "{self.protocol}" needs [{own}]; add it')
+        for section in ("modbus", "imu_link", "text"):
+            if section != own and getattr(self, section) is not None:
+                raise ValueError(f'[{section}] does not belong to protocol = "{self.protocol}"; remove it')
+        if self.text is None:
+            self._check_registers()
         else:
-            self._check_text()
+            self._check_text(self.text)
         return self
 
-    def _check_modbus(self) -> None:
-        if self.modbus is None:
-            raise ValueError('protocol = "modbus" needs [modbus]; add it')
-        if self.text is not None:
-            raise ValueError('[text] does not belong to protocol = "modbus"; remove it')
+    def _check_registers(self) -> None:
         _complete("status_bits", self.status_bits, STATUS_BITS, HINDRANCE_BITS)
         _complete("commands", self.commands, COMMANDS, (RATE_COMMAND,))
         _complete("registers", self.registers, REGISTERS)
@@ -182,17 +195,15 @@ class TableProfile(StrictModel):
                         " correct its type or remove the command"
                     )
 
-    def _check_text(self) -> None:
-        if self.text is None:
-            raise ValueError(f'protocol = "{self.protocol}" needs [text]; add it')
-        for name in ("modbus", "status_bits", "commands", "registers"):
+    def _check_text(self, text: TextSection) -> None:
+        for name in ("status_bits", "commands", "registers"):
             if getattr(self, name):
                 raise ValueError(f'[{name}] does not belong to protocol = "{self.protocol}"; remove it')
-        if (self.protocol == "atl") != bool(self.text.prompt):
+        if (self.protocol == "atl") != bool(text.prompt):
             raise ValueError(
                 f'text.prompt belongs to protocol = "atl", not "{self.protocol}"; add or remove it'
             )
-        if (self.protocol == "mn") != (self.text.checked is not None):
+        if (self.protocol == "mn") != (text.checked is not None):
             raise ValueError(
                 f'[text.checked] belongs to protocol = "mn", not "{self.protocol}"; add or remove it'
             )
@@ -220,8 +231,9 @@ class TableProfile(StrictModel):
         if self.text is not None:
             changed = {"timeout_s": timeout_s} if timeout_s is not None else {}
             return self.model_copy(update={"text": self.text.model_copy(update=changed)})
+        if self.modbus is None:
+            return self
         told = {"timeout_s": timeout_s, "unit": unit}
-        assert self.modbus is not None
         modbus = self.modbus.model_copy(update={k: v for k, v in told.items() if v is not None})
         return self.model_copy(update={"modbus": modbus})
 

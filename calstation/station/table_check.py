@@ -12,6 +12,7 @@ from calstation.devices.link import PortLostError, SerialSettings
 from calstation.devices.modbus_link import ModbusRefusalError
 from calstation.devices.modbus_table import ModbusTable
 from calstation.devices.opening import host_and_port
+from calstation.devices.register_table import RegisterTable
 from calstation.devices.table_profile import JOINTS, TableProfile
 from calstation.devices.text_link import TextRefusalError, UnlikeAnswerError
 from calstation.devices.text_table import TextTable
@@ -34,7 +35,7 @@ _ALIKE = 0.01
 
 
 def ask(
-    table: ModbusTable | TextTable, profile: TableProfile, settings: SerialSettings, port: str, tell: Tell
+    table: RegisterTable | TextTable, profile: TableProfile, settings: SerialSettings, port: str, tell: Tell
 ) -> Iterator[Finding]:
     """Findings of an open table, up to the first that makes the rest meaningless."""
     tell(0.5, note="asking")

@@ -1,17 +1,21 @@
 """Opens the devices of a station, or of its virtual bench, and closes them in the right order."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.link import SerialLink, SerialSettings
-from calstation.devices.modbus_table import ModbusTable
 from calstation.devices.open_imu import open_imu as imu_on
 from calstation.devices.open_table import open_table as table_on
+from calstation.devices.ports import resolve
+from calstation.devices.register_table import RegisterTable
+from calstation.devices.shared_table import SharedTable
 from calstation.devices.streamed_imu import StreamedImu
 from calstation.devices.table_profile import TableProfile
 from calstation.devices.text_table import TextTable
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.sequencer.ports import Clock
 from calstation.station.bench_host import BenchHost
 from calstation.station.clock import BenchClock, RealClock
@@ -22,7 +26,7 @@ from calstation.station.setup import Setup
 class Devices:
     """Open devices and the clock that they live by."""
 
-    table: ModbusTable | TextTable
+    table: RegisterTable | TextTable
     imu: StreamedImu
     clock: Clock
 
@@ -45,10 +49,15 @@ def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
     with ExitStack() as stack:
         at = stack.enter_context(endpoints(setup, hear))
         hear()
-        table = open_table(setup, at.table)
-        stack.callback(table.close)
-        imu = open_imu(setup, at.imu)
-        stack.callback(imu.close)
+        if _shared(setup):
+            imu = open_imu(setup, at.imu)
+            stack.callback(imu.close)
+            table: RegisterTable | TextTable = SharedTable(imu, table_profile(setup))
+        else:
+            table = open_table(setup, at.table)
+            stack.callback(table.close)
+            imu = open_imu(setup, at.imu)
+            stack.callback(imu.close)
         imu.start()
         if isinstance(at.clock, BenchClock):
             at.clock.attach(lambda: imu.received)
@@ -66,21 +75,54 @@ def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
         table, imu = setup.station.table.port, setup.station.imu.port
         assert table is not None
         assert imu is not None
+        _check_ports(setup, table, imu)
         yield Endpoints(table, imu, RealClock())
         return
     with BenchHost.start(config, hear) as bench:
         told = bench.endpoints
         host, _, port = told["clock"].rpartition(":")
         clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))
-        over_tcp = told["table_transport"] == "tcp"
+        over_tcp = told["table_transport"] == "tcp" and not _shared(setup)
         try:
             yield Endpoints(f"tcp://{told['table']}" if over_tcp else told["table"], told["imu"], clock)
         finally:
             clock.close()
 
 
-def open_table(setup: Setup, port: str) -> ModbusTable | TextTable:
-    """The table on its port. Raises DeviceFaultError or ConfigurationError."""
+def _shared(setup: Setup) -> bool:
+    """Whether the axes are commanded through the IMU's link."""
+    return setup.table.protocol == "imu_link"
+
+
+def _check_ports(setup: Setup, table: str, imu: str) -> None:
+    """One port has one owner: two devices share it only where they are one system. Raises ConfigurationError."""
+    same = _place(table, "table") == _place(imu, "IMU")
+    if same and not _shared(setup):
+        raise ConfigurationError(
+            f"table.port and imu.port are both {imu}, but a port has one owner; give each device its own, or choose"
+            " the table profile of a system that commands its axes through its data's link"
+        )
+    if _shared(setup) and not same:
+        raise ConfigurationError(
+            f"table.port is {table} and imu.port {imu}, but the table profile '{setup.table.name}' is of axes behind"
+            " the IMU's link; give both the same port"
+        )
+
+
+def _place(port: str, name: str) -> str:
+    """What a port's name leads to, so that two names of the same are alike."""
+    if "://" in port:
+        return port.split("://", 1)[1].rstrip("/")
+    try:
+        return os.path.realpath(resolve(port, name))
+    except DeviceFaultError:  # told when this port is opened, which may not be the one that is asked for
+        return port
+
+
+def open_table(setup: Setup, port: str) -> RegisterTable | TextTable:
+    """The table alone, on its port. Raises DeviceFaultError or ConfigurationError."""
+    if _shared(setup):
+        return SharedTable(open_imu(setup, port), table_profile(setup), owned=True)
     return table_on(port, table_profile(setup), setup.station.table.serial)
 
 

@@ -36,7 +36,7 @@ def test_the_sites_own_profile_wins(home: Path) -> None:
 
 
 def test_an_unknown_profile_names_those_that_exist(home: Path) -> None:
-    with pytest.raises(ConfigurationError, match="choose from: bench"):
+    with pytest.raises(ConfigurationError, match="choose from: acutronic_acl, aerosmith_atl, bench, indexing_unit, mn_ascii"):
         library.find("tables", "none")
 
 

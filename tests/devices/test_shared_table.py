@@ -1,0 +1,147 @@
+"""Axes behind the link of the IMU that they belong to: one owner of the port, words in its frames, between samples."""
+
+import struct
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_framed_imu import QUICK, ScriptedLink, request
+from test_frames import reply_frame, stream_frame
+from test_modbus_table import image, long
+
+from calstation.devices.framed_imu import FramedImu
+from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.link import SerialSettings
+from calstation.devices.open_table import open_table
+from calstation.devices.shared_table import SharedTable
+from calstation.devices.silent_imu import SilentImu
+from calstation.devices.table_profile import load_table_profile
+from calstation.errors import ConfigurationError, DeviceFaultError
+
+DATA = Path(__file__).parents[2] / "data"
+PROFILE = load_table_profile(DATA / "tables" / "indexing_unit.toml")
+Pair = tuple[bytes, bytes]
+
+
+def read(address: int, words: list[int]) -> Pair:
+    head = struct.pack("<HB", address, len(words))
+    return request(7, head), reply_frame(7, head + struct.pack(f"<{len(words)}H", *words))
+
+
+def write(address: int, *words: int) -> Pair:
+    head = struct.pack("<HB", address, len(words))
+    return request(8, head + struct.pack(f"<{len(words)}H", *words)), reply_frame(8, head)
+
+
+@contextmanager
+def system(pairs: list[Pair]) -> Iterator[tuple[SharedTable, FramedImu, ScriptedLink]]:
+    link = ScriptedLink(pairs)
+    imu = FramedImu(link, QUICK)  # type: ignore[arg-type]
+    table = SharedTable(imu, PROFILE)
+    try:
+        yield table, imu, link
+    finally:
+        table.close()
+        assert not link.closed.is_set(), "the port is the IMU's"
+        imu.close()
+    assert link.finished
+
+
+def test_the_axes_on_the_wire() -> None:
+    text = [int.from_bytes(b"bench-table\0\0\0\0\0"[k : k + 2], "big") for k in range(0, 16, 2)]
+    pairs = [
+        read(0, text),
+        read(8, text),
+        *(write(16, word) for word in (0x06, 0x07, 0x0F)),
+        write(22, 3),
+        write(34, *long(-9000000), *long(200000), *long(400000)),
+        write(54, *long(72000000), *long(200000), *long(400000)),
+        write(22, 1),
+        write(21, 1),
+        write(22, 2),
+        write(16, 0x06),
+    ]
+    with system(pairs) as (table, _, _link):
+        assert table.identify().model == "bench-table"
+        table.enable()
+        table.home()
+        table.move(*np.deg2rad([-90.0, 720.0, 20.0, 40.0]))
+        table.heartbeat()
+        table.stop()
+        table.disable()
+
+
+def test_polls_and_samples_share_the_line() -> None:
+    polled = image()[17:64]
+    ask, answer = read(17, polled)
+    between = stream_frame(1, [1] * 6) + answer + stream_frame(2, [2] * 6)
+    with system([(ask, between), (ask, answer), (request(1), reply_frame(1, b"bench-imu;SN;1"))]) as (
+        table,
+        imu,
+        _,
+    ):
+        status = table.status()
+        np.testing.assert_allclose(status.angles, np.deg2rad([-45.0, 360.00001]), atol=1e-12)
+        assert table.status().watchdog == 1.5
+        assert imu.identify().serial == "SN"
+        assert imu.read().seq.tolist() == [1, 2]
+
+
+def test_two_threads_take_turns() -> None:
+    polled = image()[17:64]
+    ask, answer = read(17, polled)
+    with system([(ask, answer)] * 40) as (table, _, _link):
+        found: list[float] = []
+
+        def poll() -> None:
+            found.extend(table.status().watchdog for _ in range(20))
+
+        threads = [threading.Thread(target=poll) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert found == [1.5] * 40
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [(2, "no such register"), (4, "cannot do it in its present state"), (5, "the value is refused")],
+)
+def test_a_refusal_is_told_by_its_meaning(code: int, told: str) -> None:
+    with (
+        system([(write(22, 2)[0], reply_frame(0xFF, bytes([code])))]) as (table, _, _link),
+        pytest.raises(DeviceFaultError, match=f"table: register 22 cannot be written: .*{told}"),
+    ):
+        table.stop()
+
+
+def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
+    stop, home = write(22, 2), write(22, 3)
+    with system([(stop[0], b""), (stop[0], b""), stop, (home[0], b"")]) as (table, _, _link):
+        table.stop()
+        with pytest.raises(DeviceFaultError, match="no answer on SCRIPT"):
+            table.home()
+
+
+def test_an_answer_of_the_wrong_length_is_told() -> None:
+    ask, _ = read(0, [0] * 8)
+    short = reply_frame(7, ask[4:7] + b"\0\0")
+    with system([(ask, short)]) as (table, _, _link), pytest.raises(DeviceFaultError, match="wrong length"):
+        table.identify()
+
+
+def test_an_imu_without_framed_commands_cannot_carry_axes() -> None:
+    link = ScriptedLink([])
+    imu = SilentImu(link, load_imu_profile(DATA / "imus" / "stim300.toml"), "SN")  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match="has no framed commands"):
+        SharedTable(imu, PROFILE, owned=True)
+    assert link.closed.is_set()
+
+
+def test_such_axes_have_no_port_of_their_own() -> None:
+    with pytest.raises(ConfigurationError, match="no port of their own"):
+        open_table("/dev/ttyUSB0", PROFILE, SerialSettings())

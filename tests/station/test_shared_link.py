@@ -1,0 +1,87 @@
+"""One link for table and IMU: a run on a system with axes of its own; one port for two others is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.errors import ConfigurationError
+from calstation.station.config import StationConfig
+from calstation.station.connection_test import Order, try_imu, try_table
+from calstation.station.request import RunRequest
+from calstation.station.setup import Setup, prepare
+from calstation.station.wiring import endpoints
+from tests.station.conftest import STATION, Place
+
+
+def test_a_stage_runs_on_a_system_with_its_own_axes(place: Place) -> None:
+    station = {
+        **STATION,
+        "table": {"profile": "indexing_unit"},
+        "bench": {"seed": 5, "start_deg": [1.0, -1.0]},
+    }
+    place.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    verdict = place.run("rate", "six_position")
+    assert verdict.outcome == "passed"
+    assert verdict.result["registers"]["verified"]
+    assert "outer_lever_x" not in verdict.result["parameters"], "it turns about its sensing centre"
+
+
+def test_table_and_imu_of_such_a_system_are_tested_one_by_one() -> None:
+    data = {**STATION, "table": {"profile": "indexing_unit"}, "bench": {"seed": 5}}
+    order = Order(StationConfig.model_validate(data))
+    for test in (try_table, try_imu):
+        report = test(lambda *told, **more: None, order)
+        assert "identified" in [finding.id for finding in report.findings]
+        assert not [finding for finding in report.findings if finding.state == "wrong"]
+
+
+def hardware(place: Place, profile: str, table: str, imu: str) -> Setup:
+    station: dict[str, Any] = {**STATION, "table": {"profile": profile, "port": table}, "imu": {"port": imu}}
+    place.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    return prepare(
+        RunRequest("SN-000042", place.station, place.product, ("rate",), place.folder / "runs", "tester")
+    )
+
+
+@pytest.mark.parametrize(
+    ("profile", "table", "imu", "told"),
+    [
+        ("mn_ascii", "/dev/ttyNONE7", "/dev/ttyNONE7", "table.port and imu.port are both /dev/ttyNONE7"),
+        ("bench", "tcp://127.0.0.1:9", "socket://127.0.0.1:9", "a port has one owner"),
+        (
+            "indexing_unit",
+            "/dev/ttyNONE7",
+            "/dev/ttyNONE8",
+            "behind the IMU's link; give both the same port",
+        ),
+    ],
+)
+def test_a_port_that_cannot_be_shared_or_must_be_is_told(
+    place: Place, profile: str, table: str, imu: str, told: str
+) -> None:
+    setup = hardware(place, profile, table, imu)
+    with pytest.raises(ConfigurationError, match=told), endpoints(setup):
+        raise AssertionError("never opened")
+
+
+def test_two_names_of_one_port_are_one_port(place: Place) -> None:
+    device, link = place.folder / "ttyX", place.folder / "by-id"
+    device.touch()
+    link.symlink_to(device)
+    with (
+        pytest.raises(ConfigurationError, match="a port has one owner"),
+        endpoints(hardware(place, "mn_ascii", str(device), str(link))),
+    ):
+        raise AssertionError("never opened")
+
+
+def test_such_a_system_takes_the_same_port_twice(place: Place) -> None:
+    with endpoints(hardware(place, "indexing_unit", "/dev/ttyNONE7", "/dev/ttyNONE7")) as at:
+        assert at.table == at.imu == "/dev/ttyNONE7"
+
+
+def test_ports_apart_are_left_alone(place: Place, tmp_path: Path) -> None:
+    with endpoints(hardware(place, "bench", "tcp://127.0.0.1:502", "/dev/ttyNONE7")) as at:
+        assert at.imu == "/dev/ttyNONE7"
