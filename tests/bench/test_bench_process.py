@@ -1,5 +1,6 @@
 """The bench as a process: real Modbus clients, a real serial line, its clock, and its end with its parent."""
 
+import json
 import socket
 import struct
 import subprocess
@@ -227,3 +228,20 @@ def test_a_wrong_configuration_is_told_in_a_line(config, message):
     assert message in run.stderr
     assert "Traceback" not in run.stderr
     assert len(run.stderr.strip().splitlines()) == 1
+
+
+def test_a_bench_that_is_deserted_in_mid_motion_stops_by_its_watchdog_and_says_so(start_bench, tmp_path):
+    """Its time stands still by then, so it lets the deceleration pass by itself."""
+    report = tmp_path / "report.json"
+    with start_bench(report_file=str(report), watchdog_ms=300, start_deg=[0.0, 0.0]) as bench:
+        client = connect(bench)
+        for word in (0x06, 0x07, 0x0F):
+            client.write_register(16, word, device_id=1)
+        client.write_register(22, 3, device_id=1)
+        bench.advance(1.0)
+        client.write_registers(34, words(9_000_000, 200_000, 200_000), device_id=1)
+        client.write_register(22, 1, device_id=1)
+        bench.advance(0.5)
+        client.close()
+    left = json.loads(report.read_text(encoding="utf-8"))
+    assert (left["enabled"], left["moving"], left["fault"]) == (False, False, "WATCHDOG")
