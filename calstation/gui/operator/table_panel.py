@@ -23,7 +23,7 @@ class TablePanel(QFrame):
         self.angle_labels = [QLabel(), QLabel()]
         self._rates = [QLabel(), QLabel()]
         grid = QGridLayout()
-        grid.setHorizontalSpacing(2 * theme.GRID)
+        grid.setHorizontalSpacing(theme.GRID)
         grid.setVerticalSpacing(0)
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         for row in range(2):
@@ -50,9 +50,9 @@ class TablePanel(QFrame):
         self._moved = moved
         self.picture.set_angles(moved.outer, moved.inner)
         for label, angle in zip(self.angle_labels, (moved.outer, moved.inner), strict=True):
-            label.setText(f"{np.rad2deg(angle):.3f}°".replace("-", "−"))
+            label.setText(f"{np.rad2deg(angle):z.3f}°".replace("-", "−"))
         for label, rate in zip(self._rates, (moved.outer_rate, moved.inner_rate), strict=True):
-            label.setText(f"{np.rad2deg(rate):.1f} °/s".replace("-", "−"))
+            label.setText(f"{np.rad2deg(rate):z.1f} °/s".replace("-", "−"))
         self._say()
 
     def forget(self) -> None:
