@@ -106,7 +106,7 @@ class OperatorPage(Page):
         live = QWidget()
         upper = QHBoxLayout()
         upper.setSpacing(theme.GRID)
-        self._table.setMinimumWidth(34 * theme.GRID)
+        self._table.setMinimumWidth(37 * theme.GRID)
         upper.addWidget(self._table, 1)
         upper.addWidget(self._traces, 3)
         column = QVBoxLayout(live)
