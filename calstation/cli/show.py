@@ -11,6 +11,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from calstation.cli.wording import CHECKS
 from calstation.errors import ConfigurationError
 from calstation.physics.units import display, number
 from calstation.station.result import write_json
@@ -62,9 +63,13 @@ def result_table(console: Console, result: Mapping[str, Any]) -> None:
     if parameters:
         console.print(table)
     for check in checks.values():
-        verdict = "ok" if check["passed"] else "OUTSIDE"
+        verdict = "OUTSIDE" if not check["passed"] else "ok, near its limit" if check["near_miss"] else "ok"
+        unit = "" if check["unit"] == "1" else f" {check['unit']}"
+        where = f" at {check['where']}" if "where" in check else ""
+        name = CHECKS.get(check["name"], check["name"])
         console.print(
-            f"{check['name']}: {check['value']:.4g} (limit {check['limit']:.4g})  {verdict}", highlight=False
+            f"{name}: {check['value']:.4g}{unit}{where} (limit {check['limit']:.4g}{unit})  {verdict}",
+            highlight=False,
         )
 
 

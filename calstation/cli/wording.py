@@ -80,6 +80,18 @@ RESOLVED: dict[bool | None, str] = {
     None: "The log names no limits to compare with.",
 }
 
+CHECKS: dict[str, str] = {
+    "gravity_at_rest": "force at rest against gravity",
+    "improvement_at_rest": "force at rest against gravity, for what it was",
+    "level_horizontal": "horizontal force at level",
+    "level_vertical": "vertical force at level against gravity",
+    "motion_angle": "angle of motions against the reference",
+    "motion_improvement": "angle of motions against the reference, for what it was",
+    "offline_online": "solved again against the run",
+    "excitation": "part of a sigma that is left",
+}
+"""What an acceptance check compares; parameters and stages speak for themselves."""
+
 STEPS: dict[str, str] = {
     "start": "To the start of the stage",
     "position": "To outer {1:g}°, inner {2:g}°",

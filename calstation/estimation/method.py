@@ -7,6 +7,7 @@ from typing import Annotated, Any, Protocol
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.evidence import Evidence
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.motion import Step
@@ -75,6 +76,7 @@ class Solution:
     messages : remarks for the user, (message id, values)
     innovations : for who looks closer; no part of a result
     found : values by contract name that are none of the 30 parameters
+    evidence : rests and motions of its samples, where the product's checks ask for them
     """
 
     stage: str
@@ -87,6 +89,7 @@ class Solution:
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
     innovations: Innovations | None = None
     found: Mapping[str, Estimate] = field(default_factory=dict)
+    evidence: Evidence | None = None
 
 
 class StageSolver(Protocol):

@@ -20,6 +20,8 @@ from calstation.physics.parameters import (
 )
 
 PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
+NEAR = 0.8
+"""A value that takes more than this share of its limit is a near-miss, where the product says nothing else."""
 OBSERVABLE_RATIO = 0.9
 """A posterior sigma above this share of the prior's means that the data did not determine the parameter."""
 
@@ -80,24 +82,46 @@ def check_limit_names(limits: Mapping[str, Limit]) -> None:
 
 @dataclass(frozen=True)
 class Check:
-    """One comparison with a limit; `limit` is a number or (low, high)."""
+    """One comparison with a limit; `limit` is a number or (low, high).
+
+    near : a value inside that takes more than this share of its limit is marked; where : what the value is of
+    """
 
     name: str
     value: float
     limit: float | tuple[float, float]
     unit: str
     passed: bool
+    near: float = NEAR
+    where: str = ""
+
+    @property
+    def margin(self) -> float:
+        """How far the value is from its limit, in its unit; negative outside."""
+        if isinstance(self.limit, tuple):
+            return min(self.value - self.limit[0], self.limit[1] - self.value)
+        return self.limit - self.value
+
+    @property
+    def near_miss(self) -> bool:
+        """Inside, but not by much."""
+        low, high = self.limit if isinstance(self.limit, tuple) else (-abs(self.limit), abs(self.limit))
+        room = 0.5 * (high - low)
+        return self.passed and 0.0 < room < np.inf and self.margin < (1.0 - self.near) * room
 
     def to_json(self) -> dict[str, Any]:
         """The check as the result JSON holds it."""
         limit = list(self.limit) if isinstance(self.limit, tuple) else self.limit
-        return {
+        told = {
             "name": self.name,
             "value": self.value,
             "limit": limit,
             "unit": self.unit,
             "passed": self.passed,
+            "margin": self.margin,
+            "near_miss": bool(self.near_miss),
         }
+        return {**told, "where": self.where} if self.where else told
 
 
 def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:

@@ -21,6 +21,7 @@ from calstation.estimation.context import (
     TableModel,
 )
 from calstation.physics.parameters import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, group_indices
+from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
 
 _UNIT_TOLERANCE = 1e-3
@@ -111,11 +112,12 @@ class PriorSection(StrictModel):
 
 
 class ProductSection(StrictModel):
-    """`[product]`: the unit type, its limits and the sigmas at which a stage may stop."""
+    """`[product]`: the unit type, its limits, its acceptance checks and the sigmas at which a stage may stop."""
 
     name: str
     limits: dict[str, Limit] = Field(default_factory=dict)
     targets: dict[str, float] = Field(default_factory=dict)
+    checks: ChecksSection | None = None
 
     @field_validator("limits")
     @classmethod
@@ -161,6 +163,7 @@ class LogMeta(StrictModel):
     schedule : a stage's schedule parameters by stage
     profiles : texts of the station, table, IMU and product files of the run, by kind
     registers : the unit's own registers where its stream follows them, by parameter, SI
+    previous : what the last calibration of the same unit found, by parameter, SI, where the product asks for it
     imu2 to imu9 : further IMUs on the same body, without a gap in their numbers
     """
 
@@ -173,6 +176,7 @@ class LogMeta(StrictModel):
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     profiles: dict[str, str] = Field(default_factory=dict)
     registers: dict[str, float] = Field(default_factory=dict)
+    previous: dict[str, float] = Field(default_factory=dict)
     imu2: FurtherImuSection | None = None
     imu3: FurtherImuSection | None = None
     imu4: FurtherImuSection | None = None
@@ -200,7 +204,7 @@ class LogMeta(StrictModel):
                 )
         return self
 
-    @field_validator("prior", "registers")
+    @field_validator("prior", "registers", "previous")
     @classmethod
     def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
         for name in table:

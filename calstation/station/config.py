@@ -10,6 +10,7 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 from calstation.configuration import StrictModel, load
 from calstation.devices.link import SerialSettings
 from calstation.devices.opening import SOCKETS, host_and_port
+from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
 from calstation.records.meta import SiteSection
 from calstation.station import library
@@ -124,6 +125,7 @@ class ProductConfig(StrictModel):
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     targets: dict[str, float] = Field(default_factory=dict)
     limits: dict[str, Limit] = Field(default_factory=dict)
+    checks: ChecksSection | None = None
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
     end_on_failure: bool = False

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import ConfigurationError
+from calstation.records.checks import offline_online
 from calstation.records.log import open_log
-from calstation.station.result import Ending, build_result, judge
+from calstation.station.result import Ending, build_result, judge, parameters_json
 from calstation.station.solve import Watch, solve
 
 
@@ -43,6 +44,11 @@ def resolve(
         first_seq=first_seq,
         last_seq=last_seq,
     )
-    result = build_result(log.meta, chain.prior, solutions, judge(log.meta, chain.prior, solutions), ending)
+    judgement = judge(log.meta, chain.prior, solutions)
+    section = log.meta.product.checks if log.meta.product is not None else None
+    if section is not None and log.results:
+        online = log.results[-1].get("parameters", {})
+        judgement = judgement.with_more(offline_online(section, parameters_json(solutions), online))
+    result = build_result(log.meta, chain.prior, solutions, judgement, ending)
     messages = tuple((key, dict(values)) for solution in solutions for key, values in solution.messages)
     return Resolved(result, messages)

@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,10 @@ from calstation.estimation.context import Belief
 from calstation.estimation.method import Consistency, Solution
 from calstation.physics.parameters import INDEX, PARAMETERS
 from calstation.records.atomic import write_atomic
+from calstation.records.checks import acceptance
 from calstation.records.facts import LogFacts
 from calstation.records.limits import Check, check_limits, estimated_stage, not_compared, unobservable
-from calstation.records.meta import LogMeta
+from calstation.records.meta import LogMeta, context_from_meta
 
 SCHEMA = "calstation.result/1"
 
@@ -34,12 +35,24 @@ class Judgement:
     passed: bool | None
     not_compared: tuple[str, ...] = ()
 
+    def with_more(self, checks: list[Check]) -> "Judgement":
+        """The same with further checks, which fail it where they are not passed."""
+        if not checks:
+            return self
+        passed = (self.passed is not False) and all(check.passed for check in checks)
+        return replace(self, checks=(*self.checks, *checks), passed=passed)
+
 
 def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
     """Compare what was solved with the limits in the log's meta; a run without a solved stage fails the unit."""
     limits = meta.product.limits if meta.product is not None else {}
-    checks = tuple(check_limits(limits, prior, solutions))
-    if not limits:
+    section = meta.product.checks if meta.product is not None else None
+    found = check_limits(limits, prior, solutions)
+    if section is not None:
+        found = [replace(check, near=section.near_miss_beyond) for check in found]
+        found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
+    checks = tuple(found)
+    if not limits and section is None:
         return Judgement(checks, None)
     passed = bool(checks) and all(check.passed for check in checks)
     return Judgement(checks, passed, tuple(not_compared(limits, solutions)))
@@ -77,7 +90,7 @@ def build_result(
         "unit": {"serial": meta.imu.serial},
         "stages": [solution.stage for solution in solutions],
         "passed": judgement.passed,
-        "parameters": _parameters(solutions),
+        "parameters": parameters_json(solutions),
         "unobservable": unobservable(prior, solutions),
         "checks": [check.to_json() for check in judgement.checks],
         "not_compared": list(judgement.not_compared),
@@ -150,7 +163,8 @@ def consistency_json(consistency: Consistency) -> dict[str, Any]:
     }
 
 
-def _parameters(solutions: tuple[Solution, ...]) -> dict[str, dict[str, Any]]:
+def parameters_json(solutions: tuple[Solution, ...]) -> dict[str, dict[str, Any]]:
+    """The values found, by contract name, as the result holds them."""
     if not solutions:
         return {}
     belief = solutions[-1].belief

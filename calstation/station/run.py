@@ -9,6 +9,7 @@ from typing import Any
 
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
+from calstation.physics.parameters import INDEX
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RESERVE, RawLogWriter, free_space
 from calstation.sequencer.acquisition import LastSample
@@ -59,8 +60,13 @@ class _Place:
         """The log's configuration. `registers` : of the unit, None where it could not be asked."""
         if self.before is not None:
             return self.before.meta(self.setup, self.started, registers)
-        attempt = 1 + self.history.attempts(self.setup.request.serial)
-        return self.setup.meta(self.started, attempt, registers or {})
+        serial = self.setup.request.serial
+        meta = self.setup.meta(self.started, 1 + self.history.attempts(serial), registers or {})
+        checks = self.setup.product.checks
+        if checks is None or checks.previous is None:
+            return meta
+        known = {name: value for name, value in self.history.previous(serial).items() if name in INDEX}
+        return meta.model_copy(update={"previous": known})
 
     def hear(self) -> None:
         """Take the operator's commands where no tick does. Raises StopRequested."""

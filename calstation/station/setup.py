@@ -108,7 +108,10 @@ class Setup:
                 for name, sigma in profile.prior_sigmas().items()
             },
             product=ProductSection(
-                name=self.product.name, limits=self.product.limits, targets=self.product.targets
+                name=self.product.name,
+                limits=self.product.limits,
+                targets=self.product.targets,
+                checks=self.product.checks,
             ),
             run=RunSection(
                 stages=list(self.stages),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,11 @@ from threadpoolctl import threadpool_limits
 from calstation.configuration import validate
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.context import Belief
+from calstation.estimation.evidence import gather
 from calstation.estimation.method import Progress, Solution, StageSolver
 from calstation.estimation.samples import SampleBlock
+from calstation.estimation.spool import Spool
+from calstation.estimation.stage_data import stage_data
 from calstation.estimation.warm import warm_up
 from calstation.physics.arrays import FloatArray
 from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
@@ -44,6 +48,9 @@ class StageChain:
         self._belief = self.prior
         self._solver: StageSolver | None = None
         self._stage = ""
+        checks = meta.product.checks if meta.product is not None else None
+        self._gather = checks is not None and checks.need_samples
+        self._kept = Spool()
         self.solutions: list[Solution] = []
 
     def warm(self) -> None:
@@ -63,11 +70,14 @@ class StageChain:
             chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError
         )
         self._solver = chosen.solver(self._context, self._belief, schedule)
+        self._kept = Spool()
 
     def feed(self, block: SampleBlock) -> None:
         """Take samples of the stage begun."""
         assert self._solver is not None, "start a stage before feeding it"
         self._solver.feed(block)
+        if self._gather:
+            self._kept.append(block)
 
     def sigma(self) -> FloatArray:
         """Standard deviations of the 30 parameters so far, shape (30,), SI."""
@@ -89,6 +99,10 @@ class StageChain:
                 " [table] and the sigmas in [prior]"
             ) from exc
         self._solver = None
+        if self._gather:
+            data = stage_data(list(self._kept.blocks()), self._context.imu)
+            found = gather(self._stage, data, self._context, self.prior.mean, solution.belief.mean)
+            solution = replace(solution, evidence=found)
         self._belief = solution.belief
         self.solutions.append(solution)
         return solution

@@ -69,6 +69,8 @@ def figures(result: Mapping[str, Any]) -> list[Figure]:
     found: dict[str, tuple[float, Figure]] = {}
     checks = {check["name"]: check for check in result["checks"]}
     for name, row in result["parameters"].items():
+        if name not in INDEX:
+            continue
         within, below = checks.get(f"{name} within"), checks.get(f"{name} sigma below")
         share = max(_share(within), _share(below))
         group = PARAMETERS[INDEX[name]].group
@@ -112,6 +114,15 @@ def word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
         return QCoreApplication.translate(
             "advice", "{stage}: the measurements do not fit together (NIS {value:.2f}, at most {limit:.2f})."
         ).format(stage=word_stage(name), value=check["value"], limit=check["limit"])
+    if check["name"] != "unobservable parameters" and name not in INDEX:
+        return QCoreApplication.translate(
+            "advice", "{name}: {value:.4g} {unit}, allowed {limit:.4g}."
+        ).format(
+            name=check["name"].replace("_", " "),
+            value=check["value"],
+            unit=check["unit"],
+            limit=check["limit"],
+        )
     if name not in INDEX:
         lost = ", ".join(_word_parameter(lost) for lost in result.get("unobservable", ()))
         return QCoreApplication.translate("advice", "The data did not determine {names}.").format(names=lost)

@@ -1,0 +1,214 @@
+"""Acceptance checks: what is compared with what, margin and near-miss told, nothing claimed without data."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.configuration import validate
+from calstation.errors import ConfigurationError
+from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.evidence import Evidence, MotionEvidence, RestEvidence, turned_angle
+from calstation.estimation.method import Consistency, Solution
+from calstation.physics.parameters import COUNT, INDEX, NAMES
+from calstation.physics.rotation import axis_rotation
+from calstation.records.checks import ChecksSection, acceptance, offline_online
+from calstation.records.limits import Check
+
+G = 9.8
+X = (1.0, 0.0, 0.0)
+
+
+def context() -> SolveContext:
+    imu = ImuModel("U", 100.0, "rate", 1e-6, 1e-6, 1e-5, 1e-4)
+    return SolveContext(Site(0.6, 0.0, 0.0, 0.0, G), imu, TableModel())
+
+
+def rest(force, angles=None, duration=5.0) -> RestEvidence:
+    return RestEvidence(0, 499, duration, np.array(force), np.zeros(3), angles)
+
+
+def motion(angle: float, scale: float = 0.0, before: int = 0, after: int = 1) -> MotionEvidence:
+    """A turn about x whose gyro reads `scale` too much; the derivative is that of a turn about x."""
+    derivative = np.zeros((3, 12))
+    derivative[0, 3] = -angle
+    seen = axis_rotation(X, angle * (1.0 + scale))
+    return MotionEvidence(before, after, 500, 700, 2.0, abs(angle), seen, np.zeros(COUNT), seen, derivative)
+
+
+def solution(evidence: Evidence | None = None, estimated=NAMES, **values: float) -> Solution:
+    mean = np.zeros(COUNT)
+    for name, value in values.items():
+        mean[INDEX[name]] = value
+    belief = Belief(mean, np.diag(np.full(COUNT, 1e-4) ** 2))
+    return Solution(
+        "multi_position", belief, tuple(estimated), Consistency(1.0, 0.9, 1.1, 9), evidence=evidence
+    )
+
+
+def prior() -> Belief:
+    return Belief(np.zeros(COUNT), np.diag(np.full(COUNT, 1e-2) ** 2))
+
+
+def checked(rules: dict, found: Solution, previous=None) -> dict[str, Check]:
+    section = ChecksSection.model_validate(rules)
+    return {c.name: c for c in acceptance(section, context(), prior(), [found], previous or {})}
+
+
+def rests(*forces) -> Evidence:
+    return Evidence("multi_position", tuple(rest(f) for f in forces), ())
+
+
+def test_gravity_at_rest_is_the_worst_rest_after_compensation():
+    # z reads 0.03 too much, which the bias found takes away but for 0.001; x is off by 0.004
+    evidence = rests([0.0, 0.0, G + 0.031], [0.0, 0.0, -G + 0.03], [G + 0.004, 0.0, 0.03])
+    check = checked({"gravity_at_rest": {"within": 5e-3}}, solution(evidence, accel_bias_z=0.03))
+    told = check["gravity_at_rest"]
+    assert told.value == pytest.approx(0.004, abs=1e-6)
+    assert told.where == "multi_position rest 2"
+    assert told.passed
+    assert not told.near_miss
+    assert told.margin == pytest.approx(0.001, abs=1e-6)
+    tight = checked({"gravity_at_rest": {"within": 4.5e-3}}, solution(evidence, accel_bias_z=0.03))
+    assert tight["gravity_at_rest"].near_miss
+    missed = checked({"gravity_at_rest": {"within": 3e-3}}, solution(evidence, accel_bias_z=0.03))
+    assert not missed["gravity_at_rest"].passed
+    assert not missed["gravity_at_rest"].near_miss
+    assert missed["gravity_at_rest"].margin < 0.0
+
+
+def test_a_pause_is_no_rest_to_judge_by():
+    evidence = Evidence("rate", (rest([0, 0, G + 1.0], duration=1.2), rest([0, 0, G])), ())
+    assert checked({"gravity_at_rest": {"within": 1e-3}}, solution(evidence))["gravity_at_rest"].passed
+
+
+def test_improvement_is_proven_at_the_positions_chosen():
+    evidence = rests([0.0, 0.0, G + 0.030], [0.0, 0.0, -G + 0.030], [0.0, G, 0.0])
+    better = solution(evidence, accel_bias_z=0.02)
+    rule = {"improvement_at_rest": {"below": 0.5}}
+    # 0.03 became 0.01 at both z rests; at the third nothing was wrong, and the bias now shows by 2e-5
+    told = checked(rule, better)["improvement_at_rest"]
+    assert not told.passed
+    assert told.where == "multi_position rest 2"
+    chosen = checked({"improvement_at_rest": {"below": 0.5, "positions": [0, 1]}}, better)[
+        "improvement_at_rest"
+    ]
+    assert chosen.passed
+    assert chosen.value == pytest.approx(0.010, abs=1e-9)
+    assert chosen.limit == pytest.approx(0.015, abs=1e-9)
+    spared = checked({"improvement_at_rest": {"below": 0.5, "or_within": 1e-4}}, better)[
+        "improvement_at_rest"
+    ]
+    assert spared.passed
+    worse = solution(evidence, accel_bias_z=-0.02)
+    assert not checked({"improvement_at_rest": {"below": 0.5, "positions": [0]}}, worse)[
+        "improvement_at_rest"
+    ].passed
+
+
+def test_level_components_are_told_apart():
+    evidence = rests([0.02, -0.05, G + 0.0045], [0.0, 0.0, -G])
+    rule = {"level": {"horizontal_within": 0.04, "vertical_within": 0.005}}
+    told = checked(rule, solution(evidence))
+    assert told["level_horizontal"].value == pytest.approx(0.05)
+    assert not told["level_horizontal"].passed
+    assert told["level_vertical"].value == pytest.approx(0.0045)
+    assert told["level_vertical"].near_miss
+
+
+def test_motions_are_compared_with_the_encoder_where_there_is_one():
+    turn = np.pi / 2.0
+    angles = (np.array([0.0, 0.0]), np.array([turn, 0.0]))
+    evidence = Evidence(
+        "excitation",
+        tuple(rest([0.0, 0.0, G], a) for a in angles),
+        (motion(turn, scale=1e-3),),
+    )
+    rule = {"motion_angle": {"within": 5e-4, "below": 0.3}}
+    told = checked(rule, solution(evidence, gyro_scale_x=0.9e-3))
+    assert told["motion_angle"].value == pytest.approx(1e-4 * turn, rel=0.02)
+    assert told["motion_angle"].passed
+    assert told["motion_improvement"].limit == pytest.approx(0.3e-3 * turn, rel=0.02)
+    assert told["motion_improvement"].passed
+    untouched = checked(rule, solution(evidence))
+    assert not untouched["motion_angle"].passed
+    assert not untouched["motion_improvement"].passed
+
+
+def test_motions_by_hand_are_compared_with_gravity():
+    turn = np.pi / 2.0
+    evidence = Evidence(
+        "multi_position", (rest([0.0, 0.0, G]), rest([0.0, G, 0.0])), (motion(turn, scale=2e-3),)
+    )
+    rule = {"motion_angle": {"within": 1e-3, "below": 0.5}}
+    told = checked(rule, solution(evidence, gyro_scale_x=2e-3))
+    assert told["motion_angle"].value < 1e-5
+    assert told["motion_improvement"].passed
+    assert checked(rule, solution(evidence))["motion_angle"].value == pytest.approx(2e-3 * turn, rel=0.02)
+
+
+@pytest.mark.parametrize("turns", [0.2, 0.9, 1.0, 2.5])
+def test_the_angle_of_a_motion_counts_whole_turns_and_leaves_the_earth_out(turns):
+    angle, duration, earth = 2.0 * np.pi * turns, 10.0, np.array([0.0, 3e-5, 6e-5])
+    inertial = axis_rotation(tuple(earth / np.linalg.norm(earth)), float(np.linalg.norm(earth)) * duration)
+    rotation = inertial @ axis_rotation(X, angle)
+    assert turned_angle(rotation, earth, duration, angle) == pytest.approx(angle, abs=1e-9)
+
+
+def test_a_change_since_the_last_calibration_is_told_by_its_worst_parameter():
+    rule = {"previous": {"change_within": {"gyro_bias": 1e-6, "accel_scale_z": 1e-5}}}
+    found = solution(gyro_bias_x=1e-6, gyro_bias_y=-3e-6, accel_scale_z=1e-5)
+    told = checked(rule, found, {"gyro_bias_x": 9e-7, "gyro_bias_y": -1e-6, "accel_scale_z": 8e-6})
+    assert told["previous gyro_bias"].value == pytest.approx(2e-6)
+    assert told["previous gyro_bias"].where == "gyro_bias_y"
+    assert not told["previous gyro_bias"].passed
+    assert told["previous accel_scale_z"].passed
+    assert checked(rule, found) == {}
+
+
+def test_excitation_must_be_enough_for_what_is_claimed():
+    told = checked({"excitation": {"sigma_ratio_below": 0.05}}, solution(estimated=("gyro_bias_x",)))
+    assert told["excitation"].value == pytest.approx(0.01)
+    assert told["excitation"].passed
+    assert not checked({"excitation": {"sigma_ratio_below": 0.005}}, solution())["excitation"].passed
+
+
+def test_offline_must_be_online():
+    row = {"value": 1.0, "sigma": 0.1, "stage": "rate"}
+    section = ChecksSection.model_validate({"offline_online": {"within_sigmas": 0.0}})
+    assert offline_online(section, {"a": row}, {"a": row})[0].passed
+    (told,) = offline_online(section, {"a": row, "b": row}, {"a": {**row, "value": 1.05}, "b": row})
+    assert told.value == pytest.approx(0.5)
+    assert (told.passed, told.where) == (False, "a")
+    assert offline_online(section, {"a": row}, {"a": {**row, "stage": "excitation"}}) == []
+
+
+def test_nothing_is_claimed_where_there_is_no_evidence():
+    rules = {
+        "gravity_at_rest": {"within": 1.0},
+        "level": {"vertical_within": 1.0},
+        "motion_angle": {"within": 1.0},
+        "improvement_at_rest": {"below": 0.5},
+    }
+    assert checked(rules, solution()) == {}
+    assert ChecksSection.model_validate(rules).need_samples
+    assert not ChecksSection.model_validate({"excitation": {"sigma_ratio_below": 0.5}}).need_samples
+
+
+def test_a_misspelt_rule_is_refused():
+    for wrong, told in (
+        ({"gravity_at_rst": {"within": 1.0}}, "did you mean 'gravity_at_rest'"),
+        ({"previous": {"change_within": {"gyro_bais": 1.0}}}, "did you mean 'gyro_bias'"),
+        ({"gravity_at_rest": {"within": 0.0}}, "greater than 0"),
+    ):
+        with pytest.raises(ConfigurationError, match=told):
+            validate(ChecksSection, wrong, Path("unit.toml"))
+
+
+def test_a_check_tells_margin_and_near_miss():
+    inside = Check("a", 0.9, (-1.0, 1.0), "m", True)
+    assert inside.to_json()["margin"] == pytest.approx(0.1)
+    assert inside.to_json()["near_miss"] is True
+    assert Check("a", 0.9, (-1.0, 1.0), "m", True, near=0.95).near_miss is False
+    assert Check("a", -1.5, (-1.0, 1.0), "m", False).margin == pytest.approx(-0.5)
+    assert Check("a", 0.0, 0.0, "1", True).near_miss is False
