@@ -9,6 +9,9 @@ from calstation.physics.arrays import IntArray
 _OVERTAKEN = 3
 """Frames that may overtake another; a counter that falls by more was reset."""
 
+_FARTHEST = 2.0**40
+"""Samples in a step of a clock; more is nonsense, and must not run over."""
+
 
 class SampleCount:
     """Counts samples by the frame's counter field.
@@ -47,19 +50,30 @@ class SampleCount:
         -------
         Indices of `raw`, shape (m,), m ≤ n.
         """
-        if self._is_clock or not len(raw):
+        if not len(raw):
+            return np.arange(0)
+        steps = self._clock_steps(raw) if self._is_clock else self._counter_steps(raw)
+        if not ((steps <= 0) & (steps >= -_OVERTAKEN)).any():
             return np.arange(len(raw))
-        modulus = 1 << self._bits
-        first = int(raw[0]) - 1 if self._last_raw is None else self._last_raw
-        previous = np.concatenate(([first], raw[:-1]))
-        steps = (raw.astype(np.int64) - previous) % modulus
-        if not ((steps == 0) | (steps >= modulus - _OVERTAKEN)).any():
-            return np.arange(len(raw))
-        signed = np.where(steps >= modulus - _OVERTAKEN, steps - modulus, steps)
-        place = np.cumsum(signed)
+        # A reset is no late frame: what follows it stays behind.
+        place = np.cumsum(np.where(steps < -_OVERTAKEN, 1, steps))
         order = np.argsort(place, kind="stable")
         fresh = np.diff(place[order], prepend=0) > 0
         return np.asarray(order[fresh])
+
+    def _counter_steps(self, raw: IntArray) -> IntArray:
+        """Samples from each frame to the one received next; few back, or many forward."""
+        modulus = 1 << self._bits
+        first = int(raw[0]) - 1 if self._last_raw is None else self._last_raw
+        steps = (raw.astype(np.int64) - np.concatenate(([first], raw[:-1]))) % modulus
+        return np.asarray(np.where(steps >= modulus - _OVERTAKEN, steps - modulus, steps))
+
+    def _clock_steps(self, ticks: IntArray) -> IntArray:
+        """Samples from each frame to the one received next, rounded; of a clock that runs back, negative."""
+        first = int(ticks[0]) - round(self._per_sample) if self._last is None else self._last_ticks
+        passed = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
+        signed = (passed << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
+        return np.asarray(np.rint(signed / self._per_sample).clip(-_FARTHEST, _FARTHEST).astype(np.int64))
 
     def feed(self, raw: IntArray) -> IntArray:
         """Continuous count of further samples.
@@ -89,17 +103,8 @@ class SampleCount:
 
     def _of_clock(self, ticks: IntArray) -> IntArray:
         """Steps of a clock are rounded to samples; a clock that runs back was reset: one sample lost."""
-        first = self._last is None
-        before = int(ticks[0]) if first else self._last_ticks
-        previous = np.concatenate(([before], ticks[:-1]))
+        steps = self._clock_steps(ticks)
+        steps = np.where(steps < 0, 2, np.maximum(1, steps))
+        start = round(int(ticks[0]) / self._per_sample) - 1 if self._last is None else self._last
         self._last_ticks = int(ticks[-1])
-        passed = ticks.astype(np.uint64) - previous.astype(np.uint64)
-        if self._bits < 64:
-            passed &= np.uint64((1 << self._bits) - 1)
-        back = passed > np.uint64((1 << (self._bits - 1)) - 1)
-        steps = np.maximum(1, np.rint(passed / self._per_sample)).astype(np.int64)
-        steps = np.where(back, 2, steps)
-        if first:
-            steps[0] = 0
-        start = round(int(ticks[0]) / self._per_sample) if first else self._last or 0
         return np.asarray(start + np.cumsum(steps))

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from calstation.devices.frame_profile import FrameSection
 from calstation.devices.frames import FrameDecoder, Frames
@@ -275,3 +277,44 @@ def test_a_board_of_eight_imus_with_an_additive_sum() -> None:
     force = np.hypot(np.hypot(*(frames.columns.values[f"accel_{a}_0"][:100] / 2048 for a in "xy")),
                      frames.columns.values["accel_z_0"][:100] / 2048)  # fmt: skip
     assert force.mean() == pytest.approx(1.0, abs=0.05)
+
+
+# Noise between real packets ---------------------------------------------------------------------------------------
+
+
+def recordings() -> list[tuple[str, Path]]:
+    found = [("microstrain_mip", CAPTURES / "microstrain_mip" / "mip_data.bin")]
+    found += [("xsens_mtdata2", CAPTURES / "xsens_mtdata2" / "1" / "output.bin")]
+    return [*found, ("stim300", CAPTURES / "stim300_one_datagram" / "datagram_full.bin")]
+
+
+@pytest.mark.parametrize("which", range(3), ids=["mip", "mtdata2", "stim300"])
+# The same noise every time: a check of one byte would let some of it pass in the long run.
+@settings(deadline=None, max_examples=60, derandomize=True)
+@given(data=st.data())
+def test_sound_packets_are_found_again_after_any_noise(which: int, data: st.DataObject) -> None:
+    name, path = recordings()[which]
+    frame = load_imu_profile(IMUS / f"{name}.toml").frame
+    stream = path.read_bytes()[:4000]
+    sound = decode(frame, stream)[1].raw * (1 if which < 2 else 12)
+    packets = [data.draw(st.sampled_from(sound)) for _ in range(12)]
+    hurt = data.draw(st.sets(st.integers(0, 11), max_size=5))
+    sent, kept = b"", []
+    for i, packet in enumerate(packets):
+        sent += data.draw(st.binary(max_size=12))
+        if i in hurt:
+            place = data.draw(st.integers(0, len(packet) - 1))
+            sent += (
+                packet[:place] + bytes([packet[place] ^ data.draw(st.integers(1, 255))]) + packet[place + 1 :]
+            )
+        else:
+            sent += packet
+            kept.append(packet)
+    # Whatever a length in the noise promises is behind it, so that nothing waits for more.
+    decoder, frames = decode(frame, sent + bytes(frame.max_size), data.draw(st.integers(0, 60)))
+    found = list(frames.raw)
+    assert all(packet in found for packet in kept)
+    assert len(found) >= len(kept)
+    assert len(found) + decoder.others <= 12 + 2, (
+        "noise passes a check of one byte now and then, and not more"
+    )

@@ -7,15 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calstation.devices.frame_profile import FrameSection
 from calstation.devices.imu_profile import load_imu_profile
 from calstation.devices.sample_count import SampleCount
 from calstation.station import library
 
 FRAME = load_imu_profile(library.shipped_folder() / "imus" / "bench_nav.toml").frame
+CLOCKS = {
+    64: load_imu_profile(library.shipped_folder() / "imus" / "vectornav_vn100.toml").frame,
+    32: load_imu_profile(library.shipped_folder() / "imus" / "xsens_mtdata2.toml").frame,
+}
+TICKS = {64: 5_000_000, 32: 100}
 
 
-def fed(*batches: list[int]) -> list[int]:
-    count = SampleCount(FRAME)
+def fed(*batches: list[int], frame: FrameSection = FRAME) -> list[int]:
+    count = SampleCount(frame)
     told: list[int] = []
     for batch in batches:
         raw = np.array(batch, np.int64)
@@ -55,4 +61,35 @@ def test_duplicates_and_swapped_neighbours_lose_no_sample(
 @given(st.lists(st.integers(0, 65535), max_size=50), st.integers(0, 50))
 def test_whatever_came_the_count_rises(raw: list[int], cut: int) -> None:
     told = fed(raw[:cut], raw[cut:])
+    assert all(a < b for a, b in pairwise(told))
+
+
+@pytest.mark.parametrize("bits", CLOCKS)
+@pytest.mark.parametrize(
+    ("batches", "told"),
+    [
+        (([5, 6, 6, 7],), [5, 6, 7]),
+        (([5, 6], [6, 7]), [5, 6, 7]),
+        (([5, 7, 6, 8],), [5, 6, 7, 8]),
+        (([5, 7], [6, 8]), [5, 7, 8]),
+        (([5, 9], [10]), [5, 9, 10]),
+        (([9000, 9001], [0, 1], [2, 3]), [9000, 9001, 9003, 9004, 9005, 9006]),
+    ],
+)
+def test_a_clock_counts_alike(bits: int, batches: tuple[list[int], ...], told: list[int]) -> None:
+    ticks = [[sample * TICKS[bits] for sample in batch] for batch in batches]
+    assert fed(*ticks, frame=CLOCKS[bits]) == told
+
+
+def test_a_clock_of_32_bits_goes_on_over_its_wrap() -> None:
+    last = 2**32 - 50
+    assert np.diff(fed([last - 100, last, 50, 50, 150], frame=CLOCKS[32])).tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize("bits", CLOCKS)
+@given(data=st.data())
+def test_whatever_a_clock_says_the_count_rises(bits: int, data: st.DataObject) -> None:
+    ticks = data.draw(st.lists(st.integers(0, 2 ** min(bits, 63) - 1), max_size=40))
+    cut = data.draw(st.integers(0, 40))
+    told = fed(ticks[:cut], ticks[cut:], frame=CLOCKS[bits])
     assert all(a < b for a, b in pairwise(told))
