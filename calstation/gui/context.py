@@ -1,5 +1,6 @@
 """What every page is given: the workshop, the engine, the role, the settings and where things lie."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -97,3 +98,8 @@ class AppContext(QObject):
         """End what runs beside the window; a run that is still going stops safely."""
         self.engine_link.close()
         self.workshop.close()
+
+
+def _runs_folder() -> Path:
+    """`runs` where the window was started, as in the terminal; in the site's folder where nothing can be written."""
+    return Path("runs") if os.access(Path.cwd(), os.W_OK) else library.site_folder() / "runs"

@@ -3,8 +3,9 @@
 import importlib
 import traceback
 from functools import partial
+from itertools import pairwise
 
-from PySide6.QtCore import QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
+from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
@@ -83,6 +84,7 @@ class MainWindow(QMainWindow):
                 traceback.print_exc()
                 self._add(_Broken(app))
         self._role_panel = RolePanel(app.role, self)
+        self._order_tabs()
         self.page_tabs.currentChanged.connect(self._turn)
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
         app.station_changed.connect(self._show_station)
@@ -99,6 +101,9 @@ class MainWindow(QMainWindow):
         self._dress()
         self.setMinimumSize(_SMALLEST)
         self.resize(1366, 768)
+        geometry = app.settings.value("geometry")
+        if isinstance(geometry, QByteArray):
+            self.restoreGeometry(geometry)
 
     @property
     def operator_page(self) -> OperatorPage:
@@ -158,6 +163,7 @@ class MainWindow(QMainWindow):
         if not self._closing and not self.pages[self._shown].may_leave(self.close):
             event.ignore()
             return
+        self.app.settings.setValue("geometry", self.saveGeometry())
         self.app.close()
         super().closeEvent(event)
 
@@ -207,6 +213,24 @@ class MainWindow(QMainWindow):
         self.page_tabs.addTab(page, page.title())
         self._headers.addWidget(page.header or RunStrip(self.app.run))
 
+    def _order_tabs(self) -> None:
+        """Tab goes as the eye reads: the top bar, the header, STOP, the page."""
+        header = self.operator_page.header
+        chain = (
+            self.page_tabs.tabBar(),
+            self.language_combo,
+            self._theme_button,
+            self._lock_button,
+            header.operator_edit,
+            header.serial_edit,
+            header.product_combo,
+            header.start_button,
+            header.pause_button,
+            self.stop_button,
+        )
+        for before, after in pairwise(chain):
+            QWidget.setTabOrder(before, after)
+
     def _turn(self, index: int) -> None:
         left = self.pages[self._shown]
         if index != self._shown and not left.may_leave(partial(self.page_tabs.setCurrentIndex, index)):
@@ -224,8 +248,9 @@ class MainWindow(QMainWindow):
             self._strip.raise_()
 
     def _place_role_panel(self) -> None:
-        corner = self._lock_button.mapTo(self, self._lock_button.rect().bottomRight())
-        self._role_panel.move(corner.x() - self._role_panel.width(), corner.y() + theme.GRID // 2)
+        """Below the padlock, beside STOP: nothing ever covers STOP."""
+        stop = self.stop_button.mapTo(self, QPoint(0, 0))
+        self._role_panel.move(stop.x() - self._role_panel.width() - theme.GRID, stop.y() - theme.GRID // 2)
 
     def _lock_pressed(self) -> None:
         if self.app.role.engineer:

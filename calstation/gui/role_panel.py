@@ -58,7 +58,7 @@ class RolePanel(QFrame):
             layout.addWidget(widget)
         layout.addLayout(self._keys())
         layout.addLayout(buttons)
-        self.setFixedWidth(36 * theme.GRID)
+        self.setFixedWidth(42 * theme.GRID)
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._count_down)

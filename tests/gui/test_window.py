@@ -123,7 +123,8 @@ def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(pla
         "from PySide6.QtWidgets import QApplication\n"
         "from PySide6.QtCore import QTimer\n"
         "if __name__ == '__main__':\n"
-        f"    window = create_window({str(place.station)!r})\n"
+        "    from pathlib import Path\n"
+        f"    window = create_window(Path({str(place.station)!r}))\n"
         "    window.app.set_product(library.find('products', 'short'))\n"
         "    window.show()\n"
         "    QTimer.singleShot(0, window.operator_page.header.start_button.click)\n"
@@ -154,3 +155,12 @@ def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(pla
     assert (result["outcome"], result["stop_reason"]) == ("stopped", "listener_lost")
     (offered,) = resumable(place.runs)
     assert offered.finished == ("six_position",)
+
+
+def test_tab_goes_as_the_eye_reads(window: MainWindow, qtbot: QtBot) -> None:
+    window.findChild(QLineEdit, "operator_edit").setFocus()
+    seen = []
+    for _ in range(5):
+        seen.append(window.focusWidget().objectName())
+        qtbot.keyClick(window.focusWidget(), Qt.Key.Key_Tab)
+    assert seen == ["operator_edit", "serial_edit", "product_combo", "start_button", "stop_button"]

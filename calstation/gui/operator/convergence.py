@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, Qt
-from PySide6.QtGui import QColor, QResizeEvent
+from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui import theme
@@ -17,6 +17,9 @@ from calstation.physics.units import DISPLAY
 
 _KEPT = 2000
 """Points kept per line; of more, every other one is dropped."""
+
+_SHORTEST = 0.1
+"""Least time that the width shows, min."""
 
 _DRAW_EVERY = 0.25
 """Host time between two drawings, s."""
@@ -37,9 +40,12 @@ class Convergence(QFrame):
         self._title = QLabel()
         self._title.setProperty("kind", "muted")
         self._plot = ThemedPlot()
-        self._plot.getAxis("left").setLogMode(False, True)
+        self._plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self._plot.getAxis("left").setWidth(7 * theme.GRID)
         self._plot.getViewBox().setMouseEnabled(x=False, y=False)
+        box = self._plot.getViewBox()
+        box.sigTransformChanged.connect(self._name_lines)
+        box.sigResized.connect(self._name_lines)
         self._target = pg.InfiniteLine(0.0, angle=0)
         self._plot.addItem(self._target)
         self._labels = LineLabels(38 * theme.GRID)
@@ -98,14 +104,16 @@ class Convergence(QFrame):
         """Bring the picture up to date."""
         self._drawn = time.monotonic()
         shown = [ratio for ratios in self._ratios.values() for ratio in ratios]
-        low = min([0.3, *shown])
-        high = max([10.0, *shown])
+        low = np.log10(min([0.3, *shown])) - 0.1
+        high = np.log10(max([30.0, *shown])) + 0.1
         for group, curve in self._curves.items():
             times, ratios = self._times[group], self._ratios[group]
             if times:  # the last value holds until now
                 curve.setData(np.array([*times, self._now]) / 60.0, np.log10([*ratios, ratios[-1]]))
-        self._plot.setYRange(np.log10(low) - 0.1, np.log10(high) + 0.1, padding=0.0)
-        self._plot.setXRange(0.0, max(1.0, self._now / 60.0), padding=0.0)
+        decades = range(int(np.ceil(low)), int(np.floor(high)) + 1)
+        self._plot.getAxis("left").setTicks([[(d, f"{10.0**d:g}") for d in decades], []])
+        self._plot.setYRange(low, high, padding=0.0)
+        self._plot.setXRange(0.0, max(_SHORTEST, self._now / 60.0), padding=0.0)
         self._name_lines()
 
     def retranslate(self) -> None:
@@ -121,11 +129,6 @@ class Convergence(QFrame):
         elif event.type() == QEvent.Type.PaletteChange:
             self._dress()
         super().changeEvent(event)
-
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """The names follow the lines."""
-        super().resizeEvent(event)
-        self._name_lines()
 
     def _dress(self) -> None:
         c = theme.colours()
@@ -147,10 +150,15 @@ class Convergence(QFrame):
                 continue
             unit, size = DISPLAY[group]
             words = word_group(group)
-            value = f"{ratios[-1] * self._targets[group] / size:.2g} {unit}"
+            value = f"{_plain(ratios[-1] * self._targets[group] / size)} {unit}"
             if self.arrived(group):
                 text = self.tr("{group} {value} arrived").format(group=words, value=value)
                 labels.append(LineLabel(height(ratios[-1]), text, QColor(c.good), "good"))
             else:
                 labels.append(LineLabel(height(ratios[-1]), f"{words} {value}", QColor(c.text)))
         self._labels.show_labels(labels)
+
+
+def _plain(value: float) -> str:
+    """Two digits, without a power of ten."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"

@@ -61,7 +61,8 @@ class OperatorPage(Page):
         self._problem = ""
         self._looked = False
         self._shown: tuple[object, ...] = ()
-        self.header = self._fields = RunHeader()
+        self.header: RunHeader = RunHeader()
+        self._fields = self.header
         self._stages = StageList(app.run)
         self._loading, self._verdict = Loading(), VerdictPanel()
         self._table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
@@ -239,11 +240,14 @@ class OperatorPage(Page):
     def _stop_pressed(self) -> None:
         if not self.app.run.going and not self._problem:
             self.notice.dismiss()
+            self._message.setText(self.tr("Nothing is running."))
 
     def _running_changed(self, running: bool) -> None:
         if running:
-            run = self.app.run
+            run, request = self.app.run, self.app.engine_link.request
             self.notice.dismiss()
+            if request is not None:
+                self._fields.set_serial(request.serial)
             self._table.forget()
             self._traces.start()
             self._convergence.start(run.outline.targets if run.outline is not None else {})

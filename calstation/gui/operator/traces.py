@@ -45,6 +45,7 @@ class _Plot(QWidget):
         self.plot.getAxis("left").setWidth(7 * theme.GRID)
         self.plot.getViewBox().setMouseEnabled(x=True, y=False)
         self.plot.getViewBox().setDefaultPadding(0.02)
+        self.plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self.curves = []
         for colour in theme.AXIS_COLOURS.values():
             curve = pg.PlotCurveItem(pen=pg.mkPen(colour, width=1), skipFiniteCheck=True)

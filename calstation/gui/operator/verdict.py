@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QEvent, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QFrame,
     QGridLayout,
@@ -24,7 +24,10 @@ from calstation.gui.wording import KINDS, word_message, word_state, word_time
 from calstation.sequencer.events import Fault, Verdict
 
 _HEAD = 17 * theme.GRID
-"""Height of the block that holds the word, px."""
+"""Least height of the block that holds the word, px."""
+
+_SHAPE = 0.6
+"""Height of the shape beside the word, in that of the block; the word is a little smaller."""
 
 
 class _Head(QWidget):
@@ -35,8 +38,7 @@ class _Head(QWidget):
         self._kind = "none"
         self.word = QLabel()
         self.word.setObjectName("verdict_label")
-        self.word.setFont(theme.font(theme.VERDICT + 8, bold=True))
-        self.word.setContentsMargins(_HEAD, 0, 2 * theme.GRID, 0)
+        self.word.setFont(theme.font(theme.VERDICT, bold=True))
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.word)
@@ -53,6 +55,13 @@ class _Head(QWidget):
         self.word.setStyleSheet(f"color: {theme.colours().on_state};")
         self.update()
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """The word is as large as the room allows, and never smaller than a verdict."""
+        super().resizeEvent(event)
+        size = min(0.55 * self.height(), self.width() / 9.0)
+        self.word.setFont(theme.font(max(theme.VERDICT, round(size)), bold=True))
+        self.word.setContentsMargins(round(self.height()), 0, 0, 0)
+
     def paintEvent(self, event: QPaintEvent) -> None:
         """Fill and shape."""
         painter = QPainter(self)
@@ -60,8 +69,9 @@ class _Head(QWidget):
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(state_colour(self._kind))
         painter.drawRoundedRect(QRectF(self.rect()), 4.0, 4.0)
-        side = 10.0 * theme.GRID
-        box = QRectF(3.0 * theme.GRID, (self.height() - side) / 2.0, side, side)
+        side = _SHAPE * self.height()
+        margin = (self.height() - side) / 2.0
+        box = QRectF(margin, margin, side, side)
         draw_state(painter, self._kind, box, QColor(theme.colours().on_state))
 
 
@@ -126,8 +136,8 @@ class VerdictPanel(QFrame):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
         layout.setSpacing(2 * theme.GRID)
-        layout.addWidget(self._head)
-        layout.addLayout(body, 1)
+        layout.addWidget(self._head, 2)
+        layout.addLayout(body, 3)
 
     def show_end(
         self,
