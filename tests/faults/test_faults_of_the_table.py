@@ -38,7 +38,7 @@ def test_a_fault_of_the_table_stops_the_run(
     [
         ({"kind": "watchdog_off"}, ("watchdog is off", "set its timeout")),
         ({"kind": "interlock_open"}, ("interlock is open", "close the cover")),
-        ({"kind": "drive_fault"}, ("'drive' is latched", "reset it at the table")),
+        ({"kind": "drive_fault"}, ("fault 'drive'", "reset it at the table")),
     ],
 )
 def test_a_table_that_must_not_move_is_not_moved_and_its_fault_stays(
