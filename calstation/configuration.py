@@ -151,6 +151,9 @@ def _siblings(data: Any, location: tuple[int | str, ...], model: type[BaseModel]
                 break
     present = data
     for part in location[:-1]:
-        present = present[part] if isinstance(present, dict) else {}
+        try:
+            present = present[part]
+        except (LookupError, TypeError):
+            present = {}
     taken = present if isinstance(present, dict) else {}
     return [name for name in model.model_fields if name not in taken]

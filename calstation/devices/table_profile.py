@@ -1,5 +1,6 @@
 """Table profiles (`data/tables`): axes, limits, accuracy and Modbus registers, checked as a whole."""
 
+import math
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -150,8 +151,8 @@ class TableProfile(StrictModel):
     @field_validator("outer_axis", "inner_axis")
     @classmethod
     def _unit_vector(cls, axis: list[float]) -> list[float]:
-        if abs(float(np.linalg.norm(axis)) - 1.0) > 1e-3:
-            raise ValueError(f"{axis} has length {np.linalg.norm(axis):.6g}; give a unit vector")
+        if abs(math.hypot(*axis) - 1.0) > 1e-3:
+            raise ValueError(f"{axis} has length {math.hypot(*axis):.6g}; give a unit vector")
         return axis
 
     @model_validator(mode="after")

@@ -1,0 +1,88 @@
+"""Whatever stands in a profile, it is a right one or told in one line; nothing else comes out of the loader."""
+
+import copy
+import tomllib
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calstation.configuration import validate
+from calstation.devices.frames import FrameDecoder
+from calstation.devices.imu_profile import ImuProfile
+from calstation.devices.registers import RegisterMap
+from calstation.devices.table_profile import TableProfile
+from calstation.errors import ConfigurationError, DeviceFaultError
+
+DATA = Path(__file__).parents[2] / "data"
+PROFILES = [*sorted((DATA / "imus").glob("*.toml")), *sorted((DATA / "tables").glob("*.toml"))]
+
+WORDS = [
+    "",
+    "f32",
+    "i24",
+    "q4.5",
+    "big",
+    "5G",
+    "AF",
+    "little",
+    "error",
+    "gyro_matrix",
+    "gyro_bias",
+    "accel_offset",
+    "crc",
+]
+WORDS += ["atl", "stream", "modbus", "{axis}", "{x}", "(?P<value>.*)", "(", "registers", "tcp://x:1"]
+leaf = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(2**65), 2**65),
+    st.floats(),
+    st.sampled_from(WORDS),
+    st.lists(st.sampled_from([*WORDS, "gyro_scale_x"]), max_size=4),
+    st.dictionaries(
+        st.sampled_from(["kind", "at", "value", "address", "send"]), st.integers(-3, 70000), max_size=3
+    ),
+)
+
+
+def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Ways to every value in nested tables and lists."""
+    found = [path] if path else []
+    inside = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in inside:
+        found += places(value, (*path, key))
+    return found
+
+
+@pytest.mark.parametrize("path", PROFILES, ids=lambda p: p.stem)
+@settings(deadline=None, max_examples=60)
+@given(data=st.data())
+def test_a_profile_is_right_or_told(path: Path, data: st.DataObject) -> None:
+    profile = tomllib.loads(path.read_text(encoding="utf-8"))
+    for _ in range(data.draw(st.integers(1, 3))):
+        *parents, last = data.draw(st.sampled_from(places(profile)))
+        place: Any = profile
+        for key in parents:
+            place = place[key]
+        if data.draw(st.booleans()):
+            place[last] = data.draw(leaf)
+        else:
+            del place[last]
+        profile = copy.deepcopy(profile)
+    model: Any = ImuProfile if path.parent.name == "imus" else TableProfile
+    told, loaded = "", None
+    try:
+        loaded = validate(model, profile, "profile.toml")
+    except ConfigurationError as error:
+        told = str(error)
+    assert loaded is not None or told.startswith("profile.toml: ")
+    assert "\n" not in told
+    if isinstance(loaded, ImuProfile):
+        FrameDecoder(loaded.frame, loaded.commands).feed(loaded.frame.sync_bytes + bytes(200))
+        entries = RegisterMap(tuple(loaded.registers))
+        with suppress(DeviceFaultError):
+            entries.rounded(dict.fromkeys(entries.parameters, 0.0))
