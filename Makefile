@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV := .venv
 
-.PHONY: run test check benchmarks study fuzz clean
+.PHONY: run test check benchmarks study fuzz translations clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -25,6 +25,17 @@ study: $(VENV)/installed
 
 fuzz: $(VENV)/installed-dev
 	mkdir -p .fuzz && cd .fuzz && mkdir -p corpus && ../$(VENV)/bin/python ../tests/fuzz/harness.py -max_total_time=600 corpus
+
+# The window's words: one file per page folder, and window for what lies beside them. New ones appear unfinished.
+GUI := calstation/gui
+translations: $(VENV)/installed-dev
+	for page in operator engineer offline history station_page; do \
+		$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/$$page/*.py \
+			-ts $(GUI)/translations/$${page}_zh_CN.ts || exit 1; \
+	done
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/*.py $(GUI)/widgets/*.py \
+		-ts $(GUI)/translations/window_zh_CN.ts
+	for words in $(GUI)/translations/*.ts; do $(VENV)/bin/pyside6-lrelease $$words || exit 1; done
 
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -c "import sys; sys.exit('calstation needs Python 3.11 or newer: make PYTHON=python3.11 ...' if sys.version_info < (3, 11) else 0)"
