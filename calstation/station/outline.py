@@ -1,4 +1,4 @@
-"""What a station and a product amount to before a run: who and what is there, the stages and their time, the targets."""
+"""What a station and a product amount to before a run: who and what is there, the stages, their time, the targets."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -40,7 +40,9 @@ def reference_pass(stage, last):
 
 
 def test_the_plain_filter_gives_the_same_answer(stage, monkeypatch):
-    monkeypatch.setattr(navigation, "GROUP_TIME", 0.1)  # back to the reference after every observation, as there
+    monkeypatch.setattr(
+        navigation, "GROUP_TIME", 0.1
+    )  # back to the reference after every observation, as there
     with one_blas_thread():
         mean, covariance = reference_pass(stage, STRETCH)
         belief = compiled_pass(stage, STRETCH)

@@ -161,7 +161,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("latitude_deg = 34.25\n", ""), ("site.latitude_deg", "missing")),
         (("latitude_deg", "lattitude_deg"), ("lattitude_deg",)),
         (("speed = 0.0", "speed = -1.0"), ("bench", "speed")),
-        (('profile = "bench"', 'profile = "none"'), ("'none'", "choose from: bench")),
+        (('profile = "bench"', 'profile = "none"'), ("'none'", "choose from: acutronic_acl")),
         (("[site]", "[site"), ("not valid TOML",)),
         (("[bench]", "[unused]"), ("unused",)),
     ],
