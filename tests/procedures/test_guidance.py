@@ -1,0 +1,62 @@
+"""The operator is told still, moving, enough and repeat as the hands do it, and the solver agrees."""
+
+import numpy as np
+import pytest
+from hand_recordings import QUICK, context_of, prior_of, recording, solved, unit
+
+from calstation.estimation.applied import before_after
+from calstation.estimation.guidance import PositionGuide
+
+
+@pytest.fixture(scope="module")
+def mems():
+    imu = unit("mems", 3)
+    return imu, recording(imu, 3)
+
+
+def followed(block, imu, wanted=1.0, first=5.0, size=17):
+    guide = PositionGuide(context_of(imu).imu, wanted, first)
+    told = []
+    for k in range(0, len(block), size):
+        now = guide.feed(block.part(k, min(k + size, len(block))))
+        if not told or told[-1] != now.state:
+            told.append(now.state)
+    return guide, told
+
+
+def test_every_position_that_was_rested_at_is_told_and_so_is_the_way(mems):
+    imu, block = mems
+    guide, told = followed(block, imu)
+    found = solved(block, context_of(imu), prior_of("mems"))
+    assert told[:4] == ["waiting", "still", "enough", "moving"]
+    assert "repeat" not in told
+    rests = found.details["positions"]
+    assert len(guide.now.positions) == pytest.approx(len(rests), abs=1)
+    ups = np.array([r["up"] for r in rests])[: len(guide.now.positions)]
+    assert np.abs(guide.now.positions[: len(ups)] - ups).max() < 0.05
+
+
+def test_who_moves_too_soon_is_asked_to_repeat(mems):
+    imu, block = mems
+    guide, told = followed(block, imu, wanted=8.0)
+    assert told.count("repeat") > 5
+    assert len(guide.now.positions) == 1
+    assert guide.now.wanted > 8.0
+
+
+def test_blocks_of_any_size_are_guided_alike(mems):
+    imu, block = mems
+    a, b = (followed(block, imu, size=size)[0].now for size in (7, 1000))
+    assert np.array_equal(a.positions, b.positions)
+
+
+def test_a_result_applied_to_data_brings_force_to_gravity(mems):
+    imu, block = mems
+    found = solved(block, context_of(imu), prior_of("mems")).belief.mean
+    shown = before_after(
+        block.part(0, 900), context_of(imu).imu, prior_of("mems").mean, found, QUICK.field.up_force[2], 50
+    )
+    assert len(shown.time) == 18
+    assert np.abs(shown.length_after.mean()) < 0.2 * np.abs(shown.length_before.mean())
+    assert np.abs(shown.rate_after.mean(axis=0)).max() < 1e-4
+    assert np.abs(shown.rate_before.mean(axis=0)).max() > 5e-4

@@ -1,0 +1,32 @@
+"""What was found of a pair stays until the next answer replaces it."""
+
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import ConfigurationError, InputError
+from calstation.estimation.context import StoredPair
+from calstation.records.pair_store import load_pair, pair_path, store_pair
+
+FIRST = StoredPair({"secondary_gyro_bias_x": 0.1 + 0.2, "clock_offset": 1e-3}, 1e-3, 0.02)
+
+
+def test_the_newest_answer_replaces_the_last(tmp_path: Path) -> None:
+    folder = tmp_path / "pairs"
+    assert load_pair(folder, "P 1", "S/2") == StoredPair()
+    path = store_pair(folder, "P 1", "S/2", FIRST)
+    assert path == pair_path(folder, "P 1", "S/2")
+    assert load_pair(folder, "P 1", "S/2") == FIRST
+    second = StoredPair({"secondary_gyro_bias_x": 2.0})
+    store_pair(folder, "P 1", "S/2", second)
+    assert load_pair(folder, "P 1", "S/2") == second
+    assert load_pair(folder, "P 1", "S/3") == StoredPair()
+
+
+def test_a_damaged_file_and_a_folder_that_cannot_be_are_told(tmp_path: Path) -> None:
+    pair_path(tmp_path, "P", "S").write_text("values = { secondary_gyro_bais_x = 1.0 }\n")
+    with pytest.raises(InputError, match="did you mean 'secondary_gyro_bias_x'"):
+        load_pair(tmp_path, "P", "S")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigurationError, match="cannot be written"):
+        store_pair(tmp_path / "file", "P", "S", FIRST)
