@@ -100,7 +100,7 @@ def _figure(
     return Figure(
         name=_word_parameter(name),
         value=number(value, sigma).replace("-", "−"),
-        sigma=f"{sigma:.2g}",
+        sigma=number(sigma, sigma),
         limit=_interval(name, within["limit"]) if within is not None else "",
         unit=unit,
         passed=all(check["passed"] for check in (within, below) if check is not None),
