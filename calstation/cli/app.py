@@ -97,6 +97,19 @@ def export(
 
 
 @app.command()
+def record(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write.", metavar="LOG")],
+    grade: Annotated[str, typer.Option(help="nav, tactical or mems.")] = "mems",
+    seed: Annotated[int, typer.Option(min=0, help="Of unit, motion and noise.")] = 1,
+) -> None:
+    """Make a recording on the virtual bench for the methods that need no table."""
+    from calstation.cli.record import record_command
+
+    raise typer.Exit(record_command(kind, out, grade, seed))
+
+
+@app.command()
 def study(
     grade: Annotated[str | None, typer.Option(help="nav, tactical or mems; default: all.")] = None,
     seeds: Annotated[int | None, typer.Option(help="Monte Carlo runs per grade.")] = None,

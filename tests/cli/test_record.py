@@ -1,0 +1,44 @@
+"""A recording of the bench, solved, exported and brought back by command alone."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Done
+
+Run = Callable[..., Done]
+
+
+@pytest.mark.parametrize(
+    ("kind", "stage"), [("hand", "multi_position"), ("pair", "cross_calibration"), ("gimbal", "gimbal")]
+)
+def test_a_recording_is_made_solved_and_compared_with_its_truth(
+    calstation: Run, tmp_path: Path, kind: str, stage: str
+) -> None:
+    log = tmp_path / f"{kind}.h5"
+    assert calstation("record", kind, "-o", log, "--seed", 5).code == 0
+    truth = json.loads(log.with_suffix(".truth.json").read_text())
+    first = calstation("resolve", log, "--json", "-")
+    assert first.code == 0
+    assert first.json["stages"] == [stage]
+    assert first.json["passed"] is None
+    parameters = first.json["parameters"]
+    assert len(parameters) == {"hand": 21, "pair": 28, "gimbal": 6}[kind]
+    for name, row in parameters.items():
+        assert abs(row["value"] - truth[name]) < 5.0 * row["sigma"], name
+        assert row["stage"] == stage
+    table = calstation("resolve", log)
+    assert all(name in table.out for name in parameters)
+    assert calstation("export", log, "-o", tmp_path / "out.csv").code == 0
+    assert calstation("import", tmp_path / "out.csv", "-o", tmp_path / "back.h5").code == 0
+    again = calstation("resolve", tmp_path / "back.h5", "--json", "-").json
+    assert again["parameters"] == parameters
+    assert again["log"]["sha256"] == first.json["log"]["sha256"]
+
+
+def test_what_the_bench_does_not_know_is_told(calstation: Run, tmp_path: Path) -> None:
+    assert "choose from hand, pair, gimbal" in calstation("record", "foot", "-o", tmp_path / "a.h5").err
+    assert "choose from nav" in calstation("record", "hand", "-o", tmp_path / "a.h5", "--grade", "best").err
+    assert "ends in .h5" in calstation("record", "hand", "-o", tmp_path / "a.csv").err
