@@ -151,9 +151,6 @@ def _siblings(data: Any, location: tuple[int | str, ...], model: type[BaseModel]
                 break
     present = data
     for part in location[:-1]:
-        try:
-            present = present[part]
-        except (LookupError, TypeError):
-            present = {}
+        present = present.get(part, {}) if isinstance(present, dict) else {}
     taken = present if isinstance(present, dict) else {}
     return [name for name in model.model_fields if name not in taken]
