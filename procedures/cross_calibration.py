@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.context import Belief, Secondary, SolveContext, StoredPair
 from calstation.estimation.method import Consistency, Estimate, Method, Progress, Solution
 from calstation.estimation.pair_calibration import Calibrated, PairCalibration, PairRules
@@ -23,7 +23,7 @@ from calstation.estimation.samples import SampleBlock, joined
 from calstation.estimation.spool import Spool
 from calstation.estimation.stage_data import StageData, stage_data
 from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Dwell, Move, Step
+from calstation.physics.motion import Step
 from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
 from calstation.physics.table import TableGeometry
 
@@ -41,7 +41,6 @@ class Schedule(BaseModel):
     static_s, motion_s, longest_s : a rest to check at, the motion to collect, and the longest to wait for it
     moving_dps : rate beyond that at rest from which the body moves
     primary_*, secondary_* : what a sensor may show at rest, rad/s and m/s² (see `estimation.pair_static.Threshold`)
-    turn_deg, rate_dps, acceleration_dps2 : of the turns a table makes for it
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -59,9 +58,6 @@ class Schedule(BaseModel):
     primary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)
     secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)
     secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)
-    turn_deg: float = Field(180.0, ge=30.0, le=720.0)
-    rate_dps: float = Field(60.0, gt=0.0, le=360.0)
-    acceleration_dps2: float = Field(120.0, gt=0.0, le=1000.0)
 
     @property
     def choice(self) -> PairChoice:
@@ -92,28 +88,11 @@ class Schedule(BaseModel):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """A rest, then turns about y, x and z there and back, and a rest."""
-    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
-    joints = [0.0, 0.0]
-    yield Move(0.0, 0.0, rate, acceleration, ("start",))
-    yield Dwell(schedule.static_s + 2.0)
-    for name in "yxz":
-        axis = np.zeros(3)
-        axis["xyz".index(name)] = 1.0
-        turn = geometry.body_turn(axis, joints[1])
-        if turn.inner is None:
-            joints[0] = geometry.level_inner((joints[0], joints[1]))
-        else:
-            joints[1] = turn.inner
-        yield Move(joints[0], joints[1], rate, acceleration, ("into_place", name))
-        way = turn.sign * np.deg2rad(schedule.turn_deg)
-        if not geometry.limits.within(turn.joint, joints[turn.joint] + way):
-            way = -way
-        for sign in (1.0, -1.0):
-            joints[turn.joint] += sign * way
-            angle = float(np.rad2deg(sign * way * turn.sign))
-            yield Move(joints[0], joints[1], rate, acceleration, ("turn_about", name, angle))
-    yield Dwell(schedule.static_s + 2.0)
+    """None: any motion will do, but a station records one IMU. Raises ConfigurationError."""
+    raise ConfigurationError(
+        "cross_calibration needs IMUs on one body recorded together, which a run on the table does not; record them "
+        "and solve the log"
+    )
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:

@@ -16,6 +16,8 @@ from calstation.estimation.stage_data import StageData, slope_weights
 from calstation.estimation.stillness import Stillness
 from calstation.physics.arrays import FloatArray
 
+CREEP = 0.5
+"""Left out of the rates at the begin of a rest, s: a rig's last microradians are nothing else but a rate."""
 SIGNIFICANT = 0.9995
 """Residuals beyond this share of what the known noise explains show a scatter of their own."""
 
@@ -63,6 +65,7 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
     found = []
     for a, b in still.rests:
         duration = (b - a) * data.dt
+        settled = a + round(CREEP / data.dt) if duration > 4.0 * CREEP else a
         found.append(
             Position(
                 start=a,
@@ -70,8 +73,8 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
                 time=float(0.5 * (data.time[a] + data.time[b - 1])),
                 force=slope_weights(b - a, stride) @ data.accel[a:b],
                 force_variance=rest_mean_variance(context, duration) - float(noise.wander[3]) ** 2,
-                rate=data.gyro[a:b].mean(axis=0),
-                rate_variance=noise.rate / duration,
+                rate=data.gyro[settled:b].mean(axis=0),
+                rate_variance=noise.rate / ((b - settled) * data.dt),
             )
         )
     return found

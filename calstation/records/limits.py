@@ -149,11 +149,14 @@ def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> 
     return [p.name for p in PARAMETERS if (p.name in limits or p.group in limits) and p.name not in estimated]
 
 
-def check_limits(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution]) -> list[Check]:
+def check_limits(
+    limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution], near: float = NEAR
+) -> list[Check]:
     """Compare a chain's answer with its product's limits.
 
     A limit of a parameter's own name goes before its group's. Only parameters that a stage estimated are
-    compared; the innovations of every stage and the absence of unobservable parameters are checked besides.
+    compared; the innovations of every stage and the absence of unobservable parameters are checked besides. A value
+    that takes more than `near` of its limit is marked; a mean of innovations varies within its band and never is.
     """
     if not solutions:
         return []
@@ -168,23 +171,23 @@ def check_limits(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence
         value, unit = float(belief.mean[i]), PARAMETERS[i].unit
         if limit.interval is not None:
             low, high = limit.interval
-            checks.append(Check(f"{name} within", value, (low, high), unit, bool(low <= value <= high)))
+            checks.append(Check(f"{name} within", value, (low, high), unit, bool(low <= value <= high), near))
         largest = limit.sigma_limit(stage)
         if largest is not None:
             within = bool(sigma[i] <= largest and np.isfinite(sigma[i]))
-            checks.append(Check(f"{name} sigma below", float(sigma[i]), largest, unit, within))
+            checks.append(Check(f"{name} sigma below", float(sigma[i]), largest, unit, within, near))
     for s in solutions:
         for name, estimate in s.found.items():
-            checks += _of_pair(name, estimate, limits)
+            checks += _of_pair(name, estimate, limits, near)
     for s in solutions:
         c = s.consistency
-        checks.append(Check(f"{s.stage} consistency", c.nis_mean, c.nis_high, "1", bool(c.passed)))
+        checks.append(Check(f"{s.stage} consistency", c.nis_mean, c.nis_high, "1", bool(c.passed), 1.0))
     lost = unobservable(prior, solutions)
     checks.append(Check("unobservable parameters", float(len(lost)), 0.0, "1", not lost))
     return checks
 
 
-def _of_pair(name: str, estimate: Estimate, limits: Mapping[str, Limit]) -> list[Check]:
+def _of_pair(name: str, estimate: Estimate, limits: Mapping[str, Limit], near: float) -> list[Check]:
     """Checks of a pair parameter; a limit of its own name goes before that of its group."""
     parameter = pair_parameter(name)
     limit = limits.get(name, limits.get(parameter.group if parameter else ""))
@@ -192,8 +195,10 @@ def _of_pair(name: str, estimate: Estimate, limits: Mapping[str, Limit]) -> list
     if limit is not None and limit.interval is not None:
         low, high = limit.interval
         inside = bool(low <= estimate.value <= high)
-        checks.append(Check(f"{name} within", estimate.value, (low, high), estimate.unit, inside))
+        checks.append(Check(f"{name} within", estimate.value, (low, high), estimate.unit, inside, near))
     if limit is not None and limit.sigma_below is not None:
         below = bool(estimate.sigma <= limit.sigma_below)
-        checks.append(Check(f"{name} sigma below", estimate.sigma, limit.sigma_below, estimate.unit, below))
+        checks.append(
+            Check(f"{name} sigma below", estimate.sigma, limit.sigma_below, estimate.unit, below, near)
+        )
     return checks

@@ -18,7 +18,7 @@ from calstation.physics.parameters import INDEX, PARAMETERS
 from calstation.records.atomic import write_atomic
 from calstation.records.checks import acceptance
 from calstation.records.facts import LogFacts
-from calstation.records.limits import Check, check_limits, estimated_stage, not_compared, unobservable
+from calstation.records.limits import NEAR, Check, check_limits, estimated_stage, not_compared, unobservable
 from calstation.records.meta import LogMeta, context_from_meta
 
 SCHEMA = "calstation.result/1"
@@ -47,9 +47,9 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     """Compare what was solved with the limits in the log's meta; a run without a solved stage fails the unit."""
     limits = meta.product.limits if meta.product is not None else {}
     section = meta.product.checks if meta.product is not None else None
-    found = check_limits(limits, prior, solutions)
+    near = section.near_miss_beyond if section is not None else NEAR
+    found = check_limits(limits, prior, solutions, near)
     if section is not None:
-        found = [replace(check, near=section.near_miss_beyond) for check in found]
         found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
     checks = tuple(found)
     if not limits and section is None:

@@ -210,6 +210,10 @@ def prepare(request: RunRequest) -> Setup:
     """Read and check everything that a run needs. Raises ConfigurationError with file, field and mend."""
     setup, product_path = configured(request)
     _check_serial(setup, product_path)
+    for stage in setup.stages:
+        chosen = method(stage)
+        if chosen.by_hand:  # some of these no table can drive at all
+            next(chosen.plan(setup.table.geometry(), setup.schedules[stage]), None)
     return setup
 
 

@@ -22,13 +22,12 @@ from scipy.stats import chi2
 from calstation.bench.table_truth import rotation
 from calstation.bench.unit_pair import SecondaryTruth
 from calstation.bench.unit_samples import Place
-from calstation.errors import InputError, InsufficientDataError
+from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.context import StoredPair
 from calstation.estimation.pair_calibration import PairCalibration
 from calstation.estimation.pair_static import Threshold, compensate_secondary, pair_vector
 from calstation.estimation.pair_watch import PairWatch
 from calstation.physics.imu_model import compensation
-from calstation.physics.motion import Move
 from calstation.physics.parameters import PAIR_PARAMETERS, group_indices, pair_name, pair_parameter
 from calstation.physics.table import TableGeometry
 from calstation.station.resolve import resolve
@@ -325,11 +324,10 @@ def test_gaps_and_missing_cells_cost_only_their_rows(mems):
     assert np.abs((vector(found) - truth_of(primary, secondary)) / vector(found, "sigma")).max() < 5.0
 
 
-def test_the_plan_turns_about_all_axes_and_comes_back():
+def test_a_run_on_the_table_is_refused():
     chosen = method("cross_calibration")
-    steps = [s for s in chosen.plan(TableGeometry(), chosen.schedule()) if isinstance(s, Move)]
-    assert {s.label[1] for s in steps if s.label[0] == "turn_about"} == {"x", "y", "z"}
-    assert chosen.by_hand
+    with pytest.raises(ConfigurationError, match="record them and solve the log"):
+        list(chosen.plan(TableGeometry(), chosen.schedule()))
 
 
 @pytest.mark.skipif(not real.IMU_ARRAY.exists(), reason="the real recordings are not beside the project")
