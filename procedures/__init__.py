@@ -13,7 +13,7 @@ DEFAULT_STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 @cache
 def method(name: str) -> Method:
     """The method called `name`. Raises ConfigurationError naming those that exist."""
-    names = sorted(m.name for m in iter_modules(__path__))
+    names = sorted((m.name for m in iter_modules(__path__)), key=lambda n: (n not in DEFAULT_STAGES, n))
     if name not in names:
         raise ConfigurationError(f"stages: there is no stage '{name}'; choose from {', '.join(names)}")
     found: Method = import_module(f"{__name__}.{name}").METHOD
