@@ -3,13 +3,16 @@
 PYTHON ?= python3
 VENV := .venv
 
-.PHONY: run test check benchmarks study fuzz translations clean
+.PHONY: run test rehearse check benchmarks study fuzz translations clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
 
 test: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest -n 2 --dist loadgroup $$($(VENV)/bin/python tests/without_window.py)
+
+rehearse: $(VENV)/installed-dev
+	$(VENV)/bin/python -m pytest -m long -n 2 --dist loadgroup
 
 check: $(VENV)/installed-dev
 	$(VENV)/bin/ruff check .

@@ -11,6 +11,8 @@ from calstation.sequencer.events import StepStarted
 from tests.faults.conftest import Floor, fault
 from tests.station.wires import server, tcp_pdu
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize(
     ("kind", "value", "words"),

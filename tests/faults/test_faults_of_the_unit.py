@@ -8,6 +8,8 @@ from calstation.sequencer.events import Message
 from calstation.station import register_journal
 from tests.faults.conftest import SERIAL, Floor, fault
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize(
     ("kind", "value", "words"),

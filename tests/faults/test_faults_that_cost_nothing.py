@@ -13,6 +13,8 @@ from calstation.sequencer.events import Event, StepStarted
 from calstation.station.resolve import resolve
 from tests.faults.conftest import Floor, Ran, fault
 
+pytestmark = pytest.mark.long
+
 _FAULTS = [
     {"kind": "jump_counter", "value": 62_500.0, "time_s": 0.0},
     fault("corrupt_frames", 2, step=1),

@@ -14,6 +14,8 @@ from calstation.errors import CalstationError
 from calstation.station import register_journal
 from tests.devices.dsp import MAP, NAMES, SERIAL, Dark, Supply, Unit
 
+pytestmark = pytest.mark.long
+
 FIRST = dict(zip(NAMES, [1e-5, -2e-5, 3e-5, 0.01, -0.02, 0.03], strict=True))
 SECOND = dict(zip(NAMES, [-4e-5, 5e-5, -6e-5, -0.04, 0.05, -0.06], strict=True))
 

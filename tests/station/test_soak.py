@@ -13,6 +13,8 @@ from calstation.station.fault_plan import KINDS
 from calstation.station.soak import OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
 from calstation.station.soak_judge import Judged, _wrong
 
+pytestmark = pytest.mark.long
+
 GOOD = Planned(0, 5, faulty_unit=False, faults=())
 
 
