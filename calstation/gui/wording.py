@@ -78,9 +78,26 @@ _MESSAGES = {
     "pair_calibrated": QT_TRANSLATE_NOOP(
         "wording", "{stage}: at {time:.0f} s imu{number} was off and has been calibrated."
     ),
-    "pair_given_up": QT_TRANSLATE_NOOP("wording", "{stage}: at {time:.0f} s calibration was given up: {why}."),
+    "pair_given_up": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: at {time:.0f} s calibration was given up: {why}."
+    ),
     "pair_kept": QT_TRANSLATE_NOOP(
         "wording", "{stage}: nothing new for secondary {numbers}; what was stored stays."
+    ),
+    "gimbal_unstable": QT_TRANSLATE_NOOP(
+        "wording",
+        "{stage}: a gain of {gain:g} is beyond the {limit:.2f} up to which turns about {axis} converge.",
+    ),
+    "gimbal_axes_missing": QT_TRANSLATE_NOOP(
+        "wording",
+        "{stage}: no turns about {axes}; misalignments of those columns are not determined.",
+    ),
+    "gimbal_unstable": QT_TRANSLATE_NOOP(
+        "wording",
+        "{stage}: a gain of {gain:g} is beyond the {limit:.2f} up to which turns about {axis} converge.",
+    ),
+    "gimbal_axes_missing": QT_TRANSLATE_NOOP(
+        "wording", "{stage}: no turns about {axes}; misalignments of those columns are not determined."
     ),
     "registers_transfer": QT_TRANSLATE_NOOP("wording", "Inside the limits: writing the registers."),
     "transfer_finished": QT_TRANSLATE_NOOP(
@@ -112,6 +129,7 @@ _REASONS = {
     "gap": QT_TRANSLATE_NOOP("wording", "samples lost"),
     "no_data": QT_TRANSLATE_NOOP("wording", "no data"),
     "saturated": QT_TRANSLATE_NOOP("wording", "output saturated"),
+    "invalid": QT_TRANSLATE_NOOP("wording", "output is no number"),
     "signal": QT_TRANSLATE_NOOP("wording", "the computer asked the program to end"),
     "listener_lost": QT_TRANSLATE_NOOP("wording", "the window was closed"),
     "listener_silent": QT_TRANSLATE_NOOP("wording", "the window did not answer any more"),

@@ -499,6 +499,14 @@
         <translation>{stage}：从惯组 {numbers} 没有新结果，保留已存的值。</translation>
     </message>
     <message>
+        <source>{stage}: a gain of {gain:g} is beyond the {limit:.2f} up to which turns about {axis} converge.</source>
+        <translation>{stage}：增益 {gain:g} 超过 {limit:.2f}，绕 {axis} 轴的转动不再收敛。</translation>
+    </message>
+    <message>
+        <source>{stage}: no turns about {axes}; misalignments of those columns are not determined.</source>
+        <translation>{stage}：没有绕 {axes} 轴的转动，对应各列的安装误差无法确定。</translation>
+    </message>
+    <message>
         <source>Inside the limits: writing the registers.</source>
         <translation>在限差之内：正在写寄存器。</translation>
     </message>
@@ -557,6 +565,10 @@
     <message>
         <source>output saturated</source>
         <translation>输出饱和</translation>
+    </message>
+    <message>
+        <source>output is no number</source>
+        <translation>输出不是数</translation>
     </message>
     <message>
         <source>the computer asked the program to end</source>
