@@ -1,7 +1,5 @@
 """The main window: top bar, pages, and STOP in one place on all of them."""
 
-import importlib
-import traceback
 from functools import partial
 from itertools import pairwise
 
@@ -20,29 +18,22 @@ from PySide6.QtWidgets import (
 from calstation.errors import CalstationError
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
+from calstation.gui.engineer.page import EngineerPage
+from calstation.gui.history.page import HistoryPage
+from calstation.gui.offline.page import OfflinePage
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.page import Page
 from calstation.gui.role_panel import RolePanel
 from calstation.gui.run_strip import RunStrip
+from calstation.gui.station_page.page import StationPage
 from calstation.gui.widgets import icons
 from calstation.station.config import load_station
 
-_PAGES = (
-    ("operator", "OperatorPage"),
-    ("engineer", "EngineerPage"),
-    ("offline", "OfflinePage"),
-    ("history", "HistoryPage"),
-    ("station_page", "StationPage"),
-)
+_PAGES: tuple[type[Page], ...] = (OperatorPage, EngineerPage, OfflinePage, HistoryPage, StationPage)
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
 """Height of the strip with STOP above every page, px."""
 
 _SMALLEST = QSize(1280, 720)
-
-
-class _Broken(Page):
-    def title(self) -> str:
-        return "?"
 
 
 class MainWindow(QMainWindow):
@@ -77,12 +68,8 @@ class MainWindow(QMainWindow):
         row.addWidget(self._headers, 1)
         row.addWidget(self.stop_button)
         self.pages: list[Page] = []
-        for folder, kind in _PAGES:
-            try:
-                self._add(getattr(importlib.import_module(f"calstation.gui.{folder}.page"), kind)(app))
-            except Exception:  # noqa: BLE001
-                traceback.print_exc()
-                self._add(_Broken(app))
+        for kind in _PAGES:
+            self._add(kind(app))
         self._role_panel = RolePanel(app.role, self)
         self._order_tabs()
         self.page_tabs.currentChanged.connect(self._turn)

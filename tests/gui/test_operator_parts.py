@@ -81,6 +81,8 @@ def test_every_message_of_the_terminal_has_words_in_the_window() -> None:
     for key, template in terminal.MESSAGES.items():
         fields = {name: 1.0 for _, name, _, _ in string.Formatter().parse(template) if name}
         assert not word_message(key, fields).startswith(key.replace("_", " ")), key
+    for reason in terminal.REASONS:
+        assert f"({reason})" not in word_message("step_repeated", {"reason": reason, "attempt": 1})
     for key, template in terminal.STEPS.items():
         label = (key, 90.0, 90.0) if "{1:" in template else (key, "x", 90.0)
         assert word_step("move", label) == template.format(*label)

@@ -601,6 +601,10 @@
         <translation>{stage}：测量数据互相不吻合（NIS {value:.2f}，最大 {limit:.2f}）。</translation>
     </message>
     <message>
+        <source>{name}: {value:.4g} {unit}, allowed {limit:.4g}.</source>
+        <translation>{name}：{value:.4g} {unit}，允许 {limit:.4g}。</translation>
+    </message>
+    <message>
         <source>The data did not determine {names}.</source>
         <translation>数据不足以确定{names}。</translation>
     </message>
