@@ -84,6 +84,14 @@ _MESSAGES = {
     "pair_kept": QT_TRANSLATE_NOOP(
         "wording", "{stage}: nothing new for secondary {numbers}; what was stored stays."
     ),
+    "gimbal_unstable": QT_TRANSLATE_NOOP(
+        "wording",
+        "{stage}: a gain of {gain:g} is beyond the {limit:.2f} up to which turns about {axis} converge.",
+    ),
+    "gimbal_axes_missing": QT_TRANSLATE_NOOP(
+        "wording",
+        "{stage}: no turns about {axes}; misalignments of those columns are not determined.",
+    ),
     "registers_transfer": QT_TRANSLATE_NOOP("wording", "Inside the limits: writing the registers."),
     "transfer_finished": QT_TRANSLATE_NOOP(
         "wording", "The stop came while the registers were written: the transfer was finished first."
