@@ -9,7 +9,8 @@ import numpy as np
 from calstation.devices.checks import CRC_WIDTHS, check_bytes
 from calstation.devices.frame_profile import FrameSection, hex_bytes
 from calstation.devices.imu_profile import CHANNELS, STATUS_WORDS, CommandSection
-from calstation.devices.packets import BinaryFrame, Columns, PacketKind, TextFrame
+from calstation.devices.packets import BinaryFrame, Columns, PacketKind
+from calstation.devices.text_frames import TextFrame
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
 _REPLY_HEADER = 2  # op, payload length

@@ -7,10 +7,10 @@ from calstation.devices.imu_profile import ImuProfile, VectorNavSection
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.link import SerialLink
 from calstation.devices.numbers import number
-from calstation.devices.packets import TextLine
 from calstation.devices.register_profile import RegisterEntry
 from calstation.devices.registered_imu import RegisteredImu
 from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.devices.text_frames import TextLine
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
