@@ -114,8 +114,15 @@ def study(
     grade: Annotated[str | None, typer.Option(help="nav, tactical or mems; default: all.")] = None,
     seeds: Annotated[int | None, typer.Option(help="Monte Carlo runs per grade.")] = None,
     json: JsonOption = None,
+    method: Annotated[
+        str | None, typer.Option(help="multi_position, cross_calibration or gimbal, in place of the stages.")
+    ] = None,
 ) -> None:
     """Monte Carlo of the whole method against truth and the Cramer-Rao bound."""
+    if method is not None:
+        from calstation.cli.method_study import method_study_command
+
+        raise typer.Exit(method_study_command(method, grade, seeds, json))
     from calstation.cli.study import study_command
 
     raise typer.Exit(study_command(grade, seeds, json))

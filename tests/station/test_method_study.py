@@ -1,0 +1,22 @@
+"""The study of the methods that need no table, in short; the long one is `calstation study --method`."""
+
+import json
+
+import pytest
+
+from calstation.errors import ConfigurationError
+from calstation.station.method_study import KIND_OF, run_method_study
+
+
+@pytest.mark.parametrize("stage", list(KIND_OF))
+def test_errors_agree_with_their_sigmas(stage: str) -> None:
+    told: list[tuple[int, int]] = []
+    study = run_method_study(stage, "mems", 4, lambda *done: told.append(done))
+    assert study["passed"], study["groups"]
+    assert told[-1] == (4, 4)
+    assert json.loads(json.dumps(study)) == study
+
+
+def test_an_unknown_method_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="choose from multi_position, cross_calibration, gimbal"):
+        run_method_study("rate", "mems", 1)
