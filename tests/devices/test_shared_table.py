@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_framed_imu import QUICK, ScriptedLink, request
+from test_framed_imu import PROFILE as IMU_PROFILE
+from test_framed_imu import ScriptedLink, request
 from test_frames import reply_frame, stream_frame
 from test_modbus_table import image, long
 
@@ -23,6 +24,10 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 
 DATA = Path(__file__).parents[2] / "data"
 PROFILE = load_table_profile(DATA / "tables" / "indexing_unit.toml")
+PATIENT = IMU_PROFILE.model_copy(
+    update={"commands": IMU_PROFILE.commands.model_copy(update={"timeout_s": 1.0})}
+)
+"""Answers come at once, but a busy computer may take its time to hear them."""
 Pair = tuple[bytes, bytes]
 
 
@@ -39,7 +44,7 @@ def write(address: int, *words: int) -> Pair:
 @contextmanager
 def system(pairs: list[Pair]) -> Iterator[tuple[SharedTable, FramedImu, ScriptedLink]]:
     link = ScriptedLink(pairs)
-    imu = FramedImu(link, QUICK)  # type: ignore[arg-type]
+    imu = FramedImu(link, PATIENT)  # type: ignore[arg-type]
     table = SharedTable(imu, PROFILE)
     try:
         yield table, imu, link
