@@ -6,6 +6,8 @@ import pytest
 
 from tests.station.conftest import Place
 
+pytestmark = pytest.mark.long
+
 LIMITS = {
     "gyro_scale": {"within": 2e-2, "sigma_below": 1e-2},
     "accel_scale": {"within": 2e-2, "sigma_below": 1e-2},

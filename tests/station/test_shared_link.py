@@ -15,6 +15,7 @@ from calstation.station.wiring import endpoints
 from tests.station.conftest import STATION, Place
 
 
+@pytest.mark.long
 def test_a_stage_runs_on_a_system_with_its_own_axes(place: Place) -> None:
     station = {
         **STATION,

@@ -5,6 +5,8 @@ import tomli_w
 
 from tests.station.conftest import STATION, Place
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("profile", ["aerosmith_atl", "acutronic_acl", "mn_ascii"])
 def test_a_stage_runs_on_a_table_of_text(place: Place, profile: str) -> None:

@@ -22,6 +22,8 @@ from calstation.station.unfinished import finish_transfer, open_transfers, resto
 from calstation.station.unit_alone import unit_alone
 from tests.station.conftest import Place
 
+pytestmark = pytest.mark.long
+
 SERIAL = "SN-000042"
 VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
 
