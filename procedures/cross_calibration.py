@@ -19,7 +19,7 @@ from calstation.estimation.pair_fit import ACCEL_BIAS, GYRO_BIAS, Model, PairCho
 from calstation.estimation.pair_static import Threshold
 from calstation.estimation.pair_watch import PairWatch, Triggers, WatchEvent, check_values
 from calstation.estimation.relinearise import nis_consistency
-from calstation.estimation.samples import SampleBlock, joined
+from calstation.estimation.samples import SampleBlock
 from calstation.estimation.spool import Spool
 from calstation.estimation.stage_data import StageData, stage_data
 from calstation.physics.arrays import FloatArray
@@ -112,7 +112,6 @@ class PairStage:
         self._calibration = PairCalibration(context, prior, schedule.rules)
         self._watch: PairWatch | None = None
         self._spool = Spool()
-        self._waiting: list[SampleBlock] = []
         self._events: list[WatchEvent] = []
         if schedule.trigger != "command":
             self._watch = PairWatch(context.imu, context.secondaries, self._calibration, schedule.triggers)
@@ -122,12 +121,7 @@ class PairStage:
         if self._watch is None:
             self._spool.append(block)
             return
-        self._waiting.append(block)
-        second = round(self._context.imu.sample_rate)
-        while sum(map(len, self._waiting)) >= second:  # it looks by the sample count, however bytes arrived
-            whole = joined(self._waiting)
-            self._events += self._watch.feed(whole.part(0, second))
-            self._waiting = [whole.part(second, len(whole))]
+        self._events += self._watch.feed(block)
 
     def sigma(self) -> FloatArray:
         """The prior's: none of the 30 parameters is estimated, SI, shape (30,)."""
@@ -157,8 +151,6 @@ class PairStage:
         )
 
     def _watched(self, watch: PairWatch) -> Solution:
-        for block in self._waiting:
-            self._events += watch.feed(block)
         self._events += watch.finish()
         checks = {number: check_values(check) for number, check in watch.checks.items()}
         messages = [

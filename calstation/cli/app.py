@@ -110,6 +110,22 @@ def record(
 
 
 @app.command()
+def watch(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of IMUs on one body.")],
+    folder: Annotated[
+        Path | None, typer.Option("--pairs", help="Folder of the stored pairs; default: the site's own.")
+    ] = None,
+    command: Annotated[
+        bool, typer.Option("--now", help="Check at the first rest, whatever triggers say.")
+    ] = False,
+) -> None:
+    """Follow IMUs on one body as live: check at rest, calibrate what is off, keep the answer."""
+    from calstation.cli.watch import watch_command
+
+    raise typer.Exit(watch_command(log, folder, command))
+
+
+@app.command()
 def study(
     grade: Annotated[str | None, typer.Option(help="nav, tactical or mems; default: all.")] = None,
     seeds: Annotated[int | None, typer.Option(help="Monte Carlo runs per grade.")] = None,

@@ -17,7 +17,7 @@ from calstation.errors import InputError
 from calstation.estimation.context import ImuModel, Secondary, StoredPair
 from calstation.estimation.pair_calibration import Calibrated, PairCalibration
 from calstation.estimation.pair_static import SENSORS, StaticCheck
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.samples import SampleBlock, joined
 from calstation.estimation.stage_data import stage_data
 
 LOOK_INTERVAL = 1.0
@@ -82,6 +82,7 @@ class PairWatch:
         self.checks: dict[int, StaticCheck] = {}
         self.calibrated: dict[int, Calibrated] = {}
         self._off: dict[int, tuple[str, ...]] = {}
+        self._waiting: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []
         self._due = triggers.start_up
         self._checked: float | None = None
@@ -98,9 +99,16 @@ class PairWatch:
         return min(self._motion / self._triggers.motion, 1.0) if self.state == "calibrating" else 0.0
 
     def feed(self, block: SampleBlock) -> list[WatchEvent]:
-        """Take further samples; what happened in them."""
-        if len(block) == 0:
-            return []
+        """Take further samples; what happened in them. It looks by the sample count, however they were cut."""
+        self._waiting.append(block)
+        second, events = round(self._imu.sample_rate), []
+        while sum(map(len, self._waiting)) >= second:
+            whole = joined(self._waiting)
+            events += self._take(whole.part(0, second))
+            self._waiting = [whole.part(second, len(whole))]
+        return events
+
+    def _take(self, block: SampleBlock) -> list[WatchEvent]:
         now = float(block.time[-1])
         events = [] if self.state != "waiting" else self._wait(now)
         if self.state == "waiting":
@@ -113,10 +121,12 @@ class PairWatch:
 
     def finish(self) -> list[WatchEvent]:
         """The stream has ended: check or calibrate with what there is, if it is enough."""
+        events = [e for block in self._waiting if len(block) for e in self._take(block)]
+        self._waiting = []
         if not self._blocks:
-            return []
+            return events
         now = float(self._blocks[-1].time[-1])
-        events = self._check(now) if self.state == "checking" else []
+        events += self._check(now) if self.state == "checking" else []
         return events + (self._collect(now, last=True) if self.state == "calibrating" else [])
 
     def _wait(self, now: float) -> list[WatchEvent]:

@@ -1,0 +1,36 @@
+"""IMUs on one body, followed: off at first, calibrated and kept, and within the threshold the next time."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from calstation.records.pair_store import load_pair
+from tests.cli.conftest import Done, six_position_rows, write_log
+
+Run = Callable[..., Done]
+
+
+def test_what_was_off_is_calibrated_kept_and_good_the_next_time(calstation: Run, tmp_path: Path) -> None:
+    log, pairs = tmp_path / "pair.h5", tmp_path / "pairs"
+    assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
+    # the bench draws MEMS biases of 0.1 °/s: a threshold of a tenth of that
+    csv = tmp_path / "pair.csv"
+    assert calstation("export", log, "-o", csv).code == 0
+    rules = "\n[schedule.cross_calibration]\nsecondary_gyro = { fixed = 2e-4 }\nmotion_s = 10.0\n"
+    toml = csv.with_suffix(".toml")
+    toml.write_text(toml.read_text() + rules)
+    first = calstation("watch", csv, "--pairs", pairs)
+    assert first.code == 0, first.out
+    assert "imu2 calibrated; what was found is kept" in first.out
+    kept = load_pair(pairs, "BENCH-mems", "BENCH-2")
+    assert len(kept.values) == 28
+    again = calstation("watch", csv, "--pairs", pairs)
+    assert again.code == 0
+    assert "calibrated" not in again.out
+    assert again.out.count("within") == 2
+    assert load_pair(pairs, "BENCH-mems", "BENCH-2") == kept
+
+
+def test_a_log_of_one_imu_is_told(calstation: Run, tmp_path: Path) -> None:
+    done = calstation("watch", write_log(tmp_path, six_position_rows()), "--pairs", tmp_path)
+    assert done.code == 2
+    assert "log.csv: holds one IMU; add [imu2]" in done.err
