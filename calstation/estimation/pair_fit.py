@@ -23,7 +23,7 @@ import numpy as np
 from calstation.estimation.context import ImuModel
 from calstation.estimation.noise import WANDER_PER_INSTABILITY, WANDER_TIME
 from calstation.estimation.pair_data import PairData
-from calstation.estimation.pair_signals import LOW_PASS, Signals, coarse_offset, signals
+from calstation.estimation.pair_signals import Signals, coarse_offset, low_pass, signals
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.imu_model import Compensation
 from calstation.physics.parameters import PAIR_PARAMETERS
@@ -163,7 +163,7 @@ class _System:
             ]
         )
         self.rms = (_size(left[:, :3]), _size(left[:, 3:]))
-        band = float(np.sum(LOW_PASS**2))
+        band = float(np.sum(low_pass() ** 2))
         self.expected = (
             float(np.sqrt(band * np.sum(noise[:, 0] ** 2))),
             float(np.sqrt(band * np.sum(noise[:, 1] ** 2))),

@@ -1,9 +1,9 @@
 """What the fit of two IMUs reads: both streams through one low pass, the primary's moved by any part of a sample."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-from scipy.signal import fftconvolve, firwin
 
 from calstation.estimation.pair_data import PairData
 from calstation.physics.arrays import FloatArray, IntArray
@@ -15,7 +15,14 @@ HALF_WIDTH = 16
 """And those that the low pass uses."""
 PASS_BAND = 0.2
 """Cut-off of the low pass, in units of the sample rate: motion is below, most noise above."""
-LOW_PASS: FloatArray = firwin(2 * HALF_WIDTH + 1, 2.0 * PASS_BAND)
+
+
+@cache
+def low_pass() -> FloatArray:
+    """The kernel of the low pass, shape (2 HALF_WIDTH + 1,)."""
+    from scipy.signal import firwin  # takes long to import, and few runs need it
+
+    return np.asarray(firwin(2 * HALF_WIDTH + 1, 2.0 * PASS_BAND))
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,7 @@ def signals(data: PairData, offset: float, c: Compensation) -> Signals:
         )
         inside = slice(margin, stop - start - margin)
         for part, column in zip(parts, columns, strict=True):
-            part.append(_filtered(column, LOW_PASS)[inside])
+            part.append(_filtered(column, low_pass())[inside])
         rows.append(np.arange(start + margin, stop - margin))
     joined = [np.concatenate(part) if part else np.empty((0, 3)) for part in parts]
     return Signals(
@@ -85,13 +92,15 @@ def signals(data: PairData, offset: float, c: Compensation) -> Signals:
         joined[4].reshape(-1, 3, 3),
         joined[5],
         joined[6],
-        float(np.sum(np.convolve(reading, LOW_PASS) ** 2)),
-        float(np.sum(np.convolve(slope, LOW_PASS) ** 2)),
+        float(np.sum(np.convolve(reading, low_pass()) ** 2)),
+        float(np.sum(np.convolve(slope, low_pass()) ** 2)),
     )
 
 
 def _filtered(columns: FloatArray, kernel: FloatArray) -> FloatArray:
     """Correlation of every column with a kernel of odd length, in place of the middle sample."""
+    from scipy.signal import fftconvolve
+
     return np.asarray(fftconvolve(columns, kernel[::-1, None], mode="same", axes=0))
 
 
@@ -134,6 +143,8 @@ def coarse_offset(data: PairData, largest: float) -> float:
         used[start:stop] = 1.0
     if not used.any():
         return 0.0
+    from scipy.signal import fftconvolve
+
     a, b = ((x - np.average(x, weights=used)) * used for x in (length, length2))
     reach = min(round(largest / data.dt), len(data) - 1)
     correlation = fftconvolve(a, b[::-1])

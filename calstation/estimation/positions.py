@@ -7,9 +7,8 @@ recording tells: `Scatter` is what is added, so that the answer's sigma is true 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import chi2
 
+from calstation.estimation import chi_square
 from calstation.estimation.context import SolveContext
 from calstation.estimation.noise import filter_noise, rest_mean_variance
 from calstation.estimation.stage_data import StageData, slope_weights
@@ -86,8 +85,10 @@ def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> flo
     0 where they are explained already, or where nothing is left over to tell.
     """
     total = float(np.sum(residual**2 / variance))
-    if redundancy < 1.0 or total <= chi2.ppf(SIGNIFICANT, redundancy):
+    if redundancy < 1.0 or total <= chi_square.quantile(SIGNIFICANT, redundancy):
         return 0.0
+    from scipy.optimize import brentq  # half a second to import, for the few recordings that need it
+
     most = float(np.sum(residual**2)) / redundancy
     found = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, most)
     return float(np.sqrt(found))

@@ -9,9 +9,9 @@ headings all round the likeliest is settled in its neighbourhood before it is le
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from calstation.errors import InsufficientDataError
+from calstation.estimation import chi_square
 from calstation.estimation.alignment import HOPELESS_AZIMUTH_SIGMA, SHORTEST_REST, Start, starts
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.method import Consistency, Progress
@@ -67,7 +67,7 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
     """Mean NIS of `count` observations of `dimension` and the 99.9 % band of that mean (Bar-Shalom, 5.4)."""
-    low, high = np.asarray(chi2.ppf([0.0005, 0.9995], count * dimension)) / max(count, 1)
+    low, high = (chi_square.quantile(p, count * dimension) / max(count, 1) for p in (0.0005, 0.9995))
     return Consistency(total / max(count, 1), float(low), float(high), count)
 
 
