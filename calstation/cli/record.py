@@ -8,7 +8,7 @@ from rich.console import Console
 
 from calstation.errors import ConfigurationError
 from calstation.records.raw_log import SUFFIX
-from calstation.station.bench_recordings import GradeName, Kind, make_recording
+from calstation.station.bench_recordings import GradeName, Kind, make_recording, truth_path
 
 
 def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
@@ -19,7 +19,7 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     if target.suffix != SUFFIX:
         raise ConfigurationError(f"{target}: a raw log's name ends in {SUFFIX}; rename the target")
     facts, truth = make_recording(cast(Kind, kind), target, cast(GradeName, grade), seed)
-    beside = target.with_suffix(".truth.json")
+    beside = truth_path(target)
     try:
         beside.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
     except OSError as exc:

@@ -128,3 +128,27 @@ def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path:
     turns = 2.0 * np.pi * np.arange(int(path / (2.0 * np.pi)) + 2)
     candidates = np.concatenate([turns + angle, turns - angle])
     return float(candidates[int(np.argmin(np.abs(candidates - path)))])
+
+
+def gravity_misses(evidence: Evidence, motion: MotionEvidence, found: FloatArray) -> tuple[float, float]:
+    """Angles between gravity after a motion and where the gyros carry it, before compensation and after.
+
+    Gravity itself is seen by the accelerometers of `found` both times.
+
+    Parameters
+    ----------
+    found : all 30 parameters, SI, shape (30,)
+
+    Returns
+    -------
+    tuple of float
+        rad
+    """
+    earth, up = evidence.rests[motion.before].compensated(found)
+    seen = evidence.rests[motion.after].compensated(found)[1]
+    misses = []
+    for rotation in (motion.uncalibrated, motion.calibrated(found)):
+        carried = (rotation_matrix(-earth * motion.duration) @ rotation).T @ up
+        cosine = carried @ seen / np.linalg.norm(carried) / np.linalg.norm(seen)
+        misses.append(float(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return misses[0], misses[1]

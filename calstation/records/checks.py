@@ -17,12 +17,11 @@ from pydantic import Field, field_validator
 
 from calstation.configuration import StrictModel, suggestion
 from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.evidence import Evidence, MotionEvidence, turned_angle
+from calstation.estimation.evidence import Evidence, MotionEvidence, gravity_misses, turned_angle
 from calstation.estimation.method import Solution
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import normal_gravity
 from calstation.physics.parameters import GROUPS, INDEX, NAMES, PARAMETERS
-from calstation.physics.rotation import rotation_matrix
 from calstation.physics.table import TableGeometry
 from calstation.records.limits import NEAR, Check, estimated_stage
 
@@ -257,7 +256,7 @@ class _Acceptance:
         """Error of a motion's angle with the parameters before and with the answer, rad; None without reference."""
         first, second = evidence.rests[motion.before], evidence.rests[motion.after]
         found, table = self._found.mean, self._context.table
-        earth, up = first.compensated(found)
+        earth, _ = first.compensated(found)
         rotations = (motion.uncalibrated, motion.calibrated(found))
         if first.angles is not None and second.angles is not None:
             moved = np.abs(second.angles - first.angles)
@@ -269,13 +268,7 @@ class _Acceptance:
                 reference = float(moved.max())
             angles = [turned_angle(B, earth, motion.duration, motion.path) for B in rotations]
             return abs(angles[0] - reference), abs(angles[1] - reference)
-        seen = second.compensated(found)[1]
-        lefts = []
-        for B in rotations:
-            carried = (rotation_matrix(-earth * motion.duration) @ B).T @ up
-            cosine = carried @ seen / np.linalg.norm(carried) / np.linalg.norm(seen)
-            lefts.append(float(np.arccos(np.clip(cosine, -1.0, 1.0))))
-        return lefts[0], lefts[1]
+        return gravity_misses(evidence, motion, found)
 
     def _previous(self, rule: Previous, previous: Mapping[str, float]) -> Iterator[Check]:
         for limited, limit in rule.change_within.items():

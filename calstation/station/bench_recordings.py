@@ -4,6 +4,7 @@ Each is a raw log as a station with such hardware would leave it, and beside it 
 can be tried, shown and taught without the hardware.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,28 +20,60 @@ from calstation.bench.imu_truth import ImuTruth
 from calstation.bench.table_truth import rotation
 from calstation.bench.unit_pair import SecondaryTruth, pair_truth, record_pair
 from calstation.bench.unit_samples import Place
+from calstation.errors import ConfigurationError
 from calstation.estimation.gimbal_loop import run_loop
 from calstation.estimation.samples import SampleBlock, snap_angles
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import AXES, NAMES, PARAMETERS, group_indices, pair_name
+from calstation.records.atomic import write_atomic
 from calstation.records.facts import LogFacts
 from calstation.records.meta import LogMeta, context_from_meta
 from calstation.records.raw_log import RawLogWriter
+from calstation.station.library import site_folder
 from calstation.station.worker import Tell
 from procedures.gimbal import Schedule as GimbalSchedule
 
 Kind = Literal["hand", "pair", "gimbal"]
 SAMPLE_RATE = 100.0
 _LATITUDE_DEG, _HEIGHT = 34.25, 400.0
+_AT_REST = {"gyro": {"fixed": 2e-4}, "accel": {"fixed": 5e-3}}
+_PAIR_SCHEDULE = {
+    "motion_s": 10.0,
+    **{f"{unit}_{sensor}": limit for unit in ("primary", "secondary") for sensor, limit in _AT_REST.items()},
+}
+"""Little motion is enough; and a unit as it leaves a MEMS factory is off: the earth alone shows 0.7e-4 rad/s."""
 _RIG = HandRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
 
 
-def record_on_bench(tell: Tell, kind: Kind, path: Path, grade: GradeName, seed: int) -> dict[str, Any]:
-    """Work for the workshop: make a recording; returns its truth."""
+def recordings_folder() -> Path:
+    """Where the window puts recordings of the virtual bench."""
+    return site_folder() / "recordings"
+
+
+def record_on_bench(tell: Tell, kind: Kind, path: Path, grade: GradeName, seed: int) -> Path:
+    """Work for the workshop: make a recording with its truth beside it; both replace what was there.
+
+    Returns its path. Raises ConfigurationError where the place cannot be written.
+    """
     tell(0.0)
-    _, truth = make_recording(kind, path, grade, seed)
-    tell(1.0)
-    return truth
+    partial = path.with_name(f".{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.unlink(missing_ok=True)
+        _, truth = make_recording(kind, partial, grade, seed)
+        tell(0.9)
+        write_atomic(truth_path(path), json.dumps(truth, indent=1) + "\n")
+        partial.replace(path)
+    except OSError as exc:
+        raise ConfigurationError(
+            f"{path}: cannot be written ({exc.strerror or exc}); choose another folder"
+        ) from exc
+    return path
+
+
+def truth_path(path: Path) -> Path:
+    """Where the truth of a recording lies."""
+    return path.with_suffix(".truth.json")
 
 
 def make_recording(
@@ -131,7 +164,13 @@ def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, 
     counts, others = record_pair(primary, [secondary], motion, duration, rig.field, seed)
     # the primary has been calibrated before: its own errors are known
     prior = {name: {"value": value, "sigma": 1e-9} for name, value in _truth(primary).items()}
-    meta = _meta(primary, grade, imu2=_imu_section(secondary.imu, "BENCH-2"), prior=prior)
+    meta = _meta(
+        primary,
+        grade,
+        imu2=_imu_section(secondary.imu, "BENCH-2"),
+        prior=prior,
+        schedule={"cross_calibration": _PAIR_SCHEDULE},
+    )
     time = np.arange(1, len(counts) + 1) / SAMPLE_RATE
     block = _block("cross_calibration", time, counts, others=others)
     return _written(path, meta, [block]), _pair_truth(pair_truth(primary, secondary))

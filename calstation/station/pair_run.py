@@ -3,7 +3,7 @@
 What is kept of a pair stands in the site's own folder; the next log is compensated with it first.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from calstation.estimation.context import StoredPair
 from calstation.estimation.pair_calibration import PairCalibration
 from calstation.estimation.pair_static import StaticCheck
 from calstation.estimation.pair_watch import PairWatch, WatchEvent
+from calstation.estimation.samples import SampleBlock
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.records.pair_store import load_pair, store_pair
@@ -38,7 +39,11 @@ def pair_folder() -> Path:
 
 
 def watch_log(
-    path: Path, folder: Path, command: bool = False, tell: Callable[[WatchEvent], None] | None = None
+    path: Path,
+    folder: Path,
+    command: bool = False,
+    tell: Callable[[WatchEvent], None] | None = None,
+    look: Callable[[float, PairWatch], None] | None = None,
 ) -> Watched:
     """Follow a log from its begin to its end.
 
@@ -46,7 +51,7 @@ def watch_log(
     ----------
     folder : of the stored pairs; a pair that is not there yet starts with what the log says
     command : check at the first rest, whatever the log's schedule says of triggers
-    tell : told what happens
+    tell : told what happens; look : shown the watch every second of the log, with that second, s
 
     Raises InputError or ConfigurationError with file, field and mend.
     """
@@ -80,9 +85,19 @@ def watch_log(
 
     with one_blas_thread():
         for block in log.blocks():
-            heard(watch.feed(block))
+            for second in _seconds(block, log.meta.imu.sample_rate_hz):
+                heard(watch.feed(second))
+                if look is not None:
+                    look(float(second.time[-1]), watch)
         heard(watch.finish())
     return Watched(tuple(events), watch.checks, watch.stored)
+
+
+def _seconds(block: SampleBlock, rate: float) -> Iterator[SampleBlock]:
+    """A block in parts of a second."""
+    width = max(1, round(rate))
+    for start in range(0, len(block), width):
+        yield block.part(start, min(start + width, len(block)))
 
 
 def _keep(folder: Path, primary: str, secondary: str, pair: StoredPair) -> None:

@@ -1,0 +1,97 @@
+"""Work for the workshop: an answer applied to a recording, before and after over its time and at its rests."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calstation.errors import InsufficientDataError
+from calstation.estimation.applied import before_after
+from calstation.estimation.samples import joined
+from calstation.estimation.stage_data import stage_data
+from calstation.estimation.stillness import find_stillness
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import RATE, normal_gravity
+from calstation.records.log import open_log
+from calstation.records.meta import context_from_meta
+
+_COLUMNS = 2000
+_SHORTEST_REST = 1.0
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A recording with the parameters before and with those found.
+
+    Attributes
+    ----------
+    serial : of the unit that made the recording
+    time : s from its start, shape (k,)
+    length_before, length_after : of the force less gravity, means over the time between, m/s², shape (k,)
+    rate_before, rate_after : size of the mean rate, rad/s, shape (k,)
+    rests : begin and end of each, s, shape (r, 2)
+    length_rms, rate_rms : over the means of all rests, before and after, m/s² and rad/s; the rate holds the earth's
+    earth : its rate, rad/s
+    """
+
+    path: Path
+    serial: str
+    time: FloatArray
+    length_before: FloatArray
+    length_after: FloatArray
+    rate_before: FloatArray
+    rate_after: FloatArray
+    rests: FloatArray
+    length_rms: tuple[float, float]
+    rate_rms: tuple[float, float]
+    earth: float = RATE
+
+
+def apply_to_recording(
+    tell: Callable[..., None], path: Path, before: FloatArray, found: FloatArray
+) -> Applied:
+    """Apply parameters (SI, shape (30,) each) to all valid samples of a recording.
+
+    Raises InputError where it cannot be read, InsufficientDataError where it never rests.
+    """
+    tell(0.0)
+    log = open_log(path)
+    context = context_from_meta(log.meta)
+    blocks = list(log.blocks())
+    tell(0.5)
+    data = stage_data(blocks, context.imu)
+    whole = joined(blocks)
+    rests = find_stillness(data, context.imu, _SHORTEST_REST).rests
+    if not rests:
+        raise InsufficientDataError(
+            f"{path}: no rest of {_SHORTEST_REST:g} s or more in {len(data) * data.dt:.1f} s of samples; "
+            "lay the unit still at every position"
+        )
+    site = context.site
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    stride = max(1, len(whole) // _COLUMNS)
+    shown = before_after(whole, context.imu, before, found, gravity, stride)
+    start = float(data.time[0])
+    tell(0.8)
+    lengths, rates = [], []
+    for a, b in rests:
+        first, last = int(whole.seq.searchsorted(data.seq[a])), int(whole.seq.searchsorted(data.seq[b - 1]))
+        rest = before_after(
+            whole.part(first, last + 1), context.imu, before, found, gravity, last + 1 - first
+        )
+        lengths.append([float(rest.length_before[0]), float(rest.length_after[0])])
+        rates.append([float(np.linalg.norm(r[0])) for r in (rest.rate_before, rest.rate_after)])
+    length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
+    return Applied(
+        path,
+        context.imu.serial,
+        shown.time - start,
+        shown.length_before,
+        shown.length_after,
+        np.linalg.norm(shown.rate_before, axis=1),
+        np.linalg.norm(shown.rate_after, axis=1),
+        np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
+        (float(length_rms[0]), float(length_rms[1])),
+        (float(rate_rms[0]), float(rate_rms[1])),
+    )
