@@ -12,6 +12,10 @@ from calstation.sequencer.events import Event
 class Clock(Protocol):
     """Station time, s: real, or the virtual bench's."""
 
+    @property
+    def tick(self) -> float:
+        """How often the devices are looked at, s."""
+
     def now(self) -> float:
         """Station time, s."""
 

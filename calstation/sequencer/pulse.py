@@ -5,15 +5,14 @@ from collections import deque
 from collections.abc import Callable
 from itertools import chain
 
+import numpy as np
+
 from calstation.devices.interfaces import Imu, Table, TableStatus
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition, Flow
 from calstation.sequencer.control import Control, PauseRequested, SpoiltStep, StopRequested
 from calstation.sequencer.events import SampleStats, TableMoved, Trace
 from calstation.sequencer.ports import Clock, Emit
-
-TICK = 0.05
-"""Station time between two looks at the devices, s."""
 
 _NO_DATA = 1.0
 """Station time without a sample that counts as no data, s."""
@@ -65,7 +64,7 @@ class Pulse:
 
     def tick(self) -> None:
         """Let a tick of station time pass, then `look`."""
-        self._clock.sleep(TICK)
+        self._clock.sleep(self._clock.tick)
         self.look()
 
     def look(self) -> None:
@@ -158,11 +157,12 @@ class Pulse:
         if now - self._shown_table >= _SHOW_TABLE:
             self._shown_table = now
             (outer, inner), (outer_rate, inner_rate) = self.status.angles, self.status.rates
-            self._emit(
-                TableMoved(
-                    float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving
+            if np.isfinite(self.status.angles).all():
+                self._emit(
+                    TableMoved(
+                        float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving
+                    )
                 )
-            )
             if self._traced:
                 times, outputs = zip(*self._traced, strict=True)
                 self._emit(Trace(times, tuple(chain.from_iterable(outputs))))

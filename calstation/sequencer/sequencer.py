@@ -29,12 +29,15 @@ from calstation.sequencer.ports import Clock, Emit, Journal, Solving
 from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.preview import plan_time, planned, step_time
 from calstation.sequencer.progress import StageTrack
-from calstation.sequencer.pulse import TICK, Pulse
+from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.task import Ended, StagePlan, Task
+
+_LOOK = 0.05
+"""Host time between looks while something else is done, s."""
 
 _Result = TypeVar("_Result")
 
@@ -262,7 +265,7 @@ class Sequencer:
         """What a worker's job returns; a stop does not wait for it."""
         while not job.done():
             before = self._clock.now()
-            self._clock.idle(TICK)
+            self._clock.idle(_LOOK)
             if self._clock.now() > before:
                 self._pulse.look()
             else:
@@ -275,7 +278,7 @@ class Sequencer:
         with ThreadPoolExecutor(1, "aside") as worker:
             job = worker.submit(work)
             while not job.done():
-                self._clock.idle(TICK)
+                self._clock.idle(_LOOK)
                 self._pulse.keep_alive()
                 self.control.take()
             return job.result()

@@ -39,6 +39,8 @@ GEOMETRY = TableGeometry(limits=LIMITS)
 class FakeClock:
     """Time that passes only when somebody sleeps; `scripts` act at their time."""
 
+    tick = 0.05
+
     def __init__(self) -> None:
         self.time = 0.0
         self.scripts: list[tuple[float, Any]] = []
