@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from queue import Empty
 from types import TracebackType
 from typing import Any
 
@@ -16,6 +17,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict, from_json
 from calstation.station.channel import BEAT, Channel
+from calstation.station.mailbox import Mailbox
 from calstation.station.own_process import start_apart
 from calstation.station.request import RunRequest
 
@@ -59,6 +61,7 @@ class Engine:
     def __init__(self, process: BaseProcess, connection: "Connection[Any, Any]") -> None:
         self.process = process
         self._connection = connection
+        self._mailbox = Mailbox(connection)
         self._begun = False
         self._told_end = False
         self._ended = False
@@ -101,8 +104,7 @@ class Engine:
         """
         last = time.monotonic()
         while not self._ended:
-            self._wait()
-            for event in self._read(_FROZEN_UNSEEN_AFTER):
+            for event in self._read(_FROZEN_UNSEEN_AFTER, _SLICE):
                 if isinstance(event, Fault) and not self._told_end:
                     raise DeviceFaultError(event.text)
                 yield event
@@ -121,7 +123,7 @@ class Engine:
         Never waits; `alive` tells when the process is gone.
         """
         self._ended = True
-        self._connection.close()
+        self._mailbox.close()
         if self._frozen:
             self.process.kill()
 
@@ -141,15 +143,16 @@ class Engine:
     ) -> None:
         self.close()
 
-    def _read(self, frozen_after: float) -> list[Event]:
+    def _read(self, frozen_after: float, wait: float = 0.0) -> list[Event]:
+        """What has come whole, waiting at most `wait` s for the first: a slice, so that Ctrl-C is heard everywhere."""
         events: list[Event] = []
         heard = False
         while not self._ended:
             try:
-                if not self._connection.poll():
-                    break
-                message = self._connection.recv()
-            except (EOFError, OSError):
+                message = self._mailbox.take(0.0 if heard else wait)
+            except Empty:
+                break
+            except EOFError:
                 self._ended = True
                 if not self._told_end:
                     events.append(self._fault(f"its process ended unexpectedly{self._exit_code()}"))
@@ -163,14 +166,10 @@ class Engine:
             events.append(self._fault("it gives no sign of life any more"))
         return events
 
-    def _wait(self) -> None:
-        """Wait for a message, a slice at most, so that Ctrl-C is heard on every system."""
-        with suppress(EOFError, OSError):
-            self._connection.poll(_SLICE)
-
     def _say(self, word: str) -> None:
-        with suppress(OSError):
-            self._connection.send(word)
+        if not self._ended:
+            with suppress(OSError):
+                self._connection.send(word)
 
     def _take(self, message: dict[str, Any]) -> Event:
         event = from_json(message)

@@ -1,0 +1,93 @@
+"""What another process says, whole or not at all: a listener never waits for the rest of a message."""
+
+import multiprocessing
+import os
+import signal
+import struct
+import sys
+import threading
+import time
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from queue import Empty
+from typing import Any
+
+import pytest
+
+from calstation.sequencer.events import Event, Fault, Message, to_json
+from calstation.station.engine import Engine
+from calstation.station.mailbox import Mailbox
+
+PATIENCE = 60.0
+
+
+def freeze_in_mid_message(there: "Connection[Any, Any]") -> None:
+    """An engine that says one thing, begins another of a megabyte and freezes."""
+    there.send(to_json(Message("homing")))
+    os.write(there.fileno(), struct.pack("!i", 1 << 20) + bytes(100_000))
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
+def test_an_engine_frozen_in_mid_message_holds_nobody_up() -> None:
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    process = context.Process(target=freeze_in_mid_message, args=(there,))
+    process.start()
+    there.close()
+    engine = Engine(process, here)
+    told: list[Event] = []
+    deadline = time.monotonic() + PATIENCE
+    while not any(isinstance(event, Fault) for event in told):
+        assert time.monotonic() < deadline
+        told += engine.poll()  # would never return where it waited for the rest
+        time.sleep(0.02)
+    first, fault = told
+    assert first == Message("homing")
+    assert isinstance(fault, Fault)
+    assert "no sign of life" in fault.text
+    engine.hang_up()
+    process.join(PATIENCE)
+    assert not engine.alive
+
+
+def next_letter(mailbox: Mailbox) -> Any:
+    return mailbox.take(PATIENCE)
+
+
+def test_messages_come_whole_and_in_order_then_the_end_for_good() -> None:
+    here, there = Pipe()
+    mailbox = Mailbox(here)
+    with pytest.raises(Empty):
+        mailbox.take()
+    sent: list[Any] = ["beat", {"event": "x" * 3_000_000}, [1, 2]]
+    writer = threading.Thread(target=lambda: ([there.send(message) for message in sent], there.close()))
+    writer.start()
+    assert [next_letter(mailbox) for _ in sent] == sent
+    writer.join(PATIENCE)
+    for _ in range(2):
+        with pytest.raises(EOFError):
+            next_letter(mailbox)
+    mailbox.close()
+    with pytest.raises(OSError, match="closed"):
+        here.fileno()
+
+
+def test_hanging_up_is_noticed_at_the_other_end_even_where_nobody_took_anything() -> None:
+    here, there = Pipe()
+    mailbox = Mailbox(here)
+    end = threading.Event()
+
+    def talk() -> None:
+        try:
+            while True:
+                there.send("x" * 10_000)
+        except OSError:
+            end.set()
+
+    writer = threading.Thread(target=talk, daemon=True)
+    writer.start()
+    assert next_letter(mailbox).startswith("x")
+    mailbox.close()
+    assert end.wait(PATIENCE)
+    there.close()
