@@ -32,6 +32,7 @@ OrderName = Literal[
     "silence_imu",
     "garble_imu",
     "saturate_imu",
+    "invalid_imu",
     "freeze_channel",
     "jump_counter",
     "reset_imu",
@@ -53,7 +54,8 @@ class Order(BaseModel):
         far), never_settle (s);
         of the stream corrupt_frames (so many get a flipped bit), drop_frames, duplicate_frames, reorder_frames (each
         changes places with the next), noise_bytes (frames that get noise before them), silence_imu (s),
-        garble_imu (s as at a wrong baud), saturate_imu (s), freeze_channel (its number, 0 to 5), jump_counter (what it
+        garble_imu (s as at a wrong baud), saturate_imu (s), invalid_imu (s without a number from one channel: NaN, the
+        lowest number where frames hold whole ones), freeze_channel (its number, 0 to 5), jump_counter (what it
         counts next), reset_imu;
         of the links hang_up_imu, mute_table (requests without an answer), slow_table (host seconds that an answer
         takes, one), garble_table (answers with a flipped bit), refuse_table (the Modbus exception of the next answer);

@@ -67,14 +67,14 @@ def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, sta
     Parameters
     ----------
     counter : sample counters, shape (n,), of which the low 16 bits are sent
-    counts : whole numbers, shape (n, 6)
+    counts : whole numbers, shape (n, 6); NaN is sent as the lowest number that there is
     temperature : °C
     status : shape (n,)
     """
     frames = np.zeros(len(counter), dtype=STREAM)
     frames["sync"] = STREAM_SYNC
     frames["counter"] = counter & 0xFFFF
-    frames["channels"] = np.clip(counts, -(2**31), 2**31 - 1)
+    frames["channels"] = np.clip(np.nan_to_num(counts, nan=-(2.0**31)), -(2**31), 2**31 - 1)
     frames["temperature"] = round(temperature * 100.0)
     frames["status"] = status
     frames["crc"] = _check_rows(frames.view(np.uint8).reshape(-1, STREAM.itemsize)[:, 2:-2], _CRC_TABLE)

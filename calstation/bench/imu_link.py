@@ -90,7 +90,7 @@ class TerminalLine:
     Attributes
     ----------
     endpoint : path to open
-    sent : bytes handed to the terminal
+    sent : bytes handed to the terminal that is there now
     """
 
     #: Host time between looks at the terminal, s.
@@ -105,9 +105,7 @@ class TerminalLine:
 
     async def open(self) -> None:
         """Make the terminal."""
-        self._master, slave, self.endpoint = open_raw()
-        # With our own end of the slave closed, the master tells whether anybody has it open.
-        os.close(slave)
+        self._make()
         self._task = asyncio.create_task(self._read())
 
     async def send(self, data: bytes) -> None:
@@ -124,7 +122,10 @@ class TerminalLine:
             data = data[written:]
 
     def hang_up(self) -> None:
-        """A terminal cannot be unplugged; an order to do so has no effect here."""
+        """Unplug the adapter and plug it in again: the terminal goes, and comes back under another name."""
+        gone = self._master
+        self._make()
+        os.close(gone)
 
     async def close(self) -> None:
         """Take the terminal away."""
@@ -134,6 +135,12 @@ class TerminalLine:
             os.close(self._master)
             self._master = -1
 
+    def _make(self) -> None:
+        self._master, slave, self.endpoint = open_raw()
+        self.sent = 0
+        # With our own end of the slave closed, the master tells whether anybody has it open.
+        os.close(slave)
+
     def _attended(self) -> bool:
         if sys.platform == "win32":
             return False
@@ -142,8 +149,10 @@ class TerminalLine:
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     async def _read(self) -> None:
-        hear = self._talk()
+        hear, plugged = self._talk(), self._master
         while True:
+            if plugged != self._master:
+                hear, plugged = self._talk(), self._master
             try:
                 data = os.read(self._master, 4096)
             except OSError:

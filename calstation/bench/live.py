@@ -33,7 +33,12 @@ _FRAMES = {
     "reorder_frames": "reorder",
     "noise_bytes": "noise",
 }
-_WHILES = {"silence_imu": "silent_until", "garble_imu": "garbled_until", "saturate_imu": "saturated_until"}
+_WHILES = {
+    "silence_imu": "silent_until",
+    "garble_imu": "garbled_until",
+    "saturate_imu": "saturated_until",
+    "invalid_imu": "invalid_until",
+}
 
 #: Largest joint angle at power-on where it is drawn, rad.
 _START = np.deg2rad(15.0)

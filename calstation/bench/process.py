@@ -30,7 +30,7 @@ COASTING = 2.0
 
 
 class BenchProcess:
-    """Runs a bench on an event loop until `stop`."""
+    """Runs a bench on an event loop until `stop`; says where its ports are, and again when one has changed its name."""
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
@@ -62,7 +62,7 @@ class BenchProcess:
         await self._line.open()
         await self._clock.open()
         tasks = [asyncio.create_task(self._tick())]
-        print(json.dumps(self.endpoints()), flush=True)
+        self._announce()
         try:
             await self._stopped.wait()
             if self._config.report_file is not None:
@@ -75,6 +75,9 @@ class BenchProcess:
             if self._table is not None:
                 await self._table.close()
             self._write_report()
+
+    def _announce(self) -> None:
+        print(json.dumps(self.endpoints()), flush=True)
 
     def endpoints(self) -> dict[str, Any]:
         """What is announced: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
@@ -118,6 +121,8 @@ class BenchProcess:
         table = self._table
         if order.order == "hang_up_imu":
             self._line.hang_up()
+            if isinstance(self._line, TerminalLine):
+                self._announce()
         elif order.order == "mute_table" and table is not None:
             table.mute += int(order.value)
         elif isinstance(table, TableLink):

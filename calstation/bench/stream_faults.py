@@ -22,8 +22,9 @@ class StreamFaults:
     ----------
     corrupt, drop, duplicate, reorder, noise : frames still to get a flipped bit, not to be sent, to be sent twice, to
         change places with the one behind, to have bytes of noise before them
-    silent_until, garbled_until, saturated_until, frozen_until : device time, s, up to which nothing is sent, bytes
-        come as at a wrong baud, the first channel of the gyro saturates, or one channel shows what it showed last
+    silent_until, garbled_until, saturated_until, invalid_until, frozen_until : device time, s, up to which nothing is
+        sent, bytes come as at a wrong baud, the first channel of the gyro saturates or is no number, or one channel
+        shows what it showed last
     frozen : number of that channel
     frame_size : bytes of a frame
     """
@@ -32,7 +33,8 @@ class StreamFaults:
         self._random = random
         self.frame_size = STREAM.itemsize
         self.corrupt = self.drop = self.duplicate = self.reorder = self.noise = 0
-        self.silent_until = self.garbled_until = self.saturated_until = self.frozen_until = -np.inf
+        self.silent_until = self.garbled_until = self.saturated_until = -np.inf
+        self.invalid_until = self.frozen_until = -np.inf
         self.frozen = 0
         self._last: float | None = None
 
@@ -42,6 +44,9 @@ class StreamFaults:
         if time < self.saturated_until:
             counts, saturated = counts.copy(), np.ones_like(saturated)
             counts[:, 0] = _SATURATED
+        if time < self.invalid_until:
+            counts = counts.copy()
+            counts[:, 0] = np.nan
         if time < self.frozen_until:
             counts = counts.copy()
             self._last = counts[0, self.frozen] if self._last is None else self._last

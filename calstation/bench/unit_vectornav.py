@@ -20,6 +20,9 @@ _HEAD = bytes.fromhex("FA 05 01 00 1C 00")
 _OUTPUT = ["05", "0001", "001C"]
 _IMU_RATE = 800.0
 
+#: Ends of its sensors, rad/s and m/s²: ±2000 °/s and ±16 g.
+_REACH = np.repeat([np.deg2rad(2000.0), 16.0 * 9.80665], 3)
+
 #: First of a register's twelve numbers in flash, where C is kept without its ones.
 _PLACES = {84: 0, 25: 12}
 _ONES = (0, 4, 8)
@@ -71,7 +74,7 @@ class VectorNavUnit(ImuUnit):
         frames = np.zeros(int(awake.sum()), dtype=SAMPLES)
         frames["head"] = np.void(_HEAD)
         frames["time"] = np.rint((ends[awake] - self._started) * 1e9).astype(np.uint64)
-        values = output.counts[awake] * self.scale
+        values = np.clip(output.counts[awake] * self.scale, -_REACH, _REACH)
         frames["values"][:, :3], frames["values"][:, 3:6] = values[:, 3:], values[:, :3]
         frames["values"][:, 6] = self.temperature(float(ends[-1]))
         frames["crc"] = [crc(frame.tobytes()[1:-2]) for frame in frames]

@@ -27,6 +27,7 @@ class FrameField(StrictModel):
     item : id of the item that carries it, in hexadecimal; only in frames of items
     word_order : of its 16-bit words, where it is not that of the bytes
     per_sample : of a counter, what it counts up in a sample; a clock's ticks, for instance
+    reach : of a channel, the size of its value from which on it is saturated; a whole number's type has ends anyway
     prefix, base : of a text frame, letters that stand before the number, and 16 where it is hexadecimal
     """
 
@@ -38,6 +39,7 @@ class FrameField(StrictModel):
     item: str | None = None
     word_order: WordOrder | None = None
     per_sample: float = Field(default=1.0, gt=0)
+    reach: float | None = Field(default=None, gt=0)
     prefix: str = ""
     base: Literal[10, 16] = 10
 

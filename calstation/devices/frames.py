@@ -6,9 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
+from calstation.devices.channels import CHANNELS
 from calstation.devices.checks import CRC_WIDTHS, check_bytes
 from calstation.devices.frame_profile import FrameSection, hex_bytes
-from calstation.devices.imu_profile import CHANNELS, STATUS_WORDS, CommandSection
+from calstation.devices.imu_profile import STATUS_WORDS, CommandSection
 from calstation.devices.packets import BinaryFrame, Columns, PacketKind
 from calstation.devices.text_frames import TextFrame
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray

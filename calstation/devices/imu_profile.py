@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from calstation.configuration import StrictModel, load, suggestion
+from calstation.devices.channels import CHANNELS
 from calstation.devices.checks import CRC_WIDTHS
 from calstation.devices.frame_profile import FrameSection, hex_bytes, unknown_field
 from calstation.devices.link import SerialSettings
@@ -14,7 +15,6 @@ from calstation.devices.numbers import ByteOrder, WordOrder, number
 from calstation.devices.register_profile import RegisterEntry, check_registers
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
 
-CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 STATUS_WORDS = ("status", "status2", "status3")
 """Status words, taken together as one of 48 bits, `status` the lowest 16."""
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
@@ -220,6 +220,8 @@ class ImuProfile(StrictModel):
         for f in frame.fields:
             if f.name not in FIELDS and not f.name.startswith("spare"):
                 raise ValueError(unknown_field(f.name, FIELDS))
+            if f.reach is not None and f.name not in CHANNELS:
+                raise ValueError(f"field '{f.name}' is no channel and has no reach; remove it")
         for name in ("counter", *CHANNELS):
             if frame.field(name) is None:
                 raise ValueError(f"field '{name}' is missing; add it in its place")

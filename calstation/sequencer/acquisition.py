@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calstation.devices.channels import Span
 from calstation.devices.interfaces import Imu, SampleBatch, TableStatus
 from calstation.estimation.context import ImuModel
 from calstation.estimation.samples import SampleBlock, snap_angles
-from calstation.physics.arrays import FloatArray
+from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.sequencer.ports import Clock
 
 CLOCK_WINDOW = 200
@@ -23,8 +24,8 @@ was, nobody knows where the unit lost its power."""
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
 _RESTLESS, _STUCK = 0.35, 400
-"""A channel with at least so much noise, counts, that shows one value so often in a row is stuck: by chance it does so
-once in 10^28 times."""
+"""A channel with at least so much noise, in steps of its output, that shows one value so often in a row is stuck: by
+chance it does so once in 10^28 times."""
 
 SLOWEST_POLL = 0.3
 """A poll that took longer, s, was lost and asked again on the way: nobody knows when its angles were true."""
@@ -113,6 +114,7 @@ class Acquisition:
         *,
         latency: float = 0.0,
         masks: StatusMasks | None = None,
+        span: Span | None = None,
         after: LastSample | None = None,
     ) -> None:
         self._imu = imu
@@ -120,11 +122,12 @@ class Acquisition:
         self._sink = sink
         self._latency = latency
         self._masks = masks or StatusMasks()
+        self._span = span or Span()
         self._scale = to_si(model)
         self._latest: SampleBatch | None = None
         self._half_period = 0.5 / model.sample_rate
         self._polls: list[_Poll] = []
-        self._restless = noise_counts(model) >= _RESTLESS
+        self._restless = noise_counts(model) >= _RESTLESS * self._span.step
         self._unchanged = np.zeros(6, np.int64)
         self._shown: FloatArray | None = None
         self._delays: deque[float] = deque(maxlen=CLOCK_WINDOW)
@@ -170,7 +173,7 @@ class Acquisition:
             self._delays.clear()
         self._delays.append(now - self.newest)
         finite = np.isfinite(batch.counts).all(axis=1)
-        sound = finite & (batch.status & self._masks.saturated == 0)
+        saturated = self._saturated(batch)
         block = SampleBlock(
             stage=self.stage,
             seq=batch.seq,
@@ -178,7 +181,7 @@ class Acquisition:
             counts=batch.counts,
             angles=self._angles(batch),
             step=np.full(count, self.step, np.int64),
-            valid=self.valid & sound,
+            valid=self.valid & finite & ~saturated,
             temperature=batch.temperature,
         )
         for tap in self._taps:
@@ -190,10 +193,10 @@ class Acquisition:
             count,
             missing,
             ready=self._masks.ready == 0 or bool(batch.status[-1] & self._masks.ready),
-            saturated=bool(seen & self._masks.saturated),
+            saturated=bool(saturated.any()),
             failed=bool(seen & self._masks.failed),
             invalid=not finite.all(),
-            stuck="" if seen & self._masks.saturated else self._stuck(batch.counts),
+            stuck="" if saturated.any() else self._stuck(batch.counts),
         )
 
     @property
@@ -222,6 +225,12 @@ class Acquisition:
             self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
             self._time_shift = after.time + INTERRUPTION + 2.0 * self._half_period - float(batch.time[0])
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
+
+    def _saturated(self, batch: SampleBatch) -> BoolArray:
+        """Samples that say so in their status, or whose channels stand at their ends, shape (n,)."""
+        told = batch.status & self._masks.saturated != 0
+        ends = (batch.counts <= self._span.low) | (batch.counts >= self._span.high)
+        return np.asarray(told | ends.any(axis=1))
 
     def _stuck(self, counts: FloatArray) -> str:
         """The first channel whose noise should have changed it long ago."""

@@ -80,7 +80,7 @@ def _rest(pulse: Pulse, acquisition: Acquisition) -> FloatArray:
             mean: FloatArray = np.concatenate([block.counts for block in blocks]).mean(axis=0)
             return mean
     raise DeviceFaultError(
-        "IMU: samples are lost again and again; check cable, baud and the load of this computer"
+        "IMU: samples are lost or spoilt again and again; check cable, baud and the load of this computer"
     )
 
 
@@ -110,6 +110,6 @@ def _turn(
 
 
 def _whole(blocks: list[SampleBlock]) -> bool:
-    """Samples, and none missing among them."""
+    """Samples, none missing among them and none that is saturated or no number."""
     seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
-    return len(seq) > 1 and bool((np.diff(seq) == 1).all())
+    return len(seq) > 1 and bool((np.diff(seq) == 1).all()) and all(block.valid.all() for block in blocks)

@@ -169,20 +169,20 @@ class Preflight:
                     f"{limits.warm_up_timeout:g} s; wait, or allow more in the product's warm_up"
                 )
 
-    def _check_flow(self) -> list[SampleBlock]:
-        """Some seconds of samples at rest, without a gap."""
+    def _check_flow(self) -> FloatArray:
+        """Counts of some seconds at rest, without a gap, shape (n, 6)."""
         gaps = self._acquisition.gaps
         with self._acquisition.tap() as blocks:
             self._pulse.rest(self._limits.flow)
         if self._acquisition.gaps != gaps:
             raise DeviceFaultError("IMU: data have gaps already at rest; check cable, baud and sample rate")
-        return blocks
+        return _counts(blocks)
 
     def _check_gravity(self) -> FloatArray:
         """Gravity as declared, data without a gap; returns the gyro's mean at rest, rad/s, shape (3,)."""
         self._emit(Message("checking_mounting"))
         limits = self._limits
-        mean = _counts(self._check_flow()).mean(axis=0) * self._scale
+        mean = self._check_flow().mean(axis=0) * self._scale
         force = mean[3:]
         size = float(np.linalg.norm(force))
         if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
@@ -243,7 +243,18 @@ class Preflight:
 
 
 def _counts(blocks: list[SampleBlock]) -> FloatArray:
-    return np.concatenate([np.empty((0, 6)), *(block.counts for block in blocks)])
+    """All counts, shape (n, 6). Raises DeviceFaultError where they are none that anything can be judged by."""
+    counts = np.concatenate([np.empty((0, 6)), *(block.counts for block in blocks)])
+    if not np.isfinite(counts).all():
+        raise DeviceFaultError(
+            "IMU: the output is no number; switch the unit off and on, check the IMU profile"
+        )
+    if not all(block.valid.all() for block in blocks):
+        raise DeviceFaultError(
+            "IMU: the output saturates though the table rests or turns slowly; look for what shakes the unit, check"
+            " the IMU profile"
+        )
+    return counts
 
 
 def _slope(track: deque[tuple[float, float]]) -> float:

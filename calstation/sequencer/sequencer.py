@@ -88,7 +88,14 @@ class Sequencer:
         self._solutions: list[Solution] = list(solved)
         self._track: StageTrack | None = None
         self._acquisition = Acquisition(
-            imu, task.imu, clock, self._take, latency=task.latency, masks=task.masks, after=after
+            imu,
+            task.imu,
+            clock,
+            self._take,
+            latency=task.latency,
+            masks=task.masks,
+            span=task.span,
+            after=after,
         )
 
     @property

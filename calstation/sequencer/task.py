@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calstation.devices.channels import Span
 from calstation.errors import CalstationError
 from calstation.estimation.context import ImuModel
 from calstation.estimation.method import Solution
@@ -35,7 +36,7 @@ class Task:
     stages : in order
     preflight : what is checked first
     geometry : table axes and limits
-    imu : stream of the unit; masks : bits of its status word
+    imu : stream of the unit; masks : bits of its status word; span : what its channels can show
     latency : of a table poll, s; settle : of the table after a move, s
     load_angle : joint angles at which a unit is changed, rad
     travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
@@ -46,6 +47,7 @@ class Task:
     geometry: TableGeometry
     imu: ImuModel
     masks: StatusMasks = field(default_factory=StatusMasks)
+    span: Span = field(default_factory=Span)
     latency: float = 0.0
     settle: float = SETTLE
     load_angle: tuple[float, float] = (0.0, 0.0)

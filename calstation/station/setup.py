@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from calstation import __version__
 from calstation.configuration import validate
+from calstation.devices.channels import span
 from calstation.devices.imu_profile import ImuProfile, load_imu_profile
 from calstation.devices.table_profile import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
@@ -186,6 +187,7 @@ class Setup:
             geometry=geometry,
             imu=context.imu,
             masks=StatusMasks(status.ready, status.saturated, status.failed),
+            span=span(self.imu.frame),
             latency=self.table.accuracy.poll_latency_s,
             settle=self.table.settle_s,
             load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),

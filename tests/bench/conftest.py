@@ -63,6 +63,10 @@ class ImuClient:
             threading.Event().wait(0.005)
         raise AssertionError(f"{len(self.data)} of {size} bytes came")
 
+    def wait_for_the_end(self):
+        self._thread.join(10.0)
+        assert not self._thread.is_alive(), "the port has gone"
+
     def command(self, op, payload=b""):
         """Send a command and return (op, payload) of its reply."""
         start = len(self.data)

@@ -245,3 +245,21 @@ def test_a_bench_that_is_deserted_in_mid_motion_stops_by_its_watchdog_and_says_s
         client.close()
     left = json.loads(report.read_text(encoding="utf-8"))
     assert (left["enabled"], left["moving"], left["fault"]) == (False, False, "WATCHDOG")
+
+
+@posix
+def test_an_adapter_that_is_plugged_in_again_has_another_name(start_bench, imu_client):
+    with start_bench(imu_transport="pty", serial="SN-77") as bench:
+        before = imu_client(bench.endpoints["imu"])
+        assert before.command(1) == (1, b"bench-imu;SN-77;1.0.0")
+        bench.ask(order="hang_up_imu")
+        now = json.loads(bench.process.stdout.readline())
+        assert now["imu"] != bench.endpoints["imu"]
+        assert {k: v for k, v in now.items() if k != "imu"} == {
+            k: v for k, v in bench.endpoints.items() if k != "imu"
+        }
+        before.wait_for_the_end()
+        after = imu_client(now["imu"])
+        assert after.command(1) == (1, b"bench-imu;SN-77;1.0.0")
+        after.wait_for(bench.advance(1.0)["bytes"])
+        assert len(after.data) > 100 * STREAM.itemsize

@@ -78,6 +78,7 @@ class Floor:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.product: dict[str, Any] = PRODUCT
 
     def request(
         self, *faults: dict[str, Any], stages: tuple[str, ...] = ("rate",), **bench: Any
@@ -93,7 +94,7 @@ class Floor:
         }
         for name, content in (
             ("station", {**STATION, "bench": settings}),
-            ("product", PRODUCT),
+            ("product", self.product),
             ("plan", {"fault": list(faults)}),
         ):
             (self.folder / f"{name}.toml").write_text(tomli_w.dumps(content), encoding="utf-8")

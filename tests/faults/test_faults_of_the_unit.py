@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from calstation.sequencer.events import Message
+from calstation.records.log import open_log
+from calstation.sequencer.events import Message, StepStarted
 from calstation.station import register_journal
 from tests.faults.conftest import SERIAL, Floor, fault
+from tests.station.conftest import PRODUCT
 
 pytestmark = pytest.mark.long
 
@@ -17,6 +20,7 @@ pytestmark = pytest.mark.long
         ("silence_imu", 600, ("data did not come in time", "check the link")),
         ("garble_imu", 600, ("check baud, parity",)),
         ("saturate_imu", 600, ("saturates", "lower the rate")),
+        ("invalid_imu", 600, ("saturates", "lower the rate")),
         ("freeze_channel", 4, ("accel y shows the same value", "switch the unit off and on")),
         ("hang_up_imu", None, ("port", "check cable and power")),
     ],
@@ -27,6 +31,62 @@ def test_a_fault_of_the_unit_stops_the_run(
     ran = floor.run(fault(kind, value))
     ran.assert_stopped("IMU: ", *words)
     assert len(ran.repeated) <= 3, "bounded"
+
+
+@pytest.fixture
+def floats(floor: Floor) -> Floor:
+    """A floor whose unit sends float32 and no status: nothing but the numbers themselves tells that they are none."""
+    loose = {"within": 2e-2, "sigma_below": 1e-2}
+    floor.product = {
+        **PRODUCT,
+        "imu": "vectornav_vn100",
+        "bench_grade": "mems",
+        "limits": {"gyro_scale": loose, "accel_scale": loose},
+    }
+    return floor
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "reason", "words"),
+    [
+        ("invalid_imu", 600, "invalid", ("no number again and again", "switch the unit off and on")),
+        ("saturate_imu", 600, "saturated", ("saturates", "lower the rate")),
+        ("freeze_channel", 4, "", ("accel y shows the same value", "switch the unit off and on")),
+    ],
+)
+def test_a_unit_of_floats_that_shows_nothing_of_use_stops_the_run(
+    floats: Floor, kind: str, value: float, reason: str, words: tuple[str, ...]
+) -> None:
+    ran = floats.run(fault(kind, value))
+    ran.assert_stopped("IMU: ", *words)
+    assert ran.repeated == ([reason] * 3 if reason else [])
+
+
+def test_samples_that_are_no_number_are_marked_and_their_step_is_repeated(floats: Floor) -> None:
+    ran = floats.run(fault("invalid_imu", 0.2))
+    assert ran.verdict.outcome == "passed", ran.events[-3:]
+    assert ran.repeated == ["invalid"]
+    blocks = list(open_log(Path(ran.verdict.log)).blocks())
+    counts = np.concatenate([block.counts for block in blocks])
+    valid = np.concatenate([block.valid for block in blocks])
+    spoilt = np.isnan(counts).any(axis=1)
+    assert 20 < spoilt.sum() < 100
+    assert not valid[spoilt].any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "words"),
+    [
+        ("invalid_imu", 600.0, ("is no number", "switch the unit off and on")),
+        ("saturate_imu", 600.0, ("saturates though the table rests", "what shakes the unit")),
+    ],
+)
+def test_output_of_no_use_is_told_before_anything_moves(
+    floats: Floor, kind: str, value: float, words: tuple[str, ...]
+) -> None:
+    ran = floats.run({"kind": kind, "value": value})
+    ran.assert_stopped("IMU: ", *words)
+    assert not [event for event in ran.events if isinstance(event, StepStarted)]
 
 
 @pytest.mark.parametrize(

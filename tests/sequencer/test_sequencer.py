@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calstation.devices.channels import Span
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.physics.motion import Move
@@ -403,4 +404,32 @@ def test_a_channel_without_its_noise_is_told_as_stuck() -> None:
     assert scene.run().state is State.FAULT
     (fault,) = scene.told(Fault)
     assert "gyro x shows the same value all the time" in fault.text
+    assert scene.table.told[-1] == "disable"
+
+
+def test_a_channel_of_floats_is_stuck_however_small_its_noise_is_in_counts() -> None:
+    scene = Scene()
+    scene.task = replace(scene.task, span=Span(step=np.zeros(6)))
+    assert scene.run().state is State.FAULT
+    (fault,) = scene.told(Fault)
+    assert "gyro x shows the same value all the time" in fault.text
+
+
+def test_output_that_is_no_number_is_told_before_the_axes_are_switched_on() -> None:
+    scene = Scene()
+    scene.clock.at(1.0, lambda: setattr(scene.imu, "nan", True))
+    assert scene.run().state is State.FAULT
+    (fault,) = scene.told(Fault)
+    assert "the output is no number; switch the unit off and on" in fault.text
+    assert "enable" not in scene.table.told
+
+
+def test_output_that_saturates_in_the_small_turns_is_told() -> None:
+    scene = Scene()
+    rest = GRAVITY / MODEL.accel_lsb
+    turns = np.deg2rad(1.0) / MODEL.gyro_lsb
+    scene.task = replace(scene.task, span=Span(high=np.array([turns] * 3 + [2.0 * rest] * 3)))
+    assert scene.run().state is State.FAULT
+    (fault,) = scene.told(Fault)
+    assert "saturates though the table rests or turns slowly" in fault.text
     assert scene.table.told[-1] == "disable"

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calstation.devices.channels import Span
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, INDEX
@@ -100,6 +101,19 @@ def test_status_bits_and_gaps_are_seen() -> None:
     assert mean[5] == pytest.approx(9.8, abs=1e-4)
     assert temperature == 25.0
     assert not any(b for b in [acquisition.drain().count])
+
+
+def test_a_channel_at_its_end_spoils_its_sample_whatever_the_status_says() -> None:
+    clock = FakeClock()
+    imu = FakeImu(clock, FakeTable(clock))
+    gravity = 9.8 / MODEL.accel_lsb
+    blocks: list[SampleBlock] = []
+    for high, saturated in ((gravity * 0.999, True), (gravity * 1.001, False)):
+        span = Span(high=np.full(6, high))
+        acquisition = Acquisition(imu, MODEL, clock, blocks.append, span=span)
+        clock.sleep(0.1)
+        assert acquisition.drain().saturated is saturated
+        assert blocks[-1].valid.any() != saturated
 
 
 def test_increments_become_rates() -> None:

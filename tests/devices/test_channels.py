@@ -1,0 +1,64 @@
+"""What channels can show follows from the types in which they come."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from calstation.devices.channels import CHANNELS, span
+from calstation.devices.frame_profile import FrameSection
+from calstation.devices.imu_profile import ImuProfile
+from calstation.station import library
+
+
+def frame(*types: dict[str, Any], **changes: Any) -> FrameSection:
+    fields = [{"name": "counter", "type": "u16"}]
+    fields += [{"name": name, **told} for name, told in zip(CHANNELS, types, strict=True)]
+    section = {
+        "sync": "55 AA",
+        "byte_order": "little",
+        "crc": {"kind": "sum8", "start": 0},
+        "fields": fields,
+        **changes,
+    }
+    return FrameSection.model_validate(section)
+
+
+def test_whole_numbers_saturate_at_the_ends_of_their_type() -> None:
+    shown = span(
+        frame(
+            {"type": "i16"},
+            {"type": "i24"},
+            {"type": "i16", "scale": -0.5},
+            {"type": "u16", "offset": -32768},
+            {"type": "q12.20"},
+            {"type": "i32", "reach": 1000.0},
+        )
+    )
+    np.testing.assert_array_equal(shown.step, [1.0, 1.0, 0.5, 1.0, 2.0**-20, 1.0])
+    np.testing.assert_array_equal(shown.low, [-32768, -(2**23), -16383.5, -32768, -2048.0, -1000])
+    np.testing.assert_array_equal(shown.high, [32767, 2**23 - 1, 16384, 32767, 2048 - 2.0**-20, 1000])
+
+
+def test_floats_have_no_step_and_no_end_but_the_one_that_is_told() -> None:
+    shown = span(frame({"type": "f32", "reach": 34.9}, *[{"type": "f64"}] * 5))
+    np.testing.assert_array_equal(shown.step, np.zeros(6))
+    np.testing.assert_array_equal(shown.high, [34.9, *[np.inf] * 5])
+    np.testing.assert_array_equal(shown.low, -shown.high)
+
+
+def test_nobody_knows_the_digits_of_a_line() -> None:
+    shown = span(frame(*[{"type": "f64"}] * 6, format="text", sync="$X"))
+    assert np.isinf(shown.step).all()
+
+
+def test_only_a_channel_has_a_reach() -> None:
+    path = library.find("imus", "vectornav_vn100")
+    text = path.read_text(encoding="utf-8").replace(
+        '{ name = "temperature", type = "f32" }', '{ name = "temperature", type = "f32", reach = 80.0 }'
+    )
+    import tomllib
+
+    with pytest.raises(ValidationError, match="'temperature' is no channel and has no reach"):
+        ImuProfile.model_validate(tomllib.loads(text))

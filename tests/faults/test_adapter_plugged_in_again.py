@@ -1,0 +1,78 @@
+"""A USB adapter that is pulled out in mid-run and has another name when it is back."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from serial.tools import list_ports
+
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Fault, StageStarted, Verdict
+from calstation.station import wiring
+from calstation.station.request import RunRequest
+from calstation.station.run import execute
+from calstation.station.setup import Setup
+from tests.faults.conftest import SERIAL, Floor
+from tests.station.conftest import PRODUCT, QUICK
+
+pytestmark = [pytest.mark.long, pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")]
+
+ADAPTER = "A9XYZ"
+
+
+@pytest.fixture
+def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names that the adapter has had; the station knows it by its serial number alone."""
+    had: list[str] = []
+    endpoints = wiring.endpoints
+
+    def ports() -> list[SimpleNamespace]:
+        about = {"description": "UART", "manufacturer": "FTDI", "location": "1-2", "serial_number": ADAPTER}
+        return [SimpleNamespace(device=had[-1], name=Path(had[-1]).name, **about)]
+
+    @contextmanager
+    def by_adapter(setup: Setup, hear: Callable[[], None]) -> Iterator[wiring.Endpoints]:
+        with endpoints(setup, hear) as at:
+            had.append(at.imu)
+            yield replace(at, imu=f"usb:{ADAPTER}")
+
+    monkeypatch.setattr(list_ports, "comports", ports)
+    monkeypatch.setattr(wiring, "endpoints", by_adapter)
+    return had
+
+
+def test_the_run_is_a_fault_and_is_carried_on_once_the_adapter_is_back(
+    floor: Floor, names: list[str]
+) -> None:
+    floor.product = {
+        **PRODUCT,
+        "schedule": {
+            "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
+            "six_position": {"dwell_s": 2.0, **QUICK},
+        },
+        "limits": {"gyro_scale": {"within": 0.1}},
+    }
+    pulled = {"kind": "hang_up_imu", "stage": "six_position", "step": 3, "time_s": 0.2}
+    ran = floor.run(pulled, stages=("rate", "six_position"), imu_transport="pty")
+    ran.assert_stopped("IMU: ", f"port usb:{ADAPTER}", "check cable and power")
+
+    taken = [os.openpty() for _ in range(2)]  # the names that are free now are not the adapter's any more
+    events: list[Event] = []
+    request = RunRequest(SERIAL, floor.folder / "station.toml", floor.folder / "product.toml")
+    try:
+        execute(replace(request, resume=Path(ran.verdict.log)), events.append, Control())
+    finally:
+        for end in (end for pair in taken for end in pair):
+            os.close(end)
+    assert names[0] != names[1]
+    assert not [event for event in events if isinstance(event, Fault)]
+    assert [event.stage for event in events if isinstance(event, StageStarted)] == ["six_position"]
+    verdict = events[-1]
+    assert isinstance(verdict, Verdict)
+    assert verdict.outcome == "passed", verdict.result
+    assert verdict.result["stages"] == ["rate", "six_position"]
