@@ -1,0 +1,187 @@
+"""No table driver ever adds a motion to another: moves are told by absolute angles, and said again word for word."""
+
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.bench.imu_unit import ImuUnit
+from calstation.bench.table_drive import EncoderTruth, TableDrive
+from calstation.bench.table_machine import Power, TableLimits, TableMachine
+from calstation.bench.table_registers import TableRegisters
+from calstation.bench.table_text import LANGUAGES, Axes
+from calstation.devices.framed_imu import FramedImu
+from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.modbus_table import ModbusTable
+from calstation.devices.register_table import RegisterTable
+from calstation.devices.shared_table import SharedTable
+from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.devices.text_table import TextTable
+from tests.station.wires import server, tcp_pdu
+
+DATA = Path(__file__).parents[2] / "data"
+DRIVEN = ["bench", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"]
+WITHIN = 0.2
+"""Host time until a lost answer is asked for again, s."""
+
+FROM = [(0.0, 0.0), (np.deg2rad(30.0), np.deg2rad(-20.0))]
+TO = (np.deg2rad(-95.5), np.deg2rad(370.25))
+RATE = (np.deg2rad(20.0), np.deg2rad(40.0))
+
+
+class Far:
+    """The far end of a wire: the bench's machine at a time that stands still, behind one of its protocols.
+
+    Attributes
+    ----------
+    said : all requests, as they came, without what numbers them
+    loses : whether the answer behind every start of a motion gets lost: done, and not known to be done
+    """
+
+    def __init__(self, start: tuple[float, float], loses: bool) -> None:
+        limits = TableLimits(low=(-20.0, -20.0), high=(20.0, 20.0))
+        self.machine = TableMachine(TableDrive(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0), start), limits)
+        self.machine.know_zero()
+        self.clocks: dict[str, Any] = dict.fromkeys(("device_time", "host_time", "reading_time"), lambda: 0.0)
+        for word in (0x06, 0x07, 0x0F):
+            self.machine.control(word, 0.0, 0.0)
+        assert self.machine.power is Power.ENABLED
+        self.said: list[bytes] = []
+        self.loses, self._going = loses, self.targets()
+
+    def hear(self, request: bytes, reply: bytes) -> bytes:
+        """Write a request down; its reply, or nothing where it gets lost."""
+        self.said.append(request)
+        if not self.loses or not reply or self._going == self.targets():
+            return reply
+        self._going = self.targets()
+        return b""
+
+    def targets(self) -> list[float]:
+        """Where the joints are going, rad."""
+        return [profile.target for profile in self.machine.drive.profiles]
+
+    def registers(self) -> TableRegisters:
+        """The machine behind registers."""
+        return TableRegisters(self.machine, model="bench-table", serial="T-1", **self.clocks)
+
+
+def text(far: Far, language: str) -> Callable[[bytes], bytes]:
+    controller = LANGUAGES[language](Axes(far.machine, **far.clocks), "T-1")
+    far.machine.power = Power.ENABLED
+
+    def answer(heard: bytes) -> bytes:
+        lines = heard.splitlines(keepends=True)
+        return b"".join(far.hear(line, b"".join(controller.feed(line))) for line in lines)
+
+    return answer
+
+
+def modbus(far: Far) -> Callable[[bytes], bytes]:
+    registers = far.registers()
+
+    def answer(heard: bytes) -> bytes:
+        request = heard[7:]
+        address, value = struct.unpack(">HH", request[1:5])
+        values = [value] if request[0] == 6 else list(struct.unpack(f">{value}H", request[6:]))
+        registers.write(address, values)
+        return far.hear(request, tcp_pdu(heard, request[:5]))
+
+    return answer
+
+
+class Line:
+    """A link to the bench's unit, whose own axes are the table."""
+
+    port = "LINE"
+
+    def __init__(self, far: Far) -> None:
+        self._far = far
+        unit = ImuUnit("SN-1")
+        unit.axes = far.registers()
+        self._hear = unit.conversation()
+        self._replies: SimpleQueue[bytes] = SimpleQueue()
+
+    def read(self, wait: float) -> bytes:
+        try:
+            return self._replies.get(timeout=wait)
+        except Empty:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        if reply := self._far.hear(data, b"".join(self._hear(data, 0.0))):
+            self._replies.put(reply)
+
+    def close(self) -> None:
+        return
+
+
+@contextmanager
+def driver(name: str, far: Far) -> Iterator[RegisterTable | TextTable]:
+    """The profile's driver on a wire to the far end."""
+    profile = load_table_profile(DATA / "tables" / f"{name}.toml")
+    if profile.protocol == "imu_link":
+        imu_profile = load_imu_profile(DATA / "imus" / "bench_nav.toml").with_timeout(WITHIN)
+        table: RegisterTable | TextTable = SharedTable(
+            FramedImu(Line(far), imu_profile),  # type: ignore[arg-type]
+            profile,
+            owned=True,
+        )
+        yield table
+        table.close()
+        return
+    answer = modbus(far) if profile.protocol == "modbus" else text(far, profile.protocol)
+    with server(answer) as place:
+        port = f"tcp://{place}"
+        quick = hurried(profile)
+        table = ModbusTable(port, quick) if profile.protocol == "modbus" else TextTable(port, quick)
+        yield table
+        table.close()
+
+
+def hurried(profile: TableProfile) -> TableProfile:
+    """The profile with a short wait for an answer."""
+    section = profile.modbus or profile.text
+    assert section is not None
+    name = "modbus" if profile.modbus is not None else "text"
+    return profile.model_copy(update={name: section.model_copy(update={"timeout_s": WITHIN})})
+
+
+@cache
+def moved(name: str, start: tuple[float, float], loses: bool = False) -> tuple[list[bytes], list[float]]:
+    """What was said for a move from `start`, and where the machine then goes."""
+    far = Far(start, loses)
+    with driver(name, far) as table:
+        table.move(*TO, *RATE)
+    return far.said, far.targets()
+
+
+def test_every_shipped_profile_of_a_driven_table_is_here() -> None:
+    shipped = {path.stem for path in (DATA / "tables").glob("*.toml")}
+    driven = {
+        name for name in shipped if load_table_profile(DATA / "tables" / f"{name}.toml").protocol != "hand"
+    }
+    assert driven == set(DRIVEN)
+
+
+@pytest.mark.parametrize("name", DRIVEN)
+def test_a_move_is_told_without_a_word_of_where_the_table_stands(name: str) -> None:
+    said, targets = zip(*(moved(name, start) for start in FROM), strict=True)
+    assert said[0] == said[1]
+    np.testing.assert_allclose(targets, [TO, TO], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", DRIVEN)
+def test_what_is_not_answered_is_said_again_word_for_word_and_adds_nothing(name: str) -> None:
+    clean, _ = moved(name, FROM[1])
+    said, targets = moved(name, FROM[1], loses=True)
+    assert len(said) > len(clean)
+    assert [request for request, _ in groupby(said)] == clean
+    np.testing.assert_allclose(targets, TO, atol=1e-6)
