@@ -22,7 +22,7 @@ from calstation.estimation.relinearise import nis_consistency, restricted
 from calstation.estimation.stage_data import StageData
 from calstation.estimation.stillness import Link, Stillness, find_stillness
 from calstation.physics.earth import normal_gravity
-from calstation.physics.motion import Dwell, Move, Prompt, Step
+from calstation.physics.motion import Carry, Dwell, Move, Step
 from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.physics.table import INNER, OUTER, TableGeometry
 
@@ -30,12 +30,20 @@ GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
 
 
+Pose = tuple[float, float]
+"""Joint angles outer and inner, rad."""
+
+HESITATION = 3.0
+"""What a person needs beside turning a rail, to read what is asked and to let go, s."""
+
+
 class Schedule(BaseModel):
     """Rests in s, angles in degrees, rates in °/s and °/s².
 
     initial_rest_s : at level before the first motion; rest_s : at each position
     step_deg : from position to position
-    manual : the rails are moved by hand: the operator is asked, and nothing moves by itself
+    manual : the rails are moved by hand: the operator is guided, and nothing moves by itself; rate_dps is then how
+        fast hands are likely to turn them
     shortest_rest_s : a shorter stillness in the data is a pause in a motion and no position
     """
 
@@ -54,23 +62,38 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
     Raises ConfigurationError where the travel holds no position but the first.
     """
-    level = geometry.level_inner((0.0, 0.0))
-    yield from _to(schedule, (0.0, 0.0), ("start",))
+    poses = _poses(geometry, schedule)
+    if schedule.manual:
+        yield from _by_hand(schedule, list(poses))
+        return
+    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    yield Move(0.0, 0.0, rate, acceleration, ("start",))
     yield Dwell(schedule.initial_rest_s)
+    for pose in poses:
+        yield Move(*pose, rate, acceleration, ("position", *(float(np.rad2deg(a)) for a in pose)))
+        yield Dwell(schedule.rest_s)
+
+
+def _poses(geometry: TableGeometry, schedule: Schedule) -> Iterator[Pose]:
+    """Joint angles (rad) of the positions behind the first, which is (0, 0)."""
+    level = geometry.level_inner((0.0, 0.0))
     for joint, other in ((INNER, level), (OUTER, 0.0), (OUTER, 0.5 * np.pi)):
         for angle in _around(geometry, joint, np.deg2rad(schedule.step_deg)):
-            pose = (angle, other) if joint == OUTER else (other, angle)
-            yield from _to(schedule, pose, ("position", *(float(np.rad2deg(a)) for a in pose)))
-            yield Dwell(schedule.rest_s)
+            yield (angle, other) if joint == OUTER else (other, angle)
 
 
-def _to(schedule: Schedule, pose: tuple[float, float], label: tuple[str | float, ...]) -> Iterator[Step]:
-    if schedule.manual:
-        outer, inner = np.rad2deg(pose)
-        yield Prompt(f"Bring the outer rail to {outer:.0f}° and the inner rail to {inner:.0f}°, then let go")
-    else:
-        rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
-        yield Move(*pose, rate, acceleration, label)
+def _by_hand(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
+    """Every position once; nobody is asked to bring the rails to where they are."""
+    way: list[Pose] = [(0.0, 0.0)]
+    for pose in poses:
+        if max(abs(a - b) for a, b in zip(pose, way[-1], strict=True)) > 1e-6:
+            way.append(pose)
+    for index, pose in enumerate(way, start=1):
+        before = way[max(index - 2, 0)]
+        far = max(abs(a - b) for a, b in zip(pose, before, strict=True))
+        turning = far / float(np.deg2rad(schedule.rate_dps))
+        rest = schedule.rest_s if index > 1 else schedule.initial_rest_s
+        yield Carry(*pose, rest, turning + HESITATION if index > 1 else 0.0, index, len(way))
 
 
 def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]:

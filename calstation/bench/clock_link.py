@@ -3,6 +3,7 @@
     {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": n}
     {"now": null}                        -> the same at once
     {"order": name, "value": number}     -> the same, once carried out
+    {"carry": [outer, inner], "rest": s} -> the same; the hands at a manual rig have been asked (rad)
     anything else                        -> {"error": text}
 
 `samples` counts all samples produced, `bytes` what was handed to the IMU link's present client.
@@ -26,6 +27,7 @@ class ClockLink:
     ----------
     advance : lets so many seconds pass, returns when their samples are handed over
     obey : carries out an order
+    carry : asks the hands for rail angles, rad, and a rest, s
     report : the answer's fields
     deserted : called when the last connection has ended
     """
@@ -34,11 +36,13 @@ class ClockLink:
         self,
         advance: Callable[[float], Awaitable[None]],
         obey: Callable[[Order], None],
+        carry: Callable[[float, float, float], None],
         report: Callable[[], dict[str, Any]],
         deserted: Callable[[], None],
     ) -> None:
         self.endpoint = ""
-        self._advance, self._obey, self._report, self._deserted = advance, obey, report, deserted
+        self._advance, self._obey, self._carry = advance, obey, carry
+        self._report, self._deserted = report, deserted
         self._connections = 0
         self._server: asyncio.Server | None = None
 
@@ -75,8 +79,11 @@ class ClockLink:
                 await self._advance(max(0.0, float(request["advance"])))
             elif "order" in request:
                 self._obey(Order.model_validate(request))
+            elif "carry" in request:
+                outer, inner = map(float, request["carry"])
+                self._carry(outer, inner, float(request.get("rest", 0.0)))
             elif "now" not in request:
-                return {"error": "ask for one of: advance, now, order"}
+                return {"error": "ask for one of: advance, now, order, carry"}
         except (ValueError, TypeError, ValidationError) as exc:
             return {"error": str(exc)}
         return self._report()

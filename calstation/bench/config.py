@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.bench.grades import GradeName
+from calstation.bench.hand_rig import HandRig
 from calstation.bench.table_machine import TableLimits
 from calstation.bench.truth import ARCSECOND, BenchTruth
 
@@ -86,7 +87,8 @@ class BenchConfig(BaseModel):
     mount_deg : smallest and largest angle of the unit on its platform
     start_deg : joint angles at power-on, None draws them
     imu_protocol : what the unit's commands are
-    table_protocol : what the table speaks, "imu_link" where the unit's own line carries its registers
+    table_protocol : what the table speaks, "imu_link" where the unit's own line carries its registers; "hand" where
+        the unit sits on rails that hands turn
     table_transport : over TCP or, "rtu", over a pseudo-terminal
     latency_s, jitter_s : a polled angle is this old, uniformly ± the jitter
     clock_drift_ppm : device time gains this much on the clock service's
@@ -137,7 +139,7 @@ class BenchConfig(BaseModel):
     interlock_closed: bool = True
     watchdog_ms: Annotated[int, Field(ge=0, le=65535)] = 2000
 
-    table_protocol: Literal["modbus", "imu_link", "atl", "acl", "mn"] = "modbus"
+    table_protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "hand"] = "modbus"
     table_transport: Literal["tcp", "rtu"] = "tcp"
     imu_protocol: Literal["framed", "modbus", "vectornav"] = "framed"
     imu_transport: Literal["socket", "pty"] = "socket"
@@ -178,6 +180,17 @@ class BenchConfig(BaseModel):
             velocity_sigma=self.velocity_sigma,
             instability=self.instability,
             out_of_limits=self.out_of_limits,
+        )
+
+    def rig(self) -> HandRig:
+        """The rails at this place."""
+        return HandRig(
+            latitude=np.deg2rad(self.latitude_deg),
+            height=self.height_m,
+            gravity=self.gravity_mps2,
+            outer_axis=self.outer_axis,
+            inner_axis=self.inner_axis,
+            velocity_sigma=self.velocity_sigma,
         )
 
     def limits(self) -> TableLimits:

@@ -14,6 +14,7 @@ from calstation.bench.imu_truth import ImuTruth
 from calstation.bench.simulate import Simulated
 from calstation.bench.table_truth import rotation
 from calstation.bench.unit_samples import Field, Place, sampled
+from calstation.physics.arrays import FloatArray
 
 Pose = tuple[float, float]
 
@@ -25,7 +26,7 @@ class HandRig:
     Attributes
     ----------
     latitude, height : rad, m; gravity : m/s², None for the normal gravity
-    inner_axis : in b at home; the outer axis is x
+    outer_axis, inner_axis : in b at home
     initial_rest, rest : length of the first stillness and of the others, the latter varied by a fifth
     speed : of a push, rad/s
     stop_sigma : where a hand stops about the position meant
@@ -38,6 +39,7 @@ class HandRig:
     latitude: float = np.deg2rad(34.25)
     height: float = 400.0
     gravity: float | None = None
+    outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     inner_axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
     initial_rest: float = 20.0
     rest: float = 5.0
@@ -91,10 +93,37 @@ def record(
 
 def push(rig: HandRig, poses: list[Pose], random: np.random.Generator) -> tuple[FreeMotion, float]:
     """The motion through `poses` and how long it takes, s."""
-    rails: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
-    shaken: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
-    time, at, leaning = rig.initial_rest, np.zeros(2), 0.0
+    hands, time = Hands(rig, random), rig.initial_rest
     for pose in poses:
+        time = hands.push(pose, time) + rig.rest * random.uniform(0.8, 1.2)
+    return hands.motion(foot(rig, random)), time
+
+
+def foot(rig: HandRig, random: np.random.Generator) -> FloatArray:
+    """How the rig stands, tilted about any direction, shape (3, 3)."""
+    direction = random.standard_normal(3)
+    return rotation(rig.tilt * direction / np.linalg.norm(direction))
+
+
+class Hands:
+    """Hands at the rails, one push after another.
+
+    Attributes
+    ----------
+    at : where the rails stand, or will at the end of the last push, rad
+    """
+
+    def __init__(self, rig: HandRig, random: np.random.Generator) -> None:
+        self._rig, self._random = rig, random
+        self.at = np.zeros(2)
+        self._leaning = 0.0
+        self._rails: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
+        self._shaken: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
+        self._settled = np.zeros(3)
+
+    def push(self, pose: Pose, time: float) -> float:
+        """Push the rails from `time` on to about `pose` (outer, inner); when they are left alone, s."""
+        rig, random, at = self._rig, self._random, self.at
         goal = np.asarray(pose) + rig.stop_sigma * random.standard_normal(2)
         far = float(np.abs(goal - at).max())
         duration = max(far / rig.speed * random.uniform(0.8, 1.4), 0.6)
@@ -105,26 +134,40 @@ def push(rig: HandRig, poses: list[Pose], random: np.random.Generator) -> tuple[
                 goal[rail] = at[rail] + 0.2 * amount  # this rail is only brushed
                 amount, correction[rail] = 0.2 * amount, 0.0
             first = amount - float(correction[rail])
-            rails[rail].append(Pulse(time, duration, first, tremor(random, 0.01 * abs(amount))))
-            rails[rail].append(Pulse(time + duration, 0.5, float(correction[rail]), np.empty((0, 3))))
+            self._rails[rail].append(Pulse(time, duration, first, tremor(random, 0.01 * abs(amount))))
+            self._rails[rail].append(Pulse(time + duration, 0.5, float(correction[rail]), np.empty((0, 3))))
         lean = rig.play * random.uniform(-1.0, 1.0)
-        stays = 0.3 * lean - leaning
-        rails[2].append(Pulse(time, 0.5 * duration, lean, tremor(random, 0.05 * rig.play)))
-        rails[2].append(Pulse(time + 0.5 * duration, 0.5 * duration + 0.5, stays - lean, np.empty((0, 3))))
-        leaning += stays
+        stays = 0.3 * lean - self._leaning
+        self._rails[2].append(Pulse(time, 0.5 * duration, lean, tremor(random, 0.05 * rig.play)))
+        self._rails[2].append(
+            Pulse(time + 0.5 * duration, 0.5 * duration + 0.5, stays - lean, np.empty((0, 3)))
+        )
+        self._leaning += stays
         for axis in range(3):
             sines = tremor(random, rig.shake)
             sines[:, 0] /= (2.0 * np.pi * sines[:, 1]) ** 2
-            shaken[axis].append(Pulse(time, duration + 0.5, 0.0, sines))
-        at = goal
-        time += duration + 0.5 + rig.rest * random.uniform(0.8, 1.2)
-    foot = random.standard_normal(3)
-    base = rotation(rig.tilt * foot / np.linalg.norm(foot))
-    third = np.cross((1.0, 0.0, 0.0), rig.inner_axis)
-    links = (
-        Link(base, (1.0, 0.0, 0.0), Course(tuple(rails[0]))),
-        Link(np.eye(3), (float(third[0]), float(third[1]), float(third[2])), Course(tuple(rails[2]))),
-        Link(np.eye(3), rig.inner_axis, Course(tuple(rails[1]))),
-    )
-    x, y, z = (Course(tuple(pulses)) for pulses in shaken)
-    return FreeMotion(links, np.eye(3), (x, y, z)), time
+            self._shaken[axis].append(Pulse(time, duration + 0.5, 0.0, sines))
+        self.at = goal
+        return time + duration + 0.5
+
+    def forget(self, time: float) -> None:
+        """Nobody will ask any more for a motion before `time`, s: what has ended by then only stands."""
+        for rail, pulses in enumerate(self._rails):
+            over = [p for p in pulses if p.start + p.duration <= time]
+            self._settled[rail] += sum(p.amount for p in over)
+            pulses[:] = [p for p in pulses if p.start + p.duration > time]
+        for pulses in self._shaken:
+            pulses[:] = [p for p in pulses if p.start + p.duration > time]
+
+    def motion(self, base: FloatArray) -> FreeMotion:
+        """The pushes so far as the motion of the unit on a rig whose foot stands as `base`, shape (3, 3)."""
+        outer, inner = self._rig.outer_axis, self._rig.inner_axis
+        third = np.cross(outer, inner)
+        courses = [Course(tuple(p), float(o)) for p, o in zip(self._rails, self._settled, strict=True)]
+        links = (
+            Link(base, outer, courses[0]),
+            Link(np.eye(3), (float(third[0]), float(third[1]), float(third[2])), courses[2]),
+            Link(np.eye(3), inner, courses[1]),
+        )
+        x, y, z = (Course(tuple(pulses)) for pulses in self._shaken)
+        return FreeMotion(links, np.eye(3), (x, y, z))

@@ -6,6 +6,7 @@ import numpy as np
 
 from calstation.bench.config import BenchConfig, Order
 from calstation.bench.imu_unit import ImuUnit
+from calstation.bench.live_hands import HandStream
 from calstation.bench.stream_faults import StreamFaults
 from calstation.bench.stream_truth import SensorStream
 from calstation.bench.table_drive import TableDrive
@@ -70,7 +71,11 @@ class LiveBench:
             start = (float(drawn[0]), float(drawn[1]))
         else:
             start = (np.deg2rad(config.start_deg[0]), np.deg2rad(config.start_deg[1]))
-        self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed)
+        self._stream: SensorStream | HandStream = (
+            HandStream(self.truth.imu, config.rig(), stream_seed)
+            if config.table_protocol == "hand"
+            else SensorStream(self.truth.imu, self.truth.table, stream_seed)
+        )
         self._host_time = host_time
         self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
         self._latency, self._jitter = config.latency_s, config.jitter_s
@@ -180,6 +185,11 @@ class LiveBench:
         else:
             self.on_link(order)
 
+    def carry(self, outer: float, inner: float, rest: float) -> None:
+        """Ask the hands to bring the rails to angles, rad, and to leave them for `rest` s; a table has no hands."""
+        if isinstance(self._stream, HandStream):
+            self._stream.carry((outer, inner), rest, self.device_time)
+
     def _produce(self, now: float) -> bytes:
         self.now = now
         interval = self._stream.interval
@@ -187,7 +197,10 @@ class LiveBench:
         count = int(self.device_time / interval + 1e-6) - first
         if count <= 0:
             return b""
-        output = self._stream.produce(count, *self.machine.drive.profiles)
+        if isinstance(self._stream, HandStream):
+            output = self._stream.produce(count)
+        else:
+            output = self._stream.produce(count, *self.machine.drive.profiles)
         self.machine.advance(self.device_time)
         ends = np.arange(first + 1, first + count + 1, dtype=np.float64) * interval
         frames = self.unit.frames(self.faults.samples(output, self.device_time), ends)

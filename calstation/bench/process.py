@@ -43,7 +43,7 @@ class BenchProcess:
             self._table = TableLine(LANGUAGES[config.table_protocol](axes, config.table_serial))
         line_kind = SocketLine if config.imu_transport == "socket" else TerminalLine
         self._line: SocketLine | TerminalLine = line_kind(self._bench.talk)
-        self._clock = ClockLink(self._advance, self._bench.obey, self._report, self.stop)
+        self._clock = ClockLink(self._advance, self._bench.obey, self._bench.carry, self._report, self.stop)
         self._bench.on_link = self._obey
         self._moving = asyncio.Lock()
         self._moved = asyncio.Condition()

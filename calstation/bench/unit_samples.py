@@ -12,7 +12,7 @@ from calstation.bench.noise_truth import (
     instability_variance,
     vibration_steps,
 )
-from calstation.bench.stream_truth import shake
+from calstation.bench.stream_truth import StreamOutput, shake
 from calstation.physics.arrays import BoolArray, FloatArray
 
 #: Gauss-Legendre nodes and weights on (0, 1), exact to the fifth degree.
@@ -74,6 +74,77 @@ def _outputs(
     return np.hstack([gyro, accel])
 
 
+class FreeStream:
+    """Samples of one unit on a freely moving body, one after another; how they are asked for does not change them.
+
+    Parameters
+    ----------
+    vibration, noise : draw the body's vibration and the unit's noise; who asks once may give one for both
+    begin : time of the motion at which the first sample begins, s
+
+    Attributes
+    ----------
+    interval : of a sample, s; produced : samples so far
+    """
+
+    def __init__(
+        self,
+        imu: ImuTruth,
+        place: Place,
+        field: Field,
+        vibration: np.random.Generator,
+        noise: np.random.Generator,
+        *,
+        begin: float = 0.0,
+    ) -> None:
+        self.interval = 1.0 / imu.sample_rate
+        self.produced = 0
+        self._imu, self._place, self._field = imu, place, field
+        self._vibration, self._noise = vibration, noise
+        self._begin = begin
+        self._shaken = field.velocity_sigma > 0.0
+        if self._shaken:
+            self._transition, self._root, stationary = vibration_steps(field.velocity_sigma, self.interval)
+            self._base = stationary[:, None] * vibration.standard_normal((2, 3))
+        self._instability = np.repeat([imu.gyro_bias_instability, imu.accel_bias_instability], 3)
+        self._decay, self._driven = instability_steps(self._instability, self.interval)
+        self._bank: FloatArray | None = None
+        self._remainder = np.zeros(6)
+
+    def produce(self, count: int, motion: FreeMotion) -> StreamOutput:
+        """The next `count` samples of a body that moves so."""
+        imu, interval = self._imu, self.interval
+        borders = np.asarray(
+            self._begin + np.arange(self.produced, self.produced + count + 1) * interval, dtype=np.float64
+        )
+        increments = ideal_increments(imu, motion, self._place, self._field, borders)
+        if self._shaken:
+            drawn = self._vibration.standard_normal((count, 6))
+            velocity = shake(self._base, self._transition, self._root, drawn)
+            increments[:, 3:] += np.diff(velocity, axis=0)
+        if self._bank is None:
+            sigma = np.sqrt(instability_variance(self._instability))[:, None]
+            self._bank = sigma * self._noise.standard_normal((6, len(INSTABILITY_TIMES)))
+        as_rate = imu.output == "rate"
+        lsb = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
+        reach = np.repeat([imu.gyro_range, imu.accel_range], 3) * (1.0 if as_rate else interval)
+        counts, saturated = digitise(
+            increments,
+            self._noise.standard_normal((count, 6 + self._bank.size)),
+            np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * np.sqrt(interval),
+            self._decay,
+            self._driven,
+            self._bank,
+            lsb,
+            np.floor(reach / lsb),
+            interval,
+            as_rate,
+            self._remainder,
+        )
+        self.produced += count
+        return StreamOutput(counts, saturated)
+
+
 def sampled(
     imu: ImuTruth,
     motion: FreeMotion,
@@ -86,32 +157,5 @@ def sampled(
 ) -> tuple[FloatArray, BoolArray]:
     """Counts, shape (count, 6), and saturation, shape (count,), of samples that start at `begin` s of the motion."""
     random = np.random.default_rng(seed)
-    interval = 1.0 / imu.sample_rate
-    borders = np.asarray(begin + np.arange(count + 1) * interval, dtype=np.float64)
-    increments = ideal_increments(imu, motion, place, field, borders)
-    if field.velocity_sigma > 0.0:
-        transition, root, stationary = vibration_steps(field.velocity_sigma, interval)
-        state = stationary[:, None] * random.standard_normal((2, 3))
-        velocity = shake(state, transition, root, random.standard_normal((count, 6)))
-        increments[:, 3:] += np.diff(velocity, axis=0)
-    instability = np.repeat([imu.gyro_bias_instability, imu.accel_bias_instability], 3)
-    decay, driven = instability_steps(instability, interval)
-    bank = np.sqrt(instability_variance(instability))[:, None] * random.standard_normal(
-        (6, len(INSTABILITY_TIMES))
-    )
-    as_rate = imu.output == "rate"
-    lsb = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
-    reach = np.repeat([imu.gyro_range, imu.accel_range], 3) * (1.0 if as_rate else interval)
-    return digitise(
-        increments,
-        random.standard_normal((count, 6 + bank.size)),
-        np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * np.sqrt(interval),
-        decay,
-        driven,
-        bank,
-        lsb,
-        np.floor(reach / lsb),
-        interval,
-        as_rate,
-        np.zeros(6),
-    )
+    output = FreeStream(imu, place, field, random, random, begin=begin).produce(count, motion)
+    return output.counts, output.saturated

@@ -13,13 +13,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
 from calstation.cli.show import check_json, emit_json, result_table
-from calstation.cli.wording import OUTCOMES, STATES, word, word_step
+from calstation.cli.wording import OUTCOMES, STATES, word, word_guided, word_step
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
     Event,
     Fault,
     Message,
+    PositionGuided,
     StageProgress,
     StageSolved,
     StageStarted,
@@ -42,9 +43,9 @@ _EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration; returns the contract's exit code. Raises ConfigurationError for a wrong request."""
     check_json(json)
-    prepare(filled(request))
+    setup = prepare(filled(request))
     _, station = load_station(request.station)
-    if station.bench is None and not yes:
+    if station.bench is None and not setup.by_hand and not yes:
         question = f"The table of '{station.name}' is going to move. Is everybody clear of it?"
         if not typer.confirm(question, err=True):
             raise StoppedError("not confirmed; nothing has moved")
@@ -167,6 +168,8 @@ class _Display:
             self._update(event.stage, completed=event.fraction, left=_left(event.remaining))
         elif isinstance(event, StepStarted):
             self._update(event.stage, now=word_step(event.kind, event.label))
+        elif isinstance(event, PositionGuided):
+            self._update(event.stage, now=word_guided(event))
         elif isinstance(event, StageSolved):
             sound = "consistent" if event.consistency["passed"] else "NOT consistent"
             found = f"{len(event.parameters)} parameters, {sound}"

@@ -1,7 +1,10 @@
 """The English sentence for every message id of events and solutions; the engine itself knows no sentences."""
 
 from collections.abc import Mapping
+from math import degrees
 from typing import Any
+
+from calstation.sequencer.events import PositionGuided
 
 MESSAGES: dict[str, str] = {
     "identified": "Table {table} ({table_serial}), IMU {imu} {serial}.",
@@ -10,7 +13,7 @@ MESSAGES: dict[str, str] = {
     "homing": "Homing the table, slowly.",
     "warming_up": "Warming up, {seconds:g} s at least.",
     "checking_mounting": "Checking gravity, signs and data flow.",
-    "prompt": "{text}",
+    "checking_gravity": "Checking gravity's length and data flow.",
     "step_repeated": "Step repeated ({reason}), attempt {attempt}.",
     "finishing": "To the load angle, axes off.",
     "safe_stop_incomplete": "Safe stop: {text}",
@@ -104,8 +107,19 @@ STEPS: dict[str, str] = {
     "return": "Back to the start of the step",
     "check": "A small turn to check mounting and signs",
     "load": "To the load angle",
+    "carry": "Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go ({4:.0f} of {5:.0f})",
 }
 """What a move does, by the first word of its label; the others are the braces' values."""
+
+
+GUIDED: dict[str, str] = {
+    "waiting": "waiting: let go of it",
+    "still": "hold still, {rest:.0f} of {wanted:.0f} s",
+    "moving": "moving",
+    "enough": "enough: go on",
+    "repeat": "too soon: once more",
+}
+"""What a position by hand waits for."""
 
 
 def word(key: str, values: Mapping[str, Any]) -> str:
@@ -117,6 +131,13 @@ def word(key: str, values: Mapping[str, Any]) -> str:
         details = ", ".join(f"{name} {value}" for name, value in values.items())
         return f"{key.replace('_', ' ')}{': ' if details else ''}{details}"
     return template.format(**shown)
+
+
+def word_guided(event: PositionGuided) -> str:
+    """What the operator is to do, and how the present position stands."""
+    label = ("carry", degrees(event.outer), degrees(event.inner), event.wanted, event.index, event.count)
+    state = GUIDED[event.state].format(rest=event.rest, wanted=event.wanted)
+    return f"{word_step('carry', label)}: {state}"
 
 
 def word_step(kind: str, label: tuple[str | float, ...]) -> str:

@@ -32,7 +32,7 @@ class TableStatus:
 
     Attributes
     ----------
-    angles, rates : of the joints outer, inner, cumulative, rad and rad/s, shape (2,)
+    angles, rates : of the joints outer, inner, cumulative, rad and rad/s, shape (2,); NaN where nothing measures them
     enabled, homed, moving, settled : of both axes
     fault : what is latched or keeps the table from obeying, None where nothing does
     interlock_closed : True where the axes may be powered

@@ -24,6 +24,10 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
         raise ConfigurationError(
             f"table: profile '{profile.name}' is of axes behind the IMU's link; they have no port of their own"
         )
+    if profile.by_hand:
+        raise ConfigurationError(
+            f"table: profile '{profile.name}' is of rails turned by hand; they have no port"
+        )
     if profile.protocol == "modbus":
         return ModbusTable(port, profile, serial)
     return TextTable(port, profile, serial)

@@ -122,7 +122,7 @@ class TableProfile(StrictModel):
     model : text that the table's own model name must contain
     protocol : "modbus", by the sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
         registers behind the link of the IMU that the axes belong to, with `[imu_link]`; or text by `[text]`: "atl"
-        with a prompt, "acl" in plain lines, "mn" in checked lines
+        with a prompt, "acl" in plain lines, "mn" in checked lines; or "hand", rails that nobody drives, with neither
     status_bits : bit numbers in the statusword; commands : values of the command register
     faults : meaning of the fault codes; settle_s : from the end of a move's course until the table says settled
     link_loss_stop_s : a table without a watchdog stops its axes by itself so long after the last line that it
@@ -131,7 +131,7 @@ class TableProfile(StrictModel):
 
     name: str
     model: str
-    protocol: Literal["modbus", "imu_link", "atl", "acl", "mn"]
+    protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "hand"]
     outer_axis: list[float] = Field(min_length=3, max_length=3)
     inner_axis: list[float] = Field(min_length=3, max_length=3)
     outer_lever: Literal["estimated", "fixed"]
@@ -159,13 +159,15 @@ class TableProfile(StrictModel):
     def _whole(self) -> "TableProfile":
         if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
             raise ValueError("outer_axis and inner_axis are less than 60° apart; correct one of them")
-        own = self.protocol if self.protocol in ("modbus", "imu_link") else "text"
-        if getattr(self, own) is None:
+        own = self.protocol if self.protocol in ("modbus", "imu_link", "hand") else "text"
+        if not self.by_hand and getattr(self, own) is None:
             raise ValueError(f'protocol = "{self.protocol}" needs [{own}]; add it')
         for section in ("modbus", "imu_link", "text"):
             if section != own and getattr(self, section) is not None:
                 raise ValueError(f'[{section}] does not belong to protocol = "{self.protocol}"; remove it')
-        if self.text is None:
+        if self.by_hand:
+            self._check_hand()
+        elif self.text is None:
             self._check_registers()
         else:
             self._check_text(self.text)
@@ -196,10 +198,18 @@ class TableProfile(StrictModel):
                         " correct its type or remove the command"
                     )
 
-    def _check_text(self, text: TextSection) -> None:
+    def _no_registers(self) -> None:
         for name in ("status_bits", "commands", "registers"):
             if getattr(self, name):
                 raise ValueError(f'[{name}] does not belong to protocol = "{self.protocol}"; remove it')
+
+    def _check_hand(self) -> None:
+        self._no_registers()
+        if self.link_loss_stop_s is not None:
+            raise ValueError('link_loss_stop_s does not belong to protocol = "hand"; remove it')
+
+    def _check_text(self, text: TextSection) -> None:
+        self._no_registers()
         if (self.protocol == "atl") != bool(text.prompt):
             raise ValueError(
                 f'text.prompt belongs to protocol = "atl", not "{self.protocol}"; add or remove it'
@@ -208,6 +218,11 @@ class TableProfile(StrictModel):
             raise ValueError(
                 f'[text.checked] belongs to protocol = "mn", not "{self.protocol}"; add or remove it'
             )
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether nobody drives it: it has no link, and its angles are not known."""
+        return self.protocol == "hand"
 
     @property
     def serial(self) -> SerialSettings:

@@ -24,7 +24,7 @@ LOUDEST = np.deg2rad(1.0)
 """No window with more gyro noise than this, rad/s rms, is a rest: it is a motion."""
 CUT_WINDOW = 0.15
 """Stretch that must be quiet on both sides of a cut, s."""
-CUT_STEP = 1.0
+CUT_STEP = 2.0
 """Force that jumps across a cut, m/s²; turning by as much in that time is no rest."""
 RESTING_RATE_SIGMA = np.deg2rad(0.2)
 """How far the rate at rest may lie from that of the quietest windows, rad/s."""

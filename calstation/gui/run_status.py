@@ -75,7 +75,6 @@ class RunStatus(QObject):
         a dwell has the label of the move before it
     remarks : messages that still matter when the run is over, each (id, values)
     transfer : of registers, found interrupted before this run and waiting for a decision; None for none
-    prompt : what the operator is asked to do, "" for nothing
     verdict : of the last run; fault : latched until `acknowledge`
     """
 
@@ -91,7 +90,6 @@ class RunStatus(QObject):
         self.said: tuple[str, str, Any] | None = None
         self.remarks: list[tuple[str, Mapping[str, Any]]] = []
         self.transfer: Mapping[str, Any] | None = None
-        self.prompt = ""
         self.verdict: Verdict | None = None
         self.fault: Fault | None = None
         self._begun = 0.0
@@ -149,14 +147,7 @@ class RunStatus(QObject):
         self.stop_pressed.emit()
         if self.going and self.state != "stopping":
             self.state = "stopping"
-            self.prompt = ""
             self.changed.emit()
-
-    def answer(self) -> None:
-        """The operator has done what the prompt asked for."""
-        self._link.send(Command.ANSWER)
-        self.prompt, self.said = "", None
-        self.changed.emit()
 
     def acknowledge(self) -> None:
         """Unlatch the fault: a run may start again. An engine that hangs is given up."""
@@ -173,7 +164,6 @@ class RunStatus(QObject):
             self.verdict = self.fault = self.said = None
             self.remarks = []
             self.transfer = None
-            self.prompt = ""
             self._begun = 0.0
             try:
                 self.outline = outline(self._link.request)
@@ -196,7 +186,6 @@ class RunStatus(QObject):
         elif isinstance(event, StepStarted):
             resting = event.kind == "dwell" and self.said is not None and self.said[0] == "step"
             self.said = ("step", event.kind, self.said[2] if resting and self.said else event.label)
-            self.prompt = ""
         elif isinstance(event, StageEnded):
             self._mark(event.stage, "solving")
         elif isinstance(event, StageSolved):
@@ -206,11 +195,9 @@ class RunStatus(QObject):
         elif isinstance(event, Fault):
             self.fault = event
             self.state = "fault"
-            self.prompt = ""
             self._leave("fault")
         elif isinstance(event, Verdict):
             self.verdict = event
-            self.prompt = ""
             if event.outcome in ("passed", "failed", "stopped", "incomplete"):
                 self.state = event.outcome
         else:
@@ -246,7 +233,6 @@ class RunStatus(QObject):
         self.said = ("message", key, values)
         if key in _REMARKS:
             self.remarks.append((key, values))
-        self.prompt = str(values.get("text", "")) if key == "prompt" else ""
         if key == "transfer_open":
             self.transfer = values
         if key == "stopped_early":

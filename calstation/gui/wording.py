@@ -44,7 +44,7 @@ _MESSAGES = {
     "homing": QT_TRANSLATE_NOOP("wording", "Homing the table, slowly."),
     "warming_up": QT_TRANSLATE_NOOP("wording", "Warming up, {seconds:g} s at least."),
     "checking_mounting": QT_TRANSLATE_NOOP("wording", "Checking gravity, signs and data flow."),
-    "prompt": QT_TRANSLATE_NOOP("wording", "{text}"),
+    "checking_gravity": QT_TRANSLATE_NOOP("wording", "Checking gravity's length and data flow."),
     "step_repeated": QT_TRANSLATE_NOOP("wording", "Step repeated ({reason}), attempt {attempt}."),
     "finishing": QT_TRANSLATE_NOOP("wording", "To the load angle, axes off."),
     "safe_stop_incomplete": QT_TRANSLATE_NOOP("wording", "Safe stop: {text}"),
@@ -187,6 +187,7 @@ _STEPS = {
     "check": QT_TRANSLATE_NOOP("wording", "A small turn to check mounting and signs"),
     "load": QT_TRANSLATE_NOOP("wording", "To the load angle"),
     "position": QT_TRANSLATE_NOOP("wording", "To outer {1:g}°, inner {2:g}°"),
+    "carry": QT_TRANSLATE_NOOP("wording", "Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go"),
 }
 
 

@@ -43,10 +43,23 @@ class RoundEnd:
 
 
 @dataclass(frozen=True)
-class Prompt:
-    """Ask the operator to do something and wait for the answer."""
+class Carry:
+    """Have the operator bring both rails of a manual rig to about these angles, and let go until it has rested.
 
-    message: str
+    Attributes
+    ----------
+    outer, inner : rail angles asked for, rad, cumulative
+    rest : how long it is to rest there, s
+    way : what bringing it there is likely to take, s
+    index, count : which position it is, from 1, and of how many
+    """
+
+    outer: float
+    inner: float
+    rest: float
+    way: float
+    index: int
+    count: int
 
 
 @dataclass(frozen=True)
@@ -54,4 +67,4 @@ class Finish:
     """Drive to the load angle and switch the axes off."""
 
 
-Step: TypeAlias = Prepare | Move | Dwell | RoundEnd | Prompt | Finish
+Step: TypeAlias = Prepare | Move | Dwell | RoundEnd | Carry | Finish

@@ -15,7 +15,6 @@ class Command(StrEnum):
     RESUME = "resume"
     STOP = "stop"
     ENOUGH = "enough"
-    ANSWER = "answer"
 
 
 class Interruption(Exception):  # noqa: N818 - control flow, not an error
@@ -42,7 +41,7 @@ class Control:
 
     Attributes
     ----------
-    stopping, pausing, enough, answered : what was asked for
+    stopping, pausing, enough : what was asked for
     stop_reason : who or what wanted the stop: operator, signal, listener_lost, listener_silent
     """
 
@@ -53,7 +52,6 @@ class Control:
         self.stop_reason = ""
         self.pausing = False
         self.enough = False
-        self.answered = False
 
     def send(self, command: Command, reason: str = "operator") -> None:
         """Ask for something; callable from any thread."""
@@ -75,10 +73,8 @@ class Control:
                 self.pausing = True
             elif command is Command.RESUME:
                 self.pausing = False
-            elif command is Command.ENOUGH:
-                self.enough = True
             else:
-                self.answered = True
+                self.enough = True
 
     @contextmanager
     def ticking(self) -> Iterator[None]:

@@ -87,6 +87,36 @@ class Trace:
 
 
 @dataclass(frozen=True)
+class PositionGuided:
+    """Where a position stands to which the operator carries the unit.
+
+    Attributes
+    ----------
+    stage : "" where the unit is turned to check its new registers
+    index, count : which position, from 1, of how many
+    state : waiting, moving, still, enough or repeat, as `estimation.guidance` has them
+    rest, wanted : how long it has rested, and how long it is to rest, s
+    outer, inner : rail angles asked for, rad, and those asked for before
+    up : measured direction of gravity in b, three numbers; done : those of the positions done, one behind the other
+    suffices : whether the positions done tell all that can be told
+    """
+
+    stage: str
+    index: int
+    count: int
+    state: str
+    rest: float
+    wanted: float
+    outer: float
+    inner: float
+    outer_before: float
+    inner_before: float
+    up: tuple[float, ...]
+    done: tuple[float, ...]
+    suffices: bool
+
+
+@dataclass(frozen=True)
 class Message:
     """Something a person should read, by its `id` and `values`."""
 
@@ -131,6 +161,7 @@ Event: TypeAlias = (
     | TableMoved
     | SampleStats
     | Trace
+    | PositionGuided
     | Message
     | StageSolved
     | Verdict
@@ -148,6 +179,7 @@ _KINDS: dict[str, type[Event]] = {
         TableMoved,
         SampleStats,
         Trace,
+        PositionGuided,
         Message,
         StageSolved,
         Verdict,
@@ -155,7 +187,7 @@ _KINDS: dict[str, type[Event]] = {
     )
 }
 
-LOSSY = (StageProgress, TableMoved, SampleStats, Trace)
+LOSSY = (StageProgress, TableMoved, SampleStats, Trace, PositionGuided)
 """Events that only refresh a display: a slow listener may miss some, and the raw log keeps none."""
 
 
@@ -168,7 +200,7 @@ def from_json(data: Mapping[str, Any]) -> Event:
     """The event that `to_json` wrote. Raises KeyError for an unknown kind."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
-    for name in ("label", "mean", "time", "output"):
+    for name in ("label", "mean", "time", "output", "up", "done"):
         if name in values:
             values[name] = tuple(values[name])
     return kind(**values)

@@ -1,6 +1,6 @@
 """Takes samples of a unit that was just restarted: two rests upside down to each other, and a turn of each joint."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -44,11 +44,15 @@ class FreshData:
     """Output of the restarted unit.
 
     rests : means at rest, gyro rad/s and accel m/s², each shape (6,); seconds : of each rest; turns : one per joint
+    carried : output of every sample while the unit was carried from the first rest to the second, shape (n, 6), every
+        `period` s; empty where a table turned it
     """
 
     rests: tuple[FloatArray, ...]
     seconds: float
     turns: tuple[Turned, ...] = ()
+    carried: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
+    period: float = 0.0
 
 
 def fresh_data(
@@ -58,6 +62,15 @@ def fresh_data(
 
     `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing.
     """
+    await_restart(pulse, acquisition)
+    first = _rest(pulse, acquisition) * scale
+    outer = _turn(0, acquisition, runner, geometry, scale)
+    second = _rest(pulse, acquisition) * scale
+    return FreshData((first, second), REST, (outer, _turn(1, acquisition, runner, geometry, scale)))
+
+
+def await_restart(pulse: Pulse, acquisition: Acquisition) -> None:
+    """Take samples aside and wait until the unit is ready. Raises DeviceFaultError where it does not come up."""
     acquisition.aside = True
     pulse.tick()
     pulse.wait(
@@ -65,10 +78,6 @@ def fresh_data(
         _READY_WITHIN,
         f"IMU: not ready {_READY_WITHIN:g} s after its restart; switch it off and on",
     )
-    first = _rest(pulse, acquisition) * scale
-    outer = _turn(0, acquisition, runner, geometry, scale)
-    second = _rest(pulse, acquisition) * scale
-    return FreshData((first, second), REST, (outer, _turn(1, acquisition, runner, geometry, scale)))
 
 
 def _rest(pulse: Pulse, acquisition: Acquisition) -> FloatArray:

@@ -35,6 +35,7 @@ class PreflightLimits:
     direction_tolerance : rad, between declared and measured directions
     turn : rad, the small turn of each joint; turn_rate : rad/s; turn_tolerance : fraction of the turn
     flow : s of data without a gap
+    by_hand : nothing drives the axes and nothing knows their angles: power, home, direction and turns are left out
     """
 
     serial: str
@@ -51,6 +52,7 @@ class PreflightLimits:
     turn_rate: float = np.deg2rad(5.0)
     turn_tolerance: float = 0.1
     flow: float = 2.0
+    by_hand: bool = False
 
 
 class Preflight:
@@ -85,6 +87,10 @@ class Preflight:
         self.identify()
         self._wait_until_ready()
         self._check_flow()
+        if self._limits.by_hand:
+            self._warm_up()
+            self._check_gravity()
+            return
         guard.check_power(self._pulse.status)
         self._table.enable()
         self._pulse.wait(lambda: self._pulse.status.enabled, 5.0, "table: the drive does not enable its axes")
@@ -180,7 +186,7 @@ class Preflight:
 
     def _check_gravity(self) -> FloatArray:
         """Gravity as declared, data without a gap; returns the gyro's mean at rest, rad/s, shape (3,)."""
-        self._emit(Message("checking_mounting"))
+        self._emit(Message("checking_gravity" if self._limits.by_hand else "checking_mounting"))
         limits = self._limits
         mean = self._check_flow().mean(axis=0) * self._scale
         force = mean[3:]
@@ -190,6 +196,9 @@ class Preflight:
                 f"IMU: gravity measures {size:.3f} m/s², expected {limits.gravity:.3f} m/s²; "
                 "check the IMU profile's accel_lsb and output, and the unit"
             )
+        rates: FloatArray = mean[:3]
+        if limits.by_hand:
+            return rates
         up = self._geometry.body_to_home(*self._runner.position()).T @ np.array([0.0, 0.0, 1.0])
         away = float(np.arccos(np.clip(force @ up / size, -1.0, 1.0)))
         if away > limits.direction_tolerance:
@@ -197,7 +206,6 @@ class Preflight:
                 f"IMU: gravity points {np.rad2deg(away):.1f}° away from the declared mounting; "
                 "check how the unit is mounted and the table profile's axes"
             )
-        rates: FloatArray = mean[:3]
         return rates
 
     def _check_signs(self, bias: FloatArray) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from itertools import islice
 
-from calstation.physics.motion import Dwell, Finish, Move, RoundEnd, Step
+from calstation.physics.motion import Carry, Dwell, Finish, Move, RoundEnd, Step
 from calstation.sequencer.stop_rule import StopRule
 
 _STEPS_AT_MOST = 10_000
@@ -56,6 +56,8 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) ->
     """Seconds of a step from joint angles `start` (rad), `settle` s after a move included."""
     if isinstance(step, Move):
         return move_time(start, step) + settle
+    if isinstance(step, Carry):
+        return step.way + step.rest
     return step.duration if isinstance(step, Dwell) else 0.0
 
 

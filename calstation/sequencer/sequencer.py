@@ -9,9 +9,10 @@ from calstation.devices.interfaces import Imu, Table
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.estimation.samples import SampleBlock
-from calstation.physics.motion import Finish, Move, Prepare, RoundEnd
+from calstation.physics.motion import Carry, Finish, Move, Prepare, RoundEnd
 from calstation.sequencer import states
 from calstation.sequencer.acquisition import Acquisition, LastSample, to_si
+from calstation.sequencer.carried_data import carried_data
 from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.events import (
     LOSSY,
@@ -25,6 +26,7 @@ from calstation.sequencer.events import (
 )
 from calstation.sequencer.fresh_data import FreshData, fresh_data
 from calstation.sequencer.guard import check_limits, check_travel
+from calstation.sequencer.guiding import Guiding
 from calstation.sequencer.ports import Clock, Emit, Journal, Solving
 from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.preview import plan_time, planned, step_time
@@ -148,9 +150,11 @@ class Sequencer:
         if passed:
             self._aside(self._imu.start)
             scale = to_si(self._task.imu)
-            data = fresh_data(self._pulse, self._acquisition, self._runner, self._task.geometry, scale)
+            take = carried_data if self._task.by_hand else fresh_data
+            data = take(self._pulse, self._acquisition, self._runner, self._task.geometry, scale)
             self._prove(data, self._aside)
-        self._finish()
+        if not self._task.by_hand:
+            self._finish()
         return passed
 
     def emit(self, event: Event) -> None:
@@ -189,6 +193,7 @@ class Sequencer:
             self._journal.service,
             self._show_progress,
         )
+        self._guiding = Guiding(task.imu, self._pulse, self._acquisition, self.control, self.emit)
         self._runner = StepRunner(
             self._table,
             self._pulse,
@@ -197,6 +202,7 @@ class Sequencer:
             self.emit,
             task.geometry.limits,
             self._go,
+            self._guiding,
         )
         self._check_plans()
         Preflight(
@@ -257,6 +263,8 @@ class Sequencer:
                 self._runner.run(step)
                 track.end(self._solving.sigma())
                 self._show_progress()
+                if isinstance(step, Carry) and self._guiding.done:
+                    return "operator", rounds
         return "plan", rounds
 
     def _show_progress(self) -> None:

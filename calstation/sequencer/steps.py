@@ -6,12 +6,13 @@ import numpy as np
 
 from calstation.devices.interfaces import Table
 from calstation.errors import DeviceFaultError
-from calstation.physics.motion import Dwell, Move, Prompt
+from calstation.physics.motion import Carry, Dwell, Move
 from calstation.physics.table import JointLimits
 from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.control import Control, PauseRequested, SpoiltStep
 from calstation.sequencer.events import Message, StepStarted
 from calstation.sequencer.guard import check_motion, check_move
+from calstation.sequencer.guiding import Guiding, carry_label
 from calstation.sequencer.ports import Emit
 from calstation.sequencer.preview import move_time
 from calstation.sequencer.pulse import Pulse
@@ -30,7 +31,7 @@ _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
 
 class StepRunner:
-    """Drives the table through moves, dwells and prompts.
+    """Drives the table through moves and dwells, and guides who carries the unit where nothing drives it.
 
     Every move and every repetition raises the step number by one. From the moment a step is
     interrupted until it is repeated, samples are stamped not valid.
@@ -45,6 +46,7 @@ class StepRunner:
         emit: Emit,
         limits: JointLimits,
         on_state: Callable[[State], None],
+        guiding: Guiding,
     ) -> None:
         self._table = table
         self._pulse = pulse
@@ -53,18 +55,26 @@ class StepRunner:
         self._emit = emit
         self._limits = limits
         self._on_state = on_state
+        self._guiding = guiding
         self._target: tuple[float, float] | None = None
         self._last_move: tuple[tuple[float, float], Move] | None = None
 
-    def run(self, step: Move | Dwell | Prompt) -> None:
+    def run(self, step: Move | Dwell | Carry) -> None:
         """Execute a step to its end, repeating it where it was interrupted.
 
         A rest is repeated together with the move before it: a turn is worth nothing without the rest that ends it.
         Raises DeviceFaultError after too many repetitions, StopRequested on the operator's word.
         """
+        if isinstance(step, Carry):
+            with self._guiding.listening():
+                self._run(step)
+        else:
+            self._run(step)
+
+    def _run(self, step: Move | Dwell | Carry) -> None:
         start = self._target or self.position()
         moved = isinstance(step, Move)
-        todo: list[Move | Dwell | Prompt] = [step]
+        todo: list[Move | Dwell | Carry] = [step]
         again = todo
         if isinstance(step, Dwell) and self._last_move is not None:
             start, move = self._last_move
@@ -91,9 +101,15 @@ class StepRunner:
             self._recover(start, moved)
             todo = again
 
+    @property
+    def asked(self) -> tuple[float, float]:
+        """Where rails that are carried by hand were asked to be brought last, rad."""
+        return self._guiding.asked
+
     def begin_stage(self) -> None:
         """What was moved before belongs to another stage and is not repeated in this one."""
         self._last_move = None
+        self._guiding.begin()
 
     def drive(self, move: Move) -> None:
         """Move both joints and wait until they have arrived and settled."""
@@ -135,17 +151,16 @@ class StepRunner:
         outer, inner = self._pulse.status.angles
         return float(outer), float(inner)
 
-    def _execute(self, step: Move | Dwell | Prompt) -> None:
+    def _execute(self, step: Move | Dwell | Carry) -> None:
         if isinstance(step, Move):
             self.drive(step)
         elif isinstance(step, Dwell):
             self._started("dwell")
             self._pulse.rest(step.duration)
         else:
-            self._control.answered = False
-            self._emit(Message("prompt", {"text": step.message}))
-            while not self._control.answered:
-                self._pulse.tick()
+            self._acquisition.step += 1
+            self._started("carry", carry_label(step))
+            self._guiding.follow(step)
 
     def _hold(self) -> None:
         """Decelerate, wait for the operator's resume."""

@@ -54,6 +54,11 @@ class Task:
     travel_rate: float = np.deg2rad(20.0)
     travel_acceleration: float = np.deg2rad(20.0)
 
+    @property
+    def by_hand(self) -> bool:
+        """Whether the unit is carried, and nothing drives it."""
+        return self.preflight.by_hand
+
 
 @dataclass(frozen=True)
 class Ended:

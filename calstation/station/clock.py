@@ -95,6 +95,10 @@ class BenchClock:
         """Have the bench carry out a fault, now or after a while."""
         self._ask(dict(order))
 
+    def carry(self, outer: float, inner: float, rest: float) -> None:
+        """Ask the hands at the bench's rig to bring the rails to angles, rad, and to leave them for `rest` s."""
+        self._ask({"carry": [outer, inner], "rest": rest})
+
     def close(self) -> None:
         """Hang up."""
         self._file.close()

@@ -10,6 +10,8 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 from calstation.configuration import StrictModel, load
 from calstation.devices.link import SerialSettings
 from calstation.devices.opening import SOCKETS, host_and_port
+from calstation.devices.table_profile import load_table_profile
+from calstation.errors import ConfigurationError
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
 from calstation.records.meta import SiteSection
@@ -49,6 +51,8 @@ class TableLinkSection(DeviceSection):
     """`[table]` of a station: which table stands here.
 
     unit : its Modbus unit number, the profile's where absent
+
+    Rails turned by hand need no port, and one that stands here is not used.
     """
 
     profile: str
@@ -81,13 +85,22 @@ class StationConfig(StrictModel):
     @model_validator(mode="after")
     def _ports(self) -> "StationConfig":
         for device, section in (("table", self.table), ("imu", self.imu)):
-            if self.bench is None and not section.port:
+            linked = device == "imu" or not rails_by_hand(self.table.profile)
+            if self.bench is None and linked and not section.port:
                 raise ValueError(
                     f"{device}.port is missing; add the port, or a [bench] for the virtual bench"
                 )
             if self.bench is not None and section.port:
                 raise ValueError(f"{device}.port and [bench] exclude each other; remove one")
         return self
+
+
+def rails_by_hand(profile: str) -> bool:
+    """Whether a table profile is of a rig that nobody drives; one that cannot be read is told by who needs it."""
+    try:
+        return load_table_profile(library.find("tables", profile)).by_hand
+    except ConfigurationError:
+        return False
 
 
 class WarmUpSection(StrictModel):

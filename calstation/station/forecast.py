@@ -14,7 +14,7 @@ import numpy as np
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.planned import PlannedSamples, profile
 from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Finish, Move, Prompt, RoundEnd, Step
+from calstation.physics.motion import Carry, Finish, Move, RoundEnd, Step
 from calstation.physics.parameters import INDEX, NAMES, PARAMETERS
 from calstation.records.meta import context_from_meta
 from calstation.sequencer.guard import JOINTS, check_limits
@@ -22,7 +22,7 @@ from calstation.sequencer.preview import move_time, planned, step_time
 from calstation.sequencer.stop_rule import named
 from calstation.sequencer.task import StagePlan
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, configured
+from calstation.station.setup import Setup, check_hands, configured
 from calstation.station.solve import StageChain, one_blas_thread
 from calstation.station.worker import Tell
 from procedures import method
@@ -131,7 +131,8 @@ def forecast(tell: Tell, request: RunRequest) -> Forecast:
 
     Raises ConfigurationError with file, field and mend where it could not be run at all.
     """
-    setup, _ = configured(request)
+    setup, product_path = configured(request)
+    check_hands(setup, product_path)
     with one_blas_thread():
         return _Foretelling(tell, setup).run()
 
@@ -233,7 +234,7 @@ class _Foretelling:
                 elif isinstance(step, Finish):
                     break
                 else:
-                    by_hand = by_hand or isinstance(step, Prompt)
+                    by_hand = by_hand or isinstance(step, Carry)
                     moves += isinstance(step, Move)
                     self._step(step, plan.name if solve else "")
                     self._tell(_FEEDING * self._clock / expected if expected else 0.0, note=plan.name)
@@ -274,6 +275,9 @@ class _Foretelling:
             ]
             self._course.extend(zip((self._clock + t).tolist(), *(c.tolist() for c in course), strict=True))
             self._joints = target
+        elif isinstance(step, Carry):
+            self._joints = (step.outer, step.inner)
+            self._course.append((self._clock + step.way, *self._joints))
         if stage:
             for block in self._samples.run(step, seconds, stage):
                 self._chain.feed(block)

@@ -4,11 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from calstation.physics.motion import Carry
 from calstation.physics.parameters import GROUPS, NAMES, group_indices
+from calstation.physics.table import TableGeometry
 from calstation.records.meta import context_from_meta
 from calstation.sequencer.preview import plan_time
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, configured
+from calstation.station.setup import Setup, check_hands, configured
 from procedures import method
 
 
@@ -35,6 +37,8 @@ class Outline:
         stage estimates or no limit names is left out
     attempts_allowed : times in a row that a unit may be outside its limits before it is set aside; None for any
     load_angle : where the table stands while units are changed, degrees
+    by_hand : the operator turns the rails; nothing drives them
+    positions : direction of gravity in b at every position to which the unit is to be carried, unit vectors
     """
 
     station: str
@@ -48,6 +52,8 @@ class Outline:
     targets: Mapping[str, float]
     attempts_allowed: int | None
     load_angle: tuple[float, float]
+    by_hand: bool = False
+    positions: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def virtual(self) -> bool:
@@ -60,7 +66,8 @@ def outline(request: RunRequest) -> Outline:
 
     Raises ConfigurationError with file, field and mend.
     """
-    setup, _ = configured(request)
+    setup, product_path = configured(request)
+    check_hands(setup, product_path)
     load = setup.product.load_angle
     geometry = setup.table.geometry()
     meta = setup.meta(datetime.now(UTC), 1, {})
@@ -80,7 +87,18 @@ def outline(request: RunRequest) -> Outline:
         targets=_targets(setup),
         attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),
+        by_hand=setup.by_hand,
+        positions=tuple(
+            _up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry)
+        )
+        if setup.by_hand
+        else (),
     )
+
+
+def _up(geometry: TableGeometry, step: Carry) -> tuple[float, float, float]:
+    x, y, z = geometry.body_to_home(step.outer, step.inner)[2]
+    return float(x), float(y), float(z)
 
 
 def _targets(setup: Setup) -> dict[str, float]:

@@ -1,4 +1,5 @@
-"""Is a unit's corrected output right? Its size at rest against gravity and earth rate, short turns against encoders.
+"""Is a unit's corrected output right? Its size at rest against gravity and earth rate, short turns against encoders or, carried, against
+gravity.
 
 The registers are those read from the restarted unit. Where its stream follows them it is the corrected output;
 where it precedes them it is corrected here as the unit would.
@@ -16,6 +17,7 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import RATE, normal_gravity
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import COUNT, NAMES, PARAMETERS, group_indices
+from calstation.physics.rotation import rotation_matrix
 from calstation.sequencer.fresh_data import FreshData, Turned
 
 SIGMAS = 6.0
@@ -97,6 +99,9 @@ def prove(
     for name, turn in zip(("outer", "inner"), fresh.turns, strict=False):
         rate, _ = compensate(correction, turn.rate[None], np.zeros((1, 3)))
         checks += _turn(name, turn, rate[0], scale_sigma, context)
+    if len(fresh.carried):
+        turning, _ = compensate(correction, fresh.carried[:, :3], fresh.carried[:, 3:])
+        checks.append(_carried_turn(turning * fresh.period, force, covariance, context))
     return tuple(checks)
 
 
@@ -148,6 +153,33 @@ def _turn(
         Proven(f"{name}_turn", along, size, float(tolerance), "rad"),
         Proven(f"{name}_turn_axis", off, 0.0, _DIRECTION, "rad"),
     )
+
+
+def _carried_turn(
+    angles: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext
+) -> Proven:
+    """Between gravity at the second rest and where the gyros carried it from the first, rad: no encoder is needed.
+
+    Parameters
+    ----------
+    angles : corrected output of every sample on the way, rad, shape (n, 3)
+    force : corrected mean at both rests, m/s², shape (2, 3)
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    seconds = len(angles) / context.imu.sample_rate
+    path = float(np.linalg.norm(angles, axis=1).sum())
+    before, after = force / np.linalg.norm(force, axis=1, keepdims=True)
+    for angle in angles:
+        before = rotation_matrix(angle).T @ before
+    value = float(np.arctan2(np.linalg.norm(np.cross(before, after)), before @ after))
+    matrix = max(sigma[group_indices(group)].max() for group in ("gyro_scale", "gyro_misalign"))
+    bias = sigma[group_indices("gyro_bias")].max() + _WANDER * context.imu.gyro_bias_instability
+    tilt = max(sigma[group_indices(group)].max() for group in ("accel_scale", "accel_misalign"))
+    size = float(np.linalg.norm(force[0]))
+    level = np.sqrt(2.0) * (tilt + sigma[group_indices("accel_bias")].max() / size)
+    noise = context.imu.gyro_arw * np.sqrt(seconds)
+    known = np.sqrt((matrix * path) ** 2 + (bias * seconds) ** 2 + level**2 + noise**2)
+    return Proven("carried_turn", value, 0.0, SIGMAS * float(known) + RATE * seconds, "rad")
 
 
 def _tolerance(

@@ -34,6 +34,7 @@ from calstation.station.resume import Continuation
 from calstation.station.setup import Setup, prepare
 from calstation.station.solve import StageChain, one_blas_thread
 from calstation.station.unfinished import settle
+from calstation.station.virtual_hands import VirtualHands
 from calstation.station.wiring import Devices, connected
 
 _OUTCOMES = {
@@ -142,24 +143,28 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     injector = FaultInjector(setup.faults, folder)
     if setup.faults.fault:
         emit = injector.listening(emit)
+    hands = VirtualHands()
+    if setup.by_hand:
+        emit = hands.listening(emit)
     place = _Place(setup, folder, history, emit, control, before, datetime.now(UTC))
     place.meta(None)
     hand_over = HandOver(folder, load_station(request.station)[0], setup.station, emit)
     hand_over.start()
     try:
         with one_blas_thread():
-            _connect(place, injector)
+            _connect(place, injector, hands)
     finally:
         hand_over.finish()
 
 
-def _connect(place: _Place, injector: FaultInjector) -> None:
+def _connect(place: _Place, injector: FaultInjector, hands: VirtualHands) -> None:
     """Open the devices and run; one that finds none, or is stopped before, has an empty log and a result."""
     run: _Run | None = None
     try:
         with connected(place.setup, place.hear) as devices:
             if isinstance(devices.clock, BenchClock):
                 injector.order = devices.clock.order
+                hands.carry = devices.clock.carry
             settle(devices.imu, devices.clock, place.setup, place.folder, place.emit)
             meta = place.meta(devices.imu.read_registers())
             run = _Run(place, meta, place.log(meta), StageChain(meta))

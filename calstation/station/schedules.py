@@ -96,7 +96,8 @@ class Offer:
 def offer(station: Path | None, product: Path | None) -> Offer:
     """Read a product and a station, defaults where None. Raises ConfigurationError with file, field and mend."""
     setup, path = configured(RunRequest("offer", station, product))
-    offered = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
+    known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
+    offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
     whole, _ = configured(RunRequest("offer", station, product, offered))
     limits = setup.table.geometry().limits
     context = context_from_meta(setup.meta(datetime.now(UTC), 1, {}))

@@ -72,6 +72,11 @@ class Setup:
         """Whether the unit's stream is already corrected by its registers."""
         return self.imu.stream.order == "after_registers"
 
+    @property
+    def by_hand(self) -> bool:
+        """Whether the operator carries the unit and nothing drives it."""
+        return self.table.by_hand
+
     def meta(self, started: datetime, attempt: int, registers: dict[str, float]) -> LogMeta:
         """The log's configuration: all that solving needs.
 
@@ -183,6 +188,7 @@ class Setup:
                 warm_up=warm_up.time_s,
                 warm_up_slope=warm_up.slope_c_per_min,
                 warm_up_timeout=warm_up.timeout_s,
+                by_hand=self.by_hand,
             ),
             geometry=geometry,
             imu=context.imu,
@@ -212,6 +218,7 @@ def prepare(request: RunRequest) -> Setup:
     """Read and check everything that a run needs. Raises ConfigurationError with file, field and mend."""
     setup, product_path = configured(request)
     _check_serial(setup, product_path)
+    check_hands(setup, product_path)
     for stage in setup.stages:
         chosen = method(stage)
         if chosen.by_hand:  # some of these no table can drive at all
@@ -253,6 +260,31 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
     for stage, schedule in setup.schedules.items():
         _check_targets(f"schedule.{stage}.targets", getattr(schedule, "targets", {}), product_path)
     return setup, product_path
+
+
+def check_hands(setup: Setup, product_path: Path) -> None:
+    """Rails that hands turn need stages that are carried, and carried stages need such rails.
+
+    Raises ConfigurationError with the stage and the mend.
+    """
+    rig = setup.table.name
+    for stage, schedule in setup.schedules.items():
+        manual = getattr(schedule, "manual", None)
+        if setup.by_hand and manual is None:
+            raise ConfigurationError(
+                f"stages: '{stage}' needs a table that is driven, but '{rig}' of station '{setup.station.name}' is"
+                " turned by hand; choose multi_position, or another station"
+            )
+        if setup.by_hand and not manual:
+            raise ConfigurationError(
+                f"{product_path}: schedule.{stage}.manual must be true, because '{rig}' of station"
+                f" '{setup.station.name}' is turned by hand; set it, or choose another product or station"
+            )
+        if manual and not setup.by_hand:
+            raise ConfigurationError(
+                f"{product_path}: schedule.{stage}.manual is true, but the table '{rig}' of station"
+                f" '{setup.station.name}' is driven; choose a station with rails turned by hand, or another product"
+            )
 
 
 def _file(kind: str, path: Path, text: str) -> FileSection:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
+from calstation.devices.hand_rig import HandTable
 from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.devices.open_imu import open_imu as imu_on
@@ -26,14 +27,14 @@ from calstation.station.setup import Setup
 class Devices:
     """Open devices and the clock that they live by."""
 
-    table: RegisterTable | TextTable
+    table: RegisterTable | TextTable | HandTable
     imu: StreamedImu
     clock: Clock
 
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Where table and IMU are to be found, and the clock that they live by."""
+    """Where table and IMU are to be found, and the clock that they live by; rails turned by hand are nowhere: ""."""
 
     table: str
     imu: str
@@ -52,7 +53,11 @@ def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
         if _shared(setup):
             imu = open_imu(setup, at.imu)
             stack.callback(imu.close)
-            table: RegisterTable | TextTable = SharedTable(imu, table_profile(setup))
+            table: RegisterTable | TextTable | HandTable = SharedTable(imu, table_profile(setup))
+        elif setup.table.by_hand:
+            imu = open_imu(setup, at.imu)
+            stack.callback(imu.close)
+            table = HandTable(setup.table)
         else:
             table = open_table(setup, at.table)
             stack.callback(table.close)
@@ -73,10 +78,11 @@ def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
     config = setup.bench_config()
     if config is None:
         table, imu = setup.station.table.port, setup.station.imu.port
-        assert table is not None
         assert imu is not None
-        _check_ports(setup, table, imu)
-        yield Endpoints(table, imu, RealClock())
+        if not setup.table.by_hand:
+            assert table is not None
+            _check_ports(setup, table, imu)
+        yield Endpoints(table or "", imu, RealClock())
         return
     with BenchHost.start(config, hear) as bench:
         told = bench.endpoints

@@ -229,19 +229,6 @@ def test_a_real_table_is_asked_for_before_it_moves(operator: Operator, place: Pl
     operator.until_ended()
 
 
-def test_a_prompt_waits_for_continue(operator: Operator) -> None:
-    tell = operator.window.app.engine_link.event.emit
-    operator.run.state = "running"
-    tell(Message("prompt", {"text": "Turn the unit over."}))
-    operator.until(lambda: "Turn the unit over." in operator.says())
-    operator.press("continue_choice")
-    operator.until(lambda: "Turn the unit over." not in operator.says())
-    tell(Message("prompt", {"text": "And back."}))
-    operator.until(lambda: "And back." in operator.says())
-    tell(StepStarted("rate", 1, "move"))
-    operator.until(lambda: "And back." not in operator.says())
-
-
 def test_a_broken_product_stands_where_it_can_be_mended(operator: Operator, place: Place) -> None:
     place.product.write_text("name = 1", encoding="utf-8")
     operator.window.app.product_changed.emit()

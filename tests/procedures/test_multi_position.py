@@ -17,7 +17,7 @@ from calstation.bench.simulate import Simulator
 from calstation.bench.truth import BenchTruth
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.samples import SampleBlock
-from calstation.physics.motion import Dwell, Move, Prompt
+from calstation.physics.motion import Carry, Dwell, Move
 from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.station.resolve import resolve
@@ -131,10 +131,14 @@ def test_the_plan_goes_around_and_back_and_turns_every_body_axis_about_the_horiz
 def test_a_manual_rig_moves_nothing_by_itself():
     chosen = method("multi_position")
     steps = list(chosen.plan(TableGeometry(inner_axis=(0.0, 1.0, 0.0)), chosen.schedule(manual=True)))
-    assert {type(s) for s in steps} == {Prompt, Dwell}
-    assert "inner rail to 45°" in next(
-        s.message for s in steps[2:] if isinstance(s, Prompt) and "45" in s.message
-    )
+    assert {type(s) for s in steps} == {Carry}
+    assert [s.index for s in steps] == list(range(1, len(steps) + 1))
+    assert {s.count for s in steps} == {len(steps)}
+    assert (steps[0].outer, steps[0].inner, steps[0].rest, steps[0].way) == (0.0, 0.0, 30.0, 0.0)
+    assert steps[1].inner == pytest.approx(np.deg2rad(45.0))
+    assert steps[1].rest == 8.0
+    for before, after in itertools.pairwise(steps):
+        assert max(abs(after.outer - before.outer), abs(after.inner - before.inner)) > 0.1
 
 
 def test_the_plan_stays_within_the_travel_or_says_what_is_missing():

@@ -153,10 +153,16 @@ class OperatorPage(Page):
         app.run.changed.connect(self._refresh)
         app.run.stop_pressed.connect(self._stop_pressed)
         app.station_changed.connect(self._read_products)
-        app.product_changed.connect(self._plan)
+        app.product_changed.connect(self._show_product)
         app.choice_changed.connect(self._plan)
 
     # ---- what the next run would be
+
+    def _show_product(self) -> None:
+        """Another page may have chosen it."""
+        if self.app.product_path is not None:
+            self._fields.show_product(self.app.product_path)
+        self._plan()
 
     def _read_products(self) -> None:
         names = library.names("products")
@@ -318,7 +324,8 @@ class OperatorPage(Page):
         self._badge.show_state(KINDS.get(run.state, "none"), word_state(run.state))
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
         self._lower.setCurrentIndex(0 if all(s.state == "waiting" for s in run.stages) else 1)
-        self._ask_prompt()
+        if run.going and self.notice.asking:
+            self.notice.dismiss()
         shown = (run.state, run.verdict, run.fault, len(run.remarks), busy)
         if shown != self._shown:
             self._shown = shown
@@ -335,18 +342,6 @@ class OperatorPage(Page):
         else:
             self._verdict.show_end(run.state, run.verdict, run.fault, run.remarks)
             self._views.setCurrentIndex(2)
-
-    def _ask_prompt(self) -> None:
-        text = self.app.run.prompt
-        if text and self.notice.title_label.text() != text:
-            self.notice.ask(
-                "active",
-                lambda: text,
-                lambda: self.tr("Press Continue when it is done."),
-                [Choice("continue_choice", lambda: self.tr("Continue"), self.app.run.answer, primary=True)],
-            )
-        elif not text and self.app.run.going and self.notice.asking:
-            self.notice.dismiss()
 
     def _why_no_start(self) -> str:
         run = self.app.run
