@@ -111,6 +111,104 @@ SENTENCES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP(
         "faults", "IMU: the unit refused to commit its registers; power it off and on, try again"
     ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: does not settle at outer {0}°, inner {1}°; look at the drive's tuning and for what shakes the"
+        " table",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: stands {0}° away from outer {1}°, inner {2}°; look at encoder and drive, home the table",
+    ),
+    QT_TRANSLATE_NOOP("faults", "table: port {0} was lost ({1}); check cable and power"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: {0}: the device cannot do it in its present state (Modbus exception 4); look at the drive's "
+        "display",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: {0}: the device is busy (Modbus exception 6); wait until it is done, then start again",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: {0}: no such register (Modbus exception 2); check the table profile's registers",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: {0}: the value is refused (Modbus exception 3); check the table profile's registers",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: '{0}' is not answered on {1} within {2} s; check cable, power, baud and the table profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: port {0}: no USB adapter with this serial number is plugged in; plug it in, or correct the "
+        "port in the station file; adapters found: {1}",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: port {0}: no USB adapter with this serial number is plugged in; plug it in, or correct the port"
+        " in the station file; adapters found: {1}",
+    ),
+    QT_TRANSLATE_NOOP("faults", "IMU: port {0} was lost ({1}); check cable and power"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the output is no number again and again; switch the unit off and on, check the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the output is no number; switch the unit off and on, check the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the output saturates though the table rests or turns slowly; look for what shakes the unit, "
+        "check the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: samples are lost or spoilt again and again; check cable, baud and the load of this computer",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: no answer on {0} within {1} s, the bytes that come are no frames; check baud, parity and the "
+        "IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile;"
+        " the unit was restarted and holds its old registers",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile;"
+        " the unit holds new registers, not yet proved: calstation registers finish (or restore) {2}",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: register {0} ({1}) reads back {2} instead of {3} before the commit; the unit was restarted and "
+        "holds its old registers",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: with its new registers {0} measures {1}, expected {2} within {3}; its old registers were put "
+        "back; look whether the table was disturbed, whether latitude and gravity in the station file are "
+        "right, and whether the IMU profile's registers mean what the unit makes of them; then run again",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "{0}: its disk is nearly full, less than {1} MB are left; make room on it, then resume the run",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "{0}: the log cannot be written any more ({1}); make room on its disk, or bring its folder back, then"
+        " resume the run",
+    ),
     QT_TRANSLATE_NOOP("faults", "virtual bench: its process has ended; start the run again"),
     QT_TRANSLATE_NOOP("faults", "virtual bench: lost ({0}); start the run again"),
     QT_TRANSLATE_NOOP(

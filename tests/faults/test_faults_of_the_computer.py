@@ -3,7 +3,10 @@
 import json
 import os
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -59,6 +62,22 @@ def test_a_killed_engine_leaves_an_incomplete_run(floor: Floor) -> None:
     result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     assert (result["outcome"], result["passed"]) == ("incomplete", False)
     assert sum(len(block) for block in open_log(path).blocks()) > 200
+    left = how_the_bench_was_left(floor)
+    assert (left["enabled"], left["moving"], left["fault"]) == (False, False, "WATCHDOG"), (
+        "the table stops itself"
+    )
+
+
+def how_the_bench_was_left(floor: Floor) -> dict[str, Any]:
+    """What a bench writes that outlives its engine: until then its watchdog has had its time."""
+    file = floor.folder / "bench.json"
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        with suppress(OSError, ValueError):
+            report: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+            return report
+        time.sleep(0.05)
+    raise AssertionError("the bench has left no word")
 
 
 def test_a_killed_window_is_a_safe_stop(floor: Floor) -> None:

@@ -59,6 +59,14 @@ def test_wrong_checks_on_the_wire_are_asked_again(floor: Floor) -> None:
     assert "garble_table" in ran.bench["obeyed"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
+def test_a_line_where_every_check_is_wrong_stops_the_run(floor: Floor) -> None:
+    """As at a wrong baud: of all that the table says nothing is sound, and its own watchdog stops it."""
+    ran = floor.run(fault("garble_table", 100_000), table_transport="rtu")
+    ran.assert_stopped("table: ", "cannot be read on", "check cable, power and unit number")
+    assert ran.bench["fault"] == "WATCHDOG"
+
+
 @pytest.mark.parametrize("code", [1, 2, 3, 4, 5, 6, 7, 8, 10, 11])
 def test_every_modbus_exception_is_told_with_a_mend_and_only_a_busy_device_is_asked_again(code: int) -> None:
     asked: list[bytes] = []

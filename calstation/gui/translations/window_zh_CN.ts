@@ -347,6 +347,98 @@
         <source>Start the run again; if it comes back, send the log and this text to whoever looks after calstation.</source>
         <translation>请重新开始；如果再次出现，请把记录文件和这段文字交给负责 calstation 的人。</translation>
     </message>
+    <message>
+        <source>table: does not settle at outer {0}°, inner {1}°; look at the drive's tuning and for what shakes the table</source>
+        <translation>转台：在外轴 {0}°、内轴 {1}° 处稳不下来；请检查驱动器整定以及是什么在晃动转台</translation>
+    </message>
+    <message>
+        <source>table: stands {0}° away from outer {1}°, inner {2}°; look at encoder and drive, home the table</source>
+        <translation>转台：与外轴 {1}°、内轴 {2}° 相差 {0}°；请检查编码器和驱动器，并重新回零</translation>
+    </message>
+    <message>
+        <source>table: port {0} was lost ({1}); check cable and power</source>
+        <translation>转台：端口 {0} 断开（{1}）；请检查电缆和电源</translation>
+    </message>
+    <message>
+        <source>table: {0}: the device cannot do it in its present state (Modbus exception 4); look at the drive's display</source>
+        <translation>转台：当前状态下无法执行（{0}，Modbus 异常 4）；请查看驱动器显示</translation>
+    </message>
+    <message>
+        <source>table: {0}: the device is busy (Modbus exception 6); wait until it is done, then start again</source>
+        <translation>转台：设备忙（{0}，Modbus 异常 6）；请等它完成后重新开始</translation>
+    </message>
+    <message>
+        <source>table: {0}: no such register (Modbus exception 2); check the table profile's registers</source>
+        <translation>转台：没有这个寄存器（{0}，Modbus 异常 2）；请检查转台配置中的寄存器</translation>
+    </message>
+    <message>
+        <source>table: {0}: the value is refused (Modbus exception 3); check the table profile's registers</source>
+        <translation>转台：数值被拒绝（{0}，Modbus 异常 3）；请检查转台配置中的寄存器</translation>
+    </message>
+    <message>
+        <source>table: '{0}' is not answered on {1} within {2} s; check cable, power, baud and the table profile</source>
+        <translation>转台：{1} 上的命令 {0} 在 {2} s 内没有应答；请检查电缆、电源、波特率和转台配置</translation>
+    </message>
+    <message>
+        <source>table: port {0}: no USB adapter with this serial number is plugged in; plug it in, or correct the port in the station file; adapters found: {1}</source>
+        <translation>转台：端口 {0}：没有插着这个序列号的 USB 转接器；请插上，或改正工位文件中的端口；现有转接器：{1}</translation>
+    </message>
+    <message>
+        <source>IMU: port {0}: no USB adapter with this serial number is plugged in; plug it in, or correct the port in the station file; adapters found: {1}</source>
+        <translation>惯组：端口 {0}：没有插着这个序列号的 USB 转接器；请插上，或改正工位文件中的端口；现有转接器：{1}</translation>
+    </message>
+    <message>
+        <source>IMU: port {0} was lost ({1}); check cable and power</source>
+        <translation>惯组：端口 {0} 断开（{1}）；请检查电缆和电源</translation>
+    </message>
+    <message>
+        <source>IMU: the output is no number again and again; switch the unit off and on, check the IMU profile</source>
+        <translation>惯组：反复输出非数值；请给产品断电重启，并检查惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: the output is no number; switch the unit off and on, check the IMU profile</source>
+        <translation>惯组：输出不是数值；请给产品断电重启，并检查惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: the output saturates though the table rests or turns slowly; look for what shakes the unit, check the IMU profile</source>
+        <translation>惯组：转台静止或慢转时输出就已饱和；请查找是什么在晃动产品，并检查惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: samples are lost or spoilt again and again; check cable, baud and the load of this computer</source>
+        <translation>惯组：反复丢数或数据无效；请检查电缆、波特率和本机负荷</translation>
+    </message>
+    <message>
+        <source>IMU: no answer on {0} within {1} s, the bytes that come are no frames; check baud, parity and the IMU profile</source>
+        <translation>惯组：{0} 在 {1} s 内没有应答，收到的字节不成帧；请检查波特率、校验位和惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile</source>
+        <translation>惯组：有数据，但 {0} 在 {1} s 内没有应答；请检查发送线和惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile; the unit was restarted and holds its old registers</source>
+        <translation>惯组：有数据，但 {0} 在 {1} s 内没有应答，产品已重启，寄存器仍为旧值；请检查发送线和惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile; the unit holds new registers, not yet proved: calstation registers finish (or restore) {2}</source>
+        <translation>惯组：有数据，但 {0} 在 {1} s 内没有应答，{2} 的寄存器已是新值、尚未验证；请检查发送线和惯组配置，再完成写入或恢复旧值</translation>
+    </message>
+    <message>
+        <source>IMU: register {0} ({1}) reads back {2} instead of {3} before the commit; the unit was restarted and holds its old registers</source>
+        <translation>惯组：固化前寄存器 {0}（{1}）回读为 {2}，应为 {3}；产品已重启，寄存器仍为旧值</translation>
+    </message>
+    <message>
+        <source>IMU: with its new registers {0} measures {1}, expected {2} within {3}; its old registers were put back; look whether the table was disturbed, whether latitude and gravity in the station file are right, and whether the IMU profile's registers mean what the unit makes of them; then run again</source>
+        <translation>惯组：写入新寄存器后 {0} 实测 {1}，应为 {2}，允差 {3}，旧寄存器已恢复；请检查转台是否受扰、工位文件中的纬度和重力是否正确、惯组配置中寄存器的含义是否与产品一致，然后重新标定</translation>
+    </message>
+    <message>
+        <source>{0}: its disk is nearly full, less than {1} MB are left; make room on it, then resume the run</source>
+        <translation>{0}：所在磁盘将满，剩余不足 {1} MB；请腾出空间，再继续本次标定</translation>
+    </message>
+    <message>
+        <source>{0}: the log cannot be written any more ({1}); make room on its disk, or bring its folder back, then resume the run</source>
+        <translation>{0}：无法继续写入（{1}）；请腾出磁盘空间或恢复其文件夹，再继续本次标定</translation>
+    </message>
 </context>
 <context>
     <name>wording</name>

@@ -1,0 +1,25 @@
+"""The manual of faults names every kind that can be rehearsed, and tests that are there."""
+
+import re
+from pathlib import Path
+
+from calstation.station.fault_plan import KINDS
+
+ROOT = Path(__file__).parents[2]
+MANUAL = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+
+
+def test_every_kind_is_in_it() -> None:
+    assert [kind for kind in KINDS if f"`{kind}`" not in MANUAL] == []
+
+
+def test_every_test_that_it_names_is_there() -> None:
+    named = re.findall(r"`((?:tests/\w+/)?test_\w+\.py)`", MANUAL)
+    assert len(named) > 10
+    folders = [ROOT / "tests" / name for name in ("faults", "station")]
+    missing = [
+        name
+        for name in named
+        if not (ROOT / name).is_file() and not any((folder / name).is_file() for folder in folders)
+    ]
+    assert missing == []

@@ -1,0 +1,43 @@
+"""Faults as they were told in rehearsals can be said in Chinese, reason and mend."""
+
+import pytest
+from PySide6.QtWidgets import QApplication
+
+from calstation.gui import language
+from calstation.gui.fault_wording import known, word_fault
+
+OLD = "the unit was restarted and holds its old registers"
+TOLD = [
+    "table: does not settle at outer 360.0°, inner 0.0°; look at the drive's tuning and for what shakes the table",
+    "table: stands 2.1° away from outer 360.0°, inner 0.0°; look at encoder and drive, home the table",
+    "table: registers 17-63 cannot be read: the device cannot do it in its present state (Modbus exception 4);"
+    " look at the drive's display",
+    "table: registers 17-63 cannot be read on tcp://127.0.0.1:34393 (no answer); check cable, power and unit number",
+    "IMU: port usb:A9XYZ was lost (device reports readiness to read but returned no data); check cable and power",
+    "IMU: port usb:A9XYZ: no USB adapter with this serial number is plugged in; plug it in, or correct the port in the"
+    " station file; adapters found: none",
+    "IMU: the output is no number again and again; switch the unit off and on, check the IMU profile",
+    f"IMU: no answer on socket://127.0.0.1:38315 within 1 s though samples come; check the transmit line and the IMU"
+    f" profile; {OLD}",
+    "IMU: no answer on socket://127.0.0.1:36813 within 1 s though samples come; check the transmit line and the IMU"
+    " profile; the unit holds new registers, not yet proved: calstation registers finish (or restore) SN-000042",
+    f"IMU: register 3 (gyro_scale_x) reads back 0 instead of 5.53673053e-05 before the commit; {OLD}",
+    "IMU: with its new registers earth_rate_up measures 4.61028e-05 rad/s, expected 4.10404e-05 within 4.1e-07; its old"
+    " registers were put back; look whether the table was disturbed, whether latitude and gravity in the station file"
+    " are right, and whether the IMU profile's registers mean what the unit makes of them; then run again",
+    "/runs/SN-1.h5: its disk is nearly full, less than 32 MB are left; make room on it, then resume the run",
+    "/runs/SN-1.h5: the log cannot be written any more (No such file or directory); make room on its disk, or bring its"
+    " folder back, then resume the run",
+]
+
+
+@pytest.mark.parametrize("text", TOLD)
+def test_a_fault_of_a_rehearsal_is_said_in_chinese(qapp: QApplication, text: str) -> None:
+    assert known(text)
+    language.use("zh_CN")
+    try:
+        said = word_fault("DeviceFaultError", text)
+    finally:
+        language.use("en")
+    for words in (said.reason, said.mend):
+        assert any("\u4e00" <= letter <= "\u9fff" for letter in words), words
