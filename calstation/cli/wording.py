@@ -32,6 +32,7 @@ MESSAGES: dict[str, str] = {
     "gimbal_unstable": "{stage}: a gain of {gain:g} is beyond the {limit:.2f} up to which turns about {axis} converge.",
     "gimbal_axes_missing": "{stage}: no turns about {axes}; misalignments of those columns are not determined.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
+    "verifying": "Checking the output of the restarted unit.",
     "registers_transfer": "Inside the limits: writing the registers.",
     "registers_written": "Registers written, read back, and the output right with them.",
     "transfer_kept": "An earlier transfer to {serial} was interrupted; the unit kept its registers.",
@@ -106,6 +107,7 @@ STEPS: dict[str, str] = {
     "flip": "Half turn about the vertical, {1:+g}°",
     "return": "Back to the start of the step",
     "check": "A small turn to check mounting and signs",
+    "verify": "A turn to verify what was written",
     "load": "To the load angle",
     "carry": "Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go ({4:.0f} of {5:.0f})",
 }

@@ -40,15 +40,21 @@ _REMARKS = (
 )
 """Messages that still matter when the run is over."""
 
+TRANSFER = "transfer"
+"""The last row: registers written and verified."""
+
+_TURNS = 2
+"""Of the restarted unit, which tell how far its verification is."""
+
 _TRUST_AFTER = 2.0
 """Host time after which a virtual bench's pace is known well enough to tell the time left, s."""
 
 
 @dataclass
 class StageState:
-    """One stage as it is shown.
+    """One stage as it is shown, or the transfer behind them.
 
-    state : waiting, active, solving, good, bad, stopped, fault
+    state : waiting, active, solving, good, bad, stopped, fault; kept, where no register is to be written
     fraction : 0..1; duration : of its plan, s of device time; remaining : of it
     took : host seconds from start to solution, once solved
     """
@@ -70,7 +76,7 @@ class RunStatus(QObject):
     ----------
     state : the sequencer's, or ``starting`` before its first word
     outline : what the run is; None before the first one
-    stages : in order
+    stages : in order, and the transfer where the unit has registers
     said : latest message or step as ("message", id, values) or ("step", kind, label), to be worded when shown;
         a dwell has the label of the move before it
     remarks : messages that still matter when the run is over, each (id, values)
@@ -167,7 +173,7 @@ class RunStatus(QObject):
             self._begun = 0.0
             try:
                 self.outline = outline(self._link.request)
-                self.stages = [StageState(s.name, s.duration) for s in self.outline.stages]
+                self.stages = planned(self.outline)
             except CalstationError:  # the engine meets it as well and tells it as a fault
                 self.stages = []
         elif self.going:
@@ -186,6 +192,8 @@ class RunStatus(QObject):
         elif isinstance(event, StepStarted):
             resting = event.kind == "dwell" and self.said is not None and self.said[0] == "step"
             self.said = ("step", event.kind, self.said[2] if resting and self.said else event.label)
+            if event.label[:1] == ("verify",):
+                self._transfer_goes_on()
         elif isinstance(event, StageEnded):
             self._mark(event.stage, "solving")
         elif isinstance(event, StageSolved):
@@ -219,7 +227,8 @@ class RunStatus(QObject):
         stage = self._find(event.stage)
         if stage is None:
             stage = StageState(event.stage, event.duration)
-            self.stages.append(stage)
+            last = self.stages[-1:] and self.stages[-1].name == TRANSFER
+            self.stages.insert(len(self.stages) - bool(last), stage)
         stage.state, stage.begun = "active", now
         stage.fraction, stage.duration, stage.remaining = 0.0, event.duration, event.duration
 
@@ -233,10 +242,29 @@ class RunStatus(QObject):
         self.said = ("message", key, values)
         if key in _REMARKS:
             self.remarks.append((key, values))
+        self._hear_of_transfer(key)
         if key == "transfer_open":
             self.transfer = values
         if key == "stopped_early":
             self._mark(str(values.get("stage")), "bad")
+
+    def _hear_of_transfer(self, key: str) -> None:
+        row = self._find(TRANSFER)
+        if row is None:
+            return
+        if key == "registers_transfer":
+            row.state, row.begun, row.remaining = "active", time.monotonic(), row.duration
+        elif key == "registers_written":
+            row.state, row.fraction, row.remaining = "good", 1.0, 0.0
+            row.took = time.monotonic() - row.begun
+        elif key == "registers_kept":
+            row.state = "kept"
+
+    def _transfer_goes_on(self) -> None:
+        row = self._find(TRANSFER)
+        if row is not None and row.state == "active":
+            row.fraction += 1.0 / (_TURNS + 1)
+            row.remaining = row.duration * (1.0 - row.fraction)
 
     def _leave(self, state: str) -> None:
         """The stage in hand ends without an answer."""
@@ -252,3 +280,11 @@ class RunStatus(QObject):
 
     def _find(self, name: str) -> StageState | None:
         return next((s for s in self.stages if s.name == name), None)
+
+
+def planned(outline: Outline) -> list[StageState]:
+    """The rows of a run to come."""
+    rows = [StageState(s.name, s.duration) for s in outline.stages]
+    if outline.transfer is not None:
+        rows.append(StageState(TRANSFER, outline.transfer))
+    return rows

@@ -21,6 +21,7 @@ _STAGES = {
     "multi_position": QT_TRANSLATE_NOOP("wording", "Multi-position"),
     "gimbal": QT_TRANSLATE_NOOP("wording", "Gimbal"),
     "cross_calibration": QT_TRANSLATE_NOOP("wording", "Cross-calibration"),
+    "transfer": QT_TRANSLATE_NOOP("wording", "Transfer"),
 }
 
 _GROUPS = {
@@ -110,6 +111,7 @@ _MESSAGES = {
         "wording", "Hand-over: {count} waiting, {folder} cannot be reached ({reason})."
     ),
     "handover_done": QT_TRANSLATE_NOOP("wording", "Hand-over: {count} results went to {folder}."),
+    "verifying": QT_TRANSLATE_NOOP("wording", "Checking the output of the restarted unit."),
     "registers_kept": QT_TRANSLATE_NOOP("wording", "Outside the limits: the unit keeps its registers."),
     "registers_written": QT_TRANSLATE_NOOP("wording", "Registers written, read back and equal."),
     "stopped_early": QT_TRANSLATE_NOOP(
@@ -185,6 +187,7 @@ _STEPS = {
     "flip": QT_TRANSLATE_NOOP("wording", "Half turn about the vertical, {1:+g}°"),
     "return": QT_TRANSLATE_NOOP("wording", "Back to the start of the step"),
     "check": QT_TRANSLATE_NOOP("wording", "A small turn to check mounting and signs"),
+    "verify": QT_TRANSLATE_NOOP("wording", "A turn to verify what was written"),
     "load": QT_TRANSLATE_NOOP("wording", "To the load angle"),
     "position": QT_TRANSLATE_NOOP("wording", "To outer {1:g}°, inner {2:g}°"),
     "carry": QT_TRANSLATE_NOOP("wording", "Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go"),

@@ -26,6 +26,10 @@ _READY_WITHIN = 60.0
 _ATTEMPTS = 3
 
 
+DURATION = 2.0 * REST + 12.0
+"""About what it takes with turns and restart, s."""
+
+
 @dataclass(frozen=True)
 class Turned:
     """A turn of one joint.
@@ -107,7 +111,7 @@ def _turn(
     limits = geometry.limits
     rate, acceleration = min(_RATE, *limits.rate), min(_ACCELERATION, *limits.acceleration)
     with acquisition.tap() as blocks:
-        runner.drive(Move(target[0], target[1], rate, acceleration, ("check",)))
+        runner.drive(Move(target[0], target[1], rate, acceleration, ("verify",)))
     if not _whole(blocks):
         raise DeviceFaultError("IMU: no data during a turn; check cable, power and port")
     counts = np.concatenate([block.counts for block in blocks])

@@ -148,6 +148,7 @@ class Sequencer:
         self._pulse.hear()
         passed = self._conclude(tuple(self._solutions), self._aside)
         if passed:
+            self.emit(Message("verifying"))
             self._aside(self._imu.start)
             scale = to_si(self._task.imu)
             take = carried_data if self._task.by_hand else fresh_data

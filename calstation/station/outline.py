@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from calstation.devices.registers import RegisterMap
 from calstation.physics.motion import Carry
 from calstation.physics.parameters import GROUPS, NAMES, group_indices
 from calstation.physics.table import TableGeometry
 from calstation.records.meta import context_from_meta
+from calstation.sequencer.fresh_data import DURATION
 from calstation.sequencer.preview import plan_time
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup, check_hands, configured
@@ -33,6 +35,7 @@ class Outline:
     table, outer_axis, inner_axis : the table's name and its axes in b at home
     serial_pattern : regular expression for a whole serial number
     stages : in order
+    transfer : what writing and verifying the registers takes, about, s; None for a unit without registers
     targets : per group the largest sigma that the product allows at the end of these stages, SI; a group that no
         stage estimates or no limit names is left out
     attempts_allowed : times in a row that a unit may be outside its limits before it is set aside; None for any
@@ -49,6 +52,7 @@ class Outline:
     inner_axis: tuple[float, float, float]
     serial_pattern: str
     stages: tuple[StageOutline, ...]
+    transfer: float | None
     targets: Mapping[str, float]
     attempts_allowed: int | None
     load_angle: tuple[float, float]
@@ -84,6 +88,7 @@ def outline(request: RunRequest) -> Outline:
             StageOutline(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s)))
             for p in plans
         ),
+        transfer=DURATION if RegisterMap(tuple(setup.imu.registers)).parameters else None,
         targets=_targets(setup),
         attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),

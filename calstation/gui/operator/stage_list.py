@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.gui import theme
-from calstation.gui.run_status import RunStatus, StageState
+from calstation.gui.run_status import RunStatus, StageState, planned
 from calstation.gui.widgets.badge import draw_state, state_colour
 from calstation.gui.wording import word_stage, word_time
 from calstation.station.outline import Outline
@@ -23,6 +23,7 @@ from calstation.station.outline import Outline
 _ROW = 7 * theme.GRID
 _SHAPES = {
     "waiting": "none",
+    "kept": "none",
     "active": "active",
     "solving": "active",
     "good": "good",
@@ -144,7 +145,7 @@ class StageList(QFrame):
     def _planned_stages(self) -> list[StageState]:
         if self._planned is None:
             return []
-        return [StageState(s.name, s.duration) for s in self._planned.stages]
+        return planned(self._planned)
 
     def _fill(self, item: QListWidgetItem, number: int, stage: StageState, planning: bool) -> None:
         kind = _SHAPES[stage.state]
@@ -165,6 +166,7 @@ class StageList(QFrame):
             return f"{100.0 * stage.fraction:.0f} %"
         return {
             "waiting": "",
+            "kept": self.tr("not written"),
             "solving": self.tr("solving"),
             "good": self.tr("ok"),
             "bad": self.tr("not ok"),

@@ -47,7 +47,7 @@
         <translation>本工位是虚拟台：转台和产品都由软件模拟，没有任何东西在动。</translation>
     </message>
     <message>
-        <source>Any other number of the product's pattern will do as well.</source>
+        <source>Any other number of the product&apos;s pattern will do as well.</source>
         <translation>换成符合产品规则的其他编号也可以。</translation>
     </message>
     <message>
@@ -83,7 +83,7 @@
         <translation>转台转动时不能被挂住。</translation>
     </message>
     <message>
-        <source>The scanner's Enter checks the number and moves on to START; it does not start.</source>
+        <source>The scanner&apos;s Enter checks the number and moves on to START; it does not start.</source>
         <translation>扫码枪的回车只核对编号并跳到开始按钮，不会启动。</translation>
     </message>
 </context>
@@ -314,6 +314,10 @@
         <translation>阶段</translation>
     </message>
     <message>
+        <source>not written</source>
+        <translation>未写入</translation>
+    </message>
+    <message>
         <source>solving</source>
         <translation>解算中</translation>
     </message>
@@ -377,7 +381,7 @@
         <translation>无效</translation>
     </message>
     <message>
-        <source>The serial number '{serial}' does not fit this product</source>
+        <source>The serial number &apos;{serial}&apos; does not fit this product</source>
         <translation>编号“{serial}”不符合这个产品</translation>
     </message>
     <message>
@@ -425,7 +429,7 @@
         <translation>工程师可以再允许一次。</translation>
     </message>
     <message>
-        <source>The table of '{station}' is going to move</source>
+        <source>The table of &apos;{station}&apos; is going to move</source>
         <translation>“{station}”的转台即将转动</translation>
     </message>
     <message>

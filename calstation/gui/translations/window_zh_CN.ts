@@ -39,11 +39,11 @@
         <translation>操作员</translation>
     </message>
     <message>
-        <source>Lock: back to the operator's role</source>
+        <source>Lock: back to the operator&apos;s role</source>
         <translation>锁定，回到操作员身份</translation>
     </message>
     <message>
-        <source>Unlock with the engineer's PIN</source>
+        <source>Unlock with the engineer&apos;s PIN</source>
         <translation>用工程师密码解锁</translation>
     </message>
     <message>
@@ -62,7 +62,7 @@
 <context>
     <name>RolePanel</name>
     <message>
-        <source>Choose the engineer's PIN</source>
+        <source>Choose the engineer&apos;s PIN</source>
         <translation>设置工程师密码</translation>
     </message>
     <message>
@@ -148,11 +148,11 @@
         <translation>数据</translation>
     </message>
     <message>
-        <source>table: fault '{0}' is latched; remove its cause and reset it at the table</source>
+        <source>table: fault &apos;{0}&apos; is latched; remove its cause and reset it at the table</source>
         <translation>转台：故障“{0}”未复位；请排除原因，然后在转台上复位</translation>
     </message>
     <message>
-        <source>table: fault '{0}'; remove its cause and reset it at the table</source>
+        <source>table: fault &apos;{0}&apos;; remove its cause and reset it at the table</source>
         <translation>转台：故障“{0}”；请排除原因，然后在转台上复位</translation>
     </message>
     <message>
@@ -168,7 +168,7 @@
         <translation>转台：看门狗未启用（0）；标定前请在驱动器里设置超时，例如 1000 ms</translation>
     </message>
     <message>
-        <source>table: the axes are not enabled; check the drive's enable input</source>
+        <source>table: the axes are not enabled; check the drive&apos;s enable input</source>
         <translation>转台：轴没有使能；请检查驱动器的使能输入</translation>
     </message>
     <message>
@@ -176,7 +176,7 @@
         <translation>转台：轴还没有回零；请先让转台回零</translation>
     </message>
     <message>
-        <source>table: the drive switched the axes off; look at the drive's display</source>
+        <source>table: the drive switched the axes off; look at the drive&apos;s display</source>
         <translation>转台：驱动器自行断开了轴使能；请查看驱动器面板</translation>
     </message>
     <message>
@@ -224,7 +224,7 @@
         <translation>惯组：反复丢数；请检查电缆、波特率和本机负荷</translation>
     </message>
     <message>
-        <source>IMU: the output saturates in this step; lower the rate in the product's schedule</source>
+        <source>IMU: the output saturates in this step; lower the rate in the product&apos;s schedule</source>
         <translation>惯组：这一步输出饱和；请在产品流程中降低转速</translation>
     </message>
     <message>
@@ -232,7 +232,7 @@
         <translation>惯组：没有按时收到 {0} s 的数据；请检查链路和采样率</translation>
     </message>
     <message>
-        <source>IMU: the unit answers to serial number '{0}', not '{1}'; check the unit in the fixture and the number given</source>
+        <source>IMU: the unit answers to serial number &apos;{0}&apos;, not &apos;{1}&apos;; check the unit in the fixture and the number given</source>
         <translation>惯组：产品回答的编号是“{0}”，不是“{1}”；请核对夹具上的产品和输入的编号</translation>
     </message>
     <message>
@@ -244,7 +244,7 @@
         <translation>惯组：产品自检不通过；请更换产品</translation>
     </message>
     <message>
-        <source>IMU: temperature still drifts by {0} °C/min after {1} s; wait, or allow more in the product's warm_up</source>
+        <source>IMU: temperature still drifts by {0} °C/min after {1} s; wait, or allow more in the product&apos;s warm_up</source>
         <translation>惯组：{1} s 后温度仍以 {0} °C/min 变化；请再等一等，或放宽产品的预热条件（warm_up）</translation>
     </message>
     <message>
@@ -252,15 +252,15 @@
         <translation>惯组：静止时就有丢数；请检查电缆、波特率和采样率</translation>
     </message>
     <message>
-        <source>IMU: gravity measures {0} m/s², expected {1} m/s²; check the IMU profile's accel_lsb and output, and the unit</source>
+        <source>IMU: gravity measures {0} m/s², expected {1} m/s²; check the IMU profile&apos;s accel_lsb and output, and the unit</source>
         <translation>惯组：测得重力 {0} m/s²，应为 {1} m/s²；请检查惯组配置里的 accel_lsb 和 output，以及产品本身</translation>
     </message>
     <message>
-        <source>IMU: gravity points {0}° away from the declared mounting; check how the unit is mounted and the table profile's axes</source>
+        <source>IMU: gravity points {0}° away from the declared mounting; check how the unit is mounted and the table profile&apos;s axes</source>
         <translation>惯组：重力方向与声明的安装方式相差 {0}°；请检查产品的安装和转台配置中的轴向</translation>
     </message>
     <message>
-        <source>IMU: a turn of the {0} axis measures {1}° away from the declared axis; check how the unit is mounted and the table profile's axes</source>
+        <source>IMU: a turn of the {0} axis measures {1}° away from the declared axis; check how the unit is mounted and the table profile&apos;s axes</source>
         <translation>惯组：{0} 轴转动时测得的转轴与声明的相差 {1}°；请检查产品的安装和转台配置中的轴向</translation>
     </message>
     <message>
@@ -304,15 +304,15 @@
         <translation>虚拟台：连接中断（{0}）；请重新开始</translation>
     </message>
     <message>
-        <source>engine: its process ended unexpectedly{0}; the table's watchdog stops the table; look at the table, then start again or resume the run at its last finished stage</source>
+        <source>engine: its process ended unexpectedly{0}; the table&apos;s watchdog stops the table; look at the table, then start again or resume the run at its last finished stage</source>
         <translation>引擎：它的进程意外结束{0}；转台由自己的看门狗停住；请先看转台，再重新开始，或从最后完成的阶段继续</translation>
     </message>
     <message>
-        <source>engine: it gives no sign of life any more; the table's watchdog stops the table; look at the table, then start again or resume the run at its last finished stage</source>
+        <source>engine: it gives no sign of life any more; the table&apos;s watchdog stops the table; look at the table, then start again or resume the run at its last finished stage</source>
         <translation>引擎：不再有任何响应；转台由自己的看门狗停住；请先看转台，再重新开始，或从最后完成的阶段继续</translation>
     </message>
     <message>
-        <source>serial number '{0}' does not fit the product's pattern '{1}'; choose the product that belongs to the unit</source>
+        <source>serial number &apos;{0}&apos; does not fit the product&apos;s pattern &apos;{1}&apos;; choose the product that belongs to the unit</source>
         <translation>编号“{0}”不符合产品的规则“{1}”；请选择与产品对应的型号</translation>
     </message>
     <message>
@@ -320,7 +320,7 @@
         <translation>安全联锁被断开；请关好防护罩，然后在转台上复位故障</translation>
     </message>
     <message>
-        <source>The table's watchdog stopped it, the computer had fallen silent; reset the fault at the table</source>
+        <source>The table&apos;s watchdog stopped it, the computer had fallen silent; reset the fault at the table</source>
         <translation>计算机一度没有响应，转台的看门狗把它停住了；请在转台上复位故障</translation>
     </message>
     <message>
@@ -471,6 +471,10 @@
         <translation>互标定</translation>
     </message>
     <message>
+        <source>Transfer</source>
+        <translation>写入寄存器</translation>
+    </message>
+    <message>
         <source>gyro bias</source>
         <translation>陀螺零偏</translation>
     </message>
@@ -571,7 +575,7 @@
         <translation>{stage}：静止之间没有记录到运动，无法确定陀螺矩阵。</translation>
     </message>
     <message>
-        <source>{stage}: the recording scatters more than the profile's noise (rests {force:.2g} m/s² and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.</source>
+        <source>{stage}: the recording scatters more than the profile&apos;s noise (rests {force:.2g} m/s² and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.</source>
         <translation>{stage}：数据散布大于配置的噪声（静止 {force:.2g} m/s²、{rate:.2g} rad/s，转动 {turn:.2g} rad），标准差已计入。</translation>
     </message>
     <message>
@@ -629,6 +633,10 @@
     <message>
         <source>Hand-over: {count} results went to {folder}.</source>
         <translation>结果上交：{count} 份结果已送到 {folder}。</translation>
+    </message>
+    <message>
+        <source>Checking the output of the restarted unit.</source>
+        <translation>正在检查重启后产品的输出。</translation>
     </message>
     <message>
         <source>Outside the limits: the unit keeps its registers.</source>
@@ -777,6 +785,10 @@
     <message>
         <source>A small turn to check mounting and signs</source>
         <translation>小角度转动，检查安装和极性</translation>
+    </message>
+    <message>
+        <source>A turn to verify what was written</source>
+        <translation>转动以验证写入结果</translation>
     </message>
     <message>
         <source>To the load angle</source>
