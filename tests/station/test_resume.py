@@ -2,9 +2,11 @@
 
 import json
 import os
+import shutil
 import signal
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,6 +50,24 @@ def stopped_in(place: Place, stage: str, *stages: str) -> Verdict:
     return verdict
 
 
+@pytest.fixture(scope="module")
+def stopped_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Verdict]:
+    """A run stopped in its second stage, and the folder of its place: copied for every test that begins with one."""
+    place = short(Place(tmp_path_factory.mktemp("stopped")))
+    return place.folder, stopped_in(place, "six_position")
+
+
+@pytest.fixture
+def before(place: Place, stopped_once: tuple[Path, Verdict]) -> Verdict:
+    """That run as if it had been made in this place."""
+    folder, verdict = stopped_once
+    shutil.copytree(folder, place.folder, dirs_exist_ok=True)
+    log, result_file = (
+        place.folder / Path(f).relative_to(folder) for f in (verdict.log, verdict.result_file)
+    )
+    return replace(verdict, log=str(log), result_file=str(result_file))
+
+
 def resumed(place: Place, log: str | Path, **more: object) -> Verdict:
     request = RunRequest(
         "SN-000042",
@@ -62,8 +82,7 @@ def resumed(place: Place, log: str | Path, **more: object) -> Verdict:
     return verdict
 
 
-def test_a_stopped_run_is_resumed_at_its_last_finished_stage(place: Place) -> None:
-    before = stopped_in(short(place), "six_position")
+def test_a_stopped_run_is_resumed_at_its_last_finished_stage(place: Place, before: Verdict) -> None:
     assert before.result["stages"] == ["rate"]
     assert (before.result["advice"], before.result["stop_reason"]) == ("resume", "operator")
     (offer,) = resumable(place.folder / "runs")
@@ -92,8 +111,8 @@ def test_a_stopped_run_is_resumed_at_its_last_finished_stage(place: Place) -> No
     assert History(place.folder / "runs").attempts("SN-000042") == 1
 
 
-def test_a_resumed_run_can_be_resumed_again(place: Place) -> None:
-    first = stopped_in(short(place), "six_position")
+def test_a_resumed_run_can_be_resumed_again(place: Place, before: Verdict) -> None:
+    first = before
     place.control.send(Command.STOP)
     second = resumed(place, first.log)
     assert (second.outcome, second.result["stages"]) == ("stopped", [])
@@ -176,9 +195,10 @@ def test_where_every_stage_was_finished_only_the_conclusion_is_left(place: Place
         ({"schedule": {**SHORT, "rate": {**SHORT["rate"], "turns": 2}}}, None),
     ],
 )
-def test_what_changed_since_decides(place: Place, change: dict[str, object], told: str | None) -> None:
+def test_what_changed_since_decides(
+    place: Place, before: Verdict, change: dict[str, object], told: str | None
+) -> None:
     """Limits that changed need a new run; the schedule is the one that the run began with."""
-    before = stopped_in(short(place), "six_position")
     base = {"schedule": SHORT, "stages": list(STAGES), "limits": {"gyro_scale": {"within": 0.1}}}
     place.write({**base, **change})
     if told is None:
@@ -190,18 +210,18 @@ def test_what_changed_since_decides(place: Place, change: dict[str, object], tol
         resumed(place, before.log)
 
 
-def test_a_site_that_changed_needs_a_new_run(place: Place) -> None:
-    before = stopped_in(short(place), "six_position")
+def test_a_site_that_changed_needs_a_new_run(place: Place, before: Verdict) -> None:
     text = place.station.read_text("utf-8")
     place.station.write_text(text.replace("34.25", "34.5"), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"\[site\] has changed"):
         resumed(place, before.log)
 
 
-def test_registers_that_changed_need_a_new_run(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_registers_that_changed_need_a_new_run(
+    place: Place, before: Verdict, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from calstation.devices.framed_imu import FramedImu
 
-    before = stopped_in(short(place), "six_position")
     read = FramedImu.read_registers
     monkeypatch.setattr(FramedImu, "read_registers", lambda self: {**read(self), "gyro_scale_x": 1e-4})
     verdict = resumed(place, before.log)
@@ -224,8 +244,8 @@ def test_what_cannot_be_resumed_says_why(place: Place, end: str) -> None:
         resumed(place, log)
 
 
-def test_another_unit_cannot_carry_on(place: Place) -> None:
-    log = Path(stopped_in(short(place), "six_position").log)
+def test_another_unit_cannot_carry_on(place: Place, before: Verdict) -> None:
+    log = Path(before.log)
     with pytest.raises(ConfigurationError, match="choose its own log"):
         execute(RunRequest("SN-000043", place.station, place.product, resume=log), print, place.control)
     with pytest.raises(ConfigurationError, match="only a run's own log"):
@@ -234,10 +254,9 @@ def test_another_unit_cannot_carry_on(place: Place) -> None:
         execute(RunRequest("SN-000042", resume=log.with_name("no.h5")), print, place.control)
 
 
-def test_a_log_that_solves_to_something_else_is_not_carried_on(place: Place) -> None:
+def test_a_log_that_solves_to_something_else_is_not_carried_on(place: Place, before: Verdict) -> None:
     import h5py
 
-    before = stopped_in(short(place), "six_position")
     with h5py.File(before.log, "r+", libver="latest") as file:
         text = bytes(file["events"][:]).decode()
         at = text.index('"value":', text.index('"StageSolved"')) + len('"value": ')
@@ -248,8 +267,7 @@ def test_a_log_that_solves_to_something_else_is_not_carried_on(place: Place) -> 
     assert "does not solve to what the run had found" in place.fault().text
 
 
-def test_a_run_that_is_closed_is_offered_no_more(place: Place) -> None:
-    before = stopped_in(short(place), "six_position")
+def test_a_run_that_is_closed_is_offered_no_more(place: Place, before: Verdict) -> None:
     path = close_incomplete(Path(before.log), "li")
     closed = json.loads(path.read_text("utf-8"))
     assert closed["closed_by"] == "li"
@@ -275,8 +293,8 @@ def test_a_run_that_died_can_be_closed_once_it_is_surely_dead(place: Place) -> N
     assert settle_incomplete(log.parent) == []
 
 
-def test_a_verdict_ends_what_came_before_it(place: Place) -> None:
-    stopped_in(short(place), "six_position")
+def test_a_verdict_ends_what_came_before_it(place: Place, before: Verdict) -> None:
+    assert resumable(place.folder / "runs")[0].log == Path(before.log)
     assert len(resumable(place.folder / "runs")) == 1
     assert place.run("rate").outcome == "passed"
     assert resumable(place.folder / "runs") == []
