@@ -15,6 +15,9 @@ from calstation.errors import CalstationError
 _TELL_EVERY = 0.05
 """Progress told more often than this, s, is left out: a listener that is late must not slow the work down."""
 
+_WARM_AFTER = 2.0
+"""Host time after which kernels are made ready, s: while the window opens the computer has enough to do."""
+
 READY = ("ready",)
 
 
@@ -35,7 +38,9 @@ def serve(connection: "Connection[Any, Any]") -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the listener
     import calstation.station.resolve  # noqa: F401 - what most jobs need, before the first of them
 
-    threading.Thread(target=_warm, name="warm-up", daemon=True).start()
+    warm = threading.Timer(_WARM_AFTER, _warm)
+    warm.daemon = True
+    warm.start()
     with suppress(_HungUp, EOFError, OSError):
         connection.send(READY)
         while True:
