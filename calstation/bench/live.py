@@ -145,10 +145,15 @@ class LiveBench:
         parts = []
         while self._orders and self._orders[0].at <= now * self._gain:
             due = self._orders.pop(0)
-            parts.append(self._produce(max(due.at / self._gain, self.now)))
+            parts += self._stretch(max(due.at / self._gain, self.now))
             self.obey(due)
-        parts.append(self._produce(now))
+        parts += self._stretch(now)
         return b"".join(parts)
+
+    def _stretch(self, now: float) -> list[bytes]:
+        """Move on to `now`, s, cut where a fault of the stream ends: how time passes does not change what it spoils."""
+        ends = (end / self._gain for end in self.faults.ends())
+        return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
 
     def obey(self, order: Order) -> None:
         """Carry out an order at once."""
@@ -191,7 +196,8 @@ class LiveBench:
             self._stream.carry((outer, inner), rest, self.device_time)
 
     def _produce(self, now: float) -> bytes:
-        self.now = now
+        begin, self.now = self.device_time, now
+        middle = 0.5 * (begin + self.device_time)
         interval = self._stream.interval
         first = self._stream.produced
         count = int(self.device_time / interval + 1e-6) - first
@@ -203,8 +209,8 @@ class LiveBench:
             output = self._stream.produce(count, *self.machine.drive.profiles)
         self.machine.advance(self.device_time)
         ends = np.arange(first + 1, first + count + 1, dtype=np.float64) * interval
-        frames = self.unit.frames(self.faults.samples(output, self.device_time), ends)
-        return self.faults.frames(frames, self.device_time)
+        frames = self.unit.frames(self.faults.samples(output, middle), ends)
+        return self.faults.frames(frames, middle)
 
     def _reading_time(self) -> float:
         delay = self._latency + self._jitter * self._random.uniform(-1.0, 1.0)

@@ -38,8 +38,12 @@ class StreamFaults:
         self.frozen = 0
         self._last: float | None = None
 
+    def ends(self) -> tuple[float, ...]:
+        """Device times at which what lasts for a while is over, s."""
+        return (self.silent_until, self.garbled_until, self.saturated_until, self.invalid_until)
+
     def samples(self, output: StreamOutput, time: float) -> StreamOutput:
-        """What the sensors seem to measure in the samples that end at device time `time`, s."""
+        """What the sensors seem to measure in samples around device time `time`, s."""
         counts, saturated = output.counts, output.saturated
         if time < self.saturated_until:
             counts, saturated = counts.copy(), np.ones_like(saturated)
@@ -56,7 +60,7 @@ class StreamFaults:
         return StreamOutput(counts, saturated)
 
     def frames(self, data: bytes, time: float) -> bytes:
-        """What of the frames sent up to device time `time`, s, comes out of the line."""
+        """What of frames sent around device time `time`, s, comes out of the line."""
         if time < self.silent_until:
             return b""
         if time < self.garbled_until:

@@ -86,7 +86,24 @@ def test_frames_are_dropped_corrupted_and_silenced_to_order():
     assert wrong == [True, True] + [False] * 18
     live.obey(Order(order="silence_imu", value=0.5))
     assert live.advance(1.6) == b""
-    assert len(decode(live.advance(1.9))) == 60
+    assert len(decode(live.advance(1.9))) == 40, "silent up to 1.7 s"
+
+
+@pytest.mark.parametrize("stride", [0.013, 0.05, 0.1, 3.0])
+def test_a_fault_lasts_as_long_as_ordered_however_time_passes(stride):
+    orders = [
+        Order(order="saturate_imu", at=0.5, value=0.1),
+        Order(order="invalid_imu", at=1.0, value=0.1),
+        Order(order="silence_imu", at=1.5, value=0.3),
+    ]
+    live = ready(orders=orders)
+    times = np.append(np.arange(stride, 3.0, stride), 3.0)
+    frames = decode(b"".join(live.advance(float(t)) for t in times))
+    first = frames["channels"][:, 0]
+    assert [int((first == end).sum()) for end in (2**31 - 1, -(2**31))] == [20, 20]
+    assert int((frames["status"] & 2 > 0).sum()) == 20
+    assert len(frames) == 600 - 20 - 60
+    assert np.diff(frames["counter"].astype(int)).max() == 61
 
 
 def test_a_unit_out_of_limits_is_drawn_to_order():

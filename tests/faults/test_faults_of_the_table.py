@@ -23,7 +23,7 @@ pytestmark = pytest.mark.long
         ("trip_watchdog", None, ("fault 'watchdog'", "reset it at the table")),
         ("interlock", 0, ("interlock",)),
         ("jam", None, ("did not reach", "obstacle")),
-        ("overshoot", 2, ("stands 2.0° away from", "encoder")),
+        ("overshoot", 2, ("table: stands 2.", "° away from outer 360.0°", "encoder")),
         ("never_settle", 600, ("does not settle", "tuning")),
         ("mute_table", 40, ("no answer", "check cable, power")),
         ("refuse_table", 4, ("cannot do it in its present state", "drive's display")),
