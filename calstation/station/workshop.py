@@ -7,8 +7,10 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
+from queue import Empty
 from typing import Any, Literal
 
+from calstation.station.mailbox import Mailbox
 from calstation.station.own_process import start_apart
 from calstation.station.worker import READY, internal, serve
 
@@ -92,8 +94,8 @@ class Job:
 class Workshop:
     """Takes jobs and does them in order in one process of its own, started at once.
 
-    No thread: everything moves on in `poll` (of the workshop or of any of its jobs), which never waits.
-    A job is sent only to a worker that is waiting for one, so that sending does not wait either.
+    Everything moves on in `poll` (of the workshop or of any of its jobs), which never waits, not even for the rest of
+    a large result. A job is sent only to a worker that is waiting for one, so that sending does not wait either.
     """
 
     def __init__(self) -> None:
@@ -101,6 +103,7 @@ class Workshop:
         self._running: Job | None = None
         self._process: BaseProcess | None = None
         self._connection: Connection[Any, Any] | None = None
+        self._mailbox: Mailbox | None = None
         self._ready = False
         self._dying: list[BaseProcess] = []
         self._closed = False
@@ -170,11 +173,11 @@ class Workshop:
             process.join(max(0.0, deadline - time.monotonic()))
 
     def _take(self) -> None:
-        while self._connection is not None:
+        while self._mailbox is not None:
             try:
-                if not self._connection.poll():
-                    return
-                message = self._connection.recv()
+                message = self._mailbox.take()
+            except Empty:
+                return
             except (EOFError, OSError):
                 self._lost()
                 return
@@ -225,15 +228,16 @@ class Workshop:
         process = context.Process(target=serve, args=(there,), name="calstation worker", daemon=True)
         start_apart(process)
         there.close()
-        self._process, self._connection, self._ready = process, here, False
+        self._process, self._connection, self._mailbox = process, here, Mailbox(here)
+        self._ready = False
 
     def _kill(self) -> None:
-        if self._connection is not None:
-            self._connection.close()
+        if self._mailbox is not None:
+            self._mailbox.close()
         if self._process is not None:
             self._process.kill()
             self._dying.append(self._process)
-        self._process = self._connection = self._running = None
+        self._process = self._connection = self._mailbox = self._running = None
         self._ready = False
 
     def _reap(self) -> None:
