@@ -4,6 +4,7 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui import theme
+from calstation.gui.operator.position_picture import PositionPicture
 from calstation.gui.operator.table_picture import TablePicture
 from calstation.station.outline import Outline
 
@@ -18,7 +19,10 @@ class Loading(QFrame):
         self._title = QLabel()
         self._title.setProperty("kind", "section")
         self.picture = TablePicture()
-        self.picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
+        self.rails = PositionPicture()
+        self.rails.setVisible(False)
+        for picture in (self.picture, self.rails):
+            picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
         self._numbers = [QLabel(str(i + 1)) for i in range(4)]
         self._names = [QLabel() for _ in range(4)]
         self._texts = [QLabel() for _ in range(4)]
@@ -44,6 +48,7 @@ class Loading(QFrame):
         row.setSpacing(4 * theme.GRID)
         row.addLayout(words, 3)
         row.addWidget(self.picture, 2)
+        row.addWidget(self.rails, 2)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(3 * theme.GRID, 2 * theme.GRID, 3 * theme.GRID, 2 * theme.GRID)
         layout.addWidget(self._title)
@@ -55,6 +60,9 @@ class Loading(QFrame):
         self._outline = outline
         if outline is not None:
             self.picture.set_axes(outline.outer_axis, outline.inner_axis)
+            self.rails.set_plan(outline.outer_axis, outline.inner_axis, outline.positions)
+            self.picture.setVisible(not outline.by_hand)
+            self.rails.setVisible(outline.by_hand)
             load = [angle * 3.141592653589793 / 180.0 for angle in outline.load_angle]
             self.picture.set_angles(load[0], load[1])
         self.retranslate()
@@ -62,8 +70,37 @@ class Loading(QFrame):
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
         virtual = self._outline is not None and self._outline.virtual
+        carried = self._outline is not None and self._outline.by_hand
         self._title.setText(self.tr("Load the unit"))
-        if virtual:
+        if carried and virtual:
+            names = (
+                self.tr("The unit is on its rails"),
+                self.tr("A serial number is filled in"),
+                self.tr("Press START"),
+                self.tr("Watch"),
+            )
+            texts = (
+                self.tr("This station is the virtual bench: unit, rails and hands are software."),
+                self.tr("Any other number of the product's pattern will do as well."),
+                self.tr("The screen asks for one position after another, and hands in software follow."),
+                self.tr("STOP works at any time, and so does the Esc key."),
+            )
+        elif carried:
+            names = (
+                self.tr("Fix the unit to the inner rail"),
+                self.tr("Plug in its cable, both rails at 0°"),
+                self.tr("Scan its serial number"),
+                self.tr("Press START and let go"),
+            )
+            texts = (
+                self.tr("x to the right, y to the front, z up, as in the picture; screws tight."),
+                self.tr("It must reach through whole turns of both rails."),
+                self.tr("The scanner's Enter checks the number and moves on to START; it does not start."),
+                self.tr(
+                    "The screen then asks for one position after another; STOP or Esc end it at any time."
+                ),
+            )
+        elif virtual:
             names = (
                 self.tr("The unit is in its fixture"),
                 self.tr("A serial number is filled in"),

@@ -21,6 +21,7 @@ from calstation.gui.fault_wording import word_fault
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.loading import Loading
+from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.preparation import Preparation
 from calstation.gui.operator.resuming import Resuming
 from calstation.gui.operator.stage_list import StageList
@@ -36,6 +37,7 @@ from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
     Event,
+    PositionGuided,
     StageProgress,
     StageSolved,
     TableMoved,
@@ -66,6 +68,7 @@ class OperatorPage(Page):
         self._stages = StageList(app.run)
         self._loading, self._verdict = Loading(), VerdictPanel()
         self._table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
+        self._position, self._upper = PositionPanel(), QWidget()
         self._preparation = Preparation(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar()
         self._starting = Starting(app, self._fields, self.notice)
@@ -105,7 +108,8 @@ class OperatorPage(Page):
 
     def _live(self) -> QWidget:
         live = QWidget()
-        upper = QHBoxLayout()
+        upper = QHBoxLayout(self._upper)
+        upper.setContentsMargins(0, 0, 0, 0)
         upper.setSpacing(theme.GRID)
         self._table.setMinimumWidth(37 * theme.GRID)
         upper.addWidget(self._table, 1)
@@ -113,9 +117,21 @@ class OperatorPage(Page):
         column = QVBoxLayout(live)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(theme.GRID)
-        column.addLayout(upper, 5)
+        column.addWidget(self._position, 9)
+        column.addWidget(self._upper, 5)
         column.addWidget(self._lower, 4)
         return live
+
+    def _show_live(self) -> None:
+        """A table with its plots; or, where the unit is carried, what its carrier must see from afar."""
+        run = self.app.run
+        carried = run.outline is not None and run.outline.by_hand
+        begun = any(stage.state != "waiting" for stage in run.stages)
+        self._lower.setCurrentIndex(1 if begun else 0)
+        self._table.setVisible(not carried)
+        self._position.setVisible(carried and begun)
+        for widget in (self._upper, self._lower):
+            widget.setVisible(not (carried and begun))
 
     def _lay_out(self) -> None:
         right = QVBoxLayout()
@@ -144,6 +160,7 @@ class OperatorPage(Page):
     def _connect(self) -> None:
         fields, app = self._fields, self.app
         fields.pause_pressed.connect(self._pause)
+        self._position.finish_wanted.connect(lambda: app.engine_link.send(Command.ENOUGH))
         fields.product_chosen.connect(app.set_product)
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.details_wanted.connect(app.open_run)
@@ -259,6 +276,7 @@ class OperatorPage(Page):
             self._convergence.start(run.outline.targets if run.outline is not None else {})
             if run.outline is not None:
                 self._table.set_axes(run.outline.outer_axis, run.outline.inner_axis)
+                self._position.plan(run.outline)
         else:
             self.closing.dismiss()
             self._traces.stop()
@@ -281,6 +299,8 @@ class OperatorPage(Page):
     def _take(self, event: Event) -> None:
         if isinstance(event, TableMoved):
             self._table.take(event)
+        elif isinstance(event, PositionGuided):
+            self._position.take(event)
         elif isinstance(event, Trace):
             self._traces.take(event)
         elif isinstance(event, StageProgress):
@@ -323,7 +343,7 @@ class OperatorPage(Page):
         fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
         self._badge.show_state(KINDS.get(run.state, "none"), word_state(run.state))
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
-        self._lower.setCurrentIndex(0 if all(s.state == "waiting" for s in run.stages) else 1)
+        self._show_live()
         if run.going and self.notice.asking:
             self.notice.dismiss()
         shown = (run.state, run.verdict, run.fault, len(run.remarks), busy)
@@ -371,8 +391,12 @@ class OperatorPage(Page):
             return self.tr("Load a unit, scan its serial number, press START.")
         if run.state == "starting":
             return self.tr("Starting the engine and connecting.")
+        if run.state == "stopping" and run.outline is not None and run.outline.by_hand:
+            return self.tr("Stopping.")
         if run.state == "stopping":
             return self.tr("Stopping safely: the table comes to rest, then its axes are switched off.")
+        if run.state == "paused" and run.outline is not None and run.outline.by_hand:
+            return self.tr("Paused. Resume asks for the position in hand again.")
         if run.state == "paused":
             return self.tr("Paused; the table is at rest. Resume repeats the step in hand.")
         if not run.going:

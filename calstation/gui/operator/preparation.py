@@ -10,6 +10,10 @@ from calstation.gui.widgets.badge import StateIcon
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
 """By the message that opens each; the first opens with START."""
 
+_HOMING = _STEPS.index("homing")
+_SAME = {"checking_gravity": "checking_mounting"}
+"""Messages that open a step in place of its own, where the unit is carried by hand."""
+
 
 class Preparation(QFrame):
     """A list that ticks itself off; skipped steps are ticked with the next one."""
@@ -19,6 +23,7 @@ class Preparation(QFrame):
         self.setProperty("kind", "panel")
         self._run = run
         self._at = 0
+        self._shown_carried = False
         self._title = QLabel()
         self._title.setProperty("kind", "section")
         self._icons = [StateIcon(20) for _ in _STEPS]
@@ -43,12 +48,21 @@ class Preparation(QFrame):
         run.changed.connect(self.refresh)
         self.retranslate()
 
+    @property
+    def _carried(self) -> bool:
+        """Whether the unit is carried by hand: then nothing is homed."""
+        return self._run.outline is not None and self._run.outline.by_hand
+
     def refresh(self) -> None:
         """Follow the run."""
         if self._run.state == "starting":
             self._at = 0
-        elif self._run.said is not None and self._run.said[1] in _STEPS:
-            self._at = _STEPS.index(self._run.said[1])
+        elif self._run.said is not None:
+            said = _SAME.get(self._run.said[1], self._run.said[1])
+            self._at = _STEPS.index(said) if said in _STEPS else self._at
+        if self._carried != self._shown_carried:
+            self.retranslate()
+            return
         for row, (icon, name) in enumerate(zip(self._icons, self._names, strict=True)):
             kind = "good" if row < self._at else "active" if row == self._at else "none"
             icon.set_kind(kind)
@@ -56,20 +70,27 @@ class Preparation(QFrame):
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
+        carried = self._shown_carried = self._carried
         self._title.setText(self.tr("Preparing"))
+        for widget in (self._icons[_HOMING], self._names[_HOMING], self._texts[_HOMING]):
+            widget.setVisible(not carried)
         names = (
             self.tr("Connecting"),
             self.tr("Unit ready"),
             self.tr("Homing"),
             self.tr("Warm-up"),
-            self.tr("Mounting"),
+            self.tr("Gravity") if carried else self.tr("Mounting"),
         )
         texts = (
-            self.tr("Table and unit are asked who they are."),
+            self.tr("The unit is asked who it is.")
+            if carried
+            else self.tr("Table and unit are asked who they are."),
             self.tr("The unit starts and tests itself."),
             self.tr("The table looks for its reference, slowly. Keep hands clear."),
             self.tr("The unit comes to its temperature. Nothing to do."),
-            self.tr("Gravity and two small turns show whether the unit sits right."),
+            self.tr("Gravity's length shows whether the unit measures right. Leave it alone.")
+            if carried
+            else self.tr("Gravity and two small turns show whether the unit sits right."),
         )
         for name, word in zip(self._names, names, strict=True):
             name.setText(word)

@@ -35,12 +35,44 @@
         <translation>编号已经填好</translation>
     </message>
     <message>
+        <source>The unit is on its rails</source>
+        <translation>产品已装在导轨架上</translation>
+    </message>
+    <message>
         <source>Press START</source>
         <translation>按“开始全参数标定”</translation>
     </message>
     <message>
         <source>Watch</source>
         <translation>看着就行</translation>
+    </message>
+    <message>
+        <source>This station is the virtual bench: unit, rails and hands are software.</source>
+        <translation>本工位是虚拟台：产品、导轨和手都由软件模拟。</translation>
+    </message>
+    <message>
+        <source>The screen asks for one position after another, and hands in software follow.</source>
+        <translation>屏幕逐个提示位置，软件模拟的手照着转。</translation>
+    </message>
+    <message>
+        <source>Fix the unit to the inner rail</source>
+        <translation>把产品固定在内导轨上</translation>
+    </message>
+    <message>
+        <source>Plug in its cable, both rails at 0°</source>
+        <translation>插好电缆，两条导轨都在 0°</translation>
+    </message>
+    <message>
+        <source>Press START and let go</source>
+        <translation>按“开始全参数标定”，然后松手</translation>
+    </message>
+    <message>
+        <source>It must reach through whole turns of both rails.</source>
+        <translation>电缆长度要够两条导轨各转一整圈。</translation>
+    </message>
+    <message>
+        <source>The screen then asks for one position after another; STOP or Esc end it at any time.</source>
+        <translation>随后屏幕逐个提示位置；随时可按“停止”或 Esc 结束。</translation>
     </message>
     <message>
         <source>This station is the virtual bench: table and unit are software, nothing moves.</source>
@@ -142,14 +174,6 @@
         <translation>继续标定</translation>
     </message>
     <message>
-        <source>Press Continue when it is done.</source>
-        <translation>完成后按“继续”。</translation>
-    </message>
-    <message>
-        <source>Continue</source>
-        <translation>继续</translation>
-    </message>
-    <message>
         <source>Read the fault and press Understood first.</source>
         <translation>请先看故障，再按“知道了”。</translation>
     </message>
@@ -182,12 +206,114 @@
         <translation>正在启动引擎并连接设备。</translation>
     </message>
     <message>
+        <source>Stopping.</source>
+        <translation>正在停止。</translation>
+    </message>
+    <message>
         <source>Stopping safely: the table comes to rest, then its axes are switched off.</source>
         <translation>正在安全停止：转台先停稳，再断开轴使能。</translation>
     </message>
     <message>
+        <source>Paused. Resume asks for the position in hand again.</source>
+        <translation>已暂停。继续后重新做当前位置。</translation>
+    </message>
+    <message>
         <source>Paused; the table is at rest. Resume repeats the step in hand.</source>
         <translation>已暂停，转台静止。继续时会重做当前这一步。</translation>
+    </message>
+</context>
+<context>
+    <name>PositionPanel</name>
+    <message>
+        <source>Enough positions: finish</source>
+        <translation>位置已够，结束采集</translation>
+    </message>
+    <message>
+        <source>Wait</source>
+        <translation>请稍候</translation>
+    </message>
+    <message>
+        <source>Leave the unit alone until the first position is asked for.</source>
+        <translation>提示第一个位置之前，请勿触碰产品。</translation>
+    </message>
+    <message>
+        <source>Waiting</source>
+        <translation>等待中</translation>
+    </message>
+    <message>
+        <source>Moving</source>
+        <translation>转动中</translation>
+    </message>
+    <message>
+        <source>Hold still</source>
+        <translation>保持静止</translation>
+    </message>
+    <message>
+        <source>Enough: go on</source>
+        <translation>已够，请继续</translation>
+    </message>
+    <message>
+        <source>Too soon: once more</source>
+        <translation>动得太早，再来一次</translation>
+    </message>
+    <message>
+        <source>Hands off. {seconds:.0f} s left.</source>
+        <translation>请勿触碰，还剩 {seconds:.0f} 秒。</translation>
+    </message>
+    <message>
+        <source>It was moved before it had rested. Let go, and leave it for {seconds:.0f} s.</source>
+        <translation>静止时间不够就动了。请松手，静置 {seconds:.0f} 秒。</translation>
+    </message>
+    <message>
+        <source>Turn the outer rail to about {outer} and the inner rail to about {inner}, then let go.</source>
+        <translation>把外导轨转到约 {outer}、内导轨转到约 {inner}，然后松手。</translation>
+    </message>
+    <message>
+        <source>Turn the outer rail to about {outer}, then let go.</source>
+        <translation>把外导轨转到约 {outer}，然后松手。</translation>
+    </message>
+    <message>
+        <source>Turn the inner rail to about {inner}, then let go.</source>
+        <translation>把内导轨转到约 {inner}，然后松手。</translation>
+    </message>
+    <message>
+        <source>Leave it with the outer rail at {outer} and the inner rail at {inner}, hands off.</source>
+        <translation>保持外导轨 {outer}、内导轨 {inner}，请勿触碰。</translation>
+    </message>
+    <message>
+        <source>position {index} of {count}</source>
+        <translation>第 {index} 个位置，共 {count} 个</translation>
+    </message>
+    <message>
+        <source>check {index} of {count}</source>
+        <translation>验证 {index}/{count}</translation>
+    </message>
+    <message>
+        <source>The registers are written; these two rests prove them.</source>
+        <translation>寄存器已写入，用这两次静止来验证。</translation>
+    </message>
+    <message>
+        <source>Finishing: the positions done are being solved.</source>
+        <translation>正在结束：用已完成的位置解算。</translation>
+    </message>
+    <message>
+        <source>The positions done lie all around and tell everything; more make it more exact.</source>
+        <translation>已完成的位置分布充分，足以解算；再多做几个会更准。</translation>
+    </message>
+    <message>
+        <source>Rings on the globe are still to do; bring the large one to the mark on top.</source>
+        <translation>球面上的空心圈是还没做的位置；把大圈转到顶部的标记处。</translation>
+    </message>
+    <message>
+        <source>Not yet: the positions done do not lie all around.</source>
+        <translation>还不行：已完成的位置分布不够充分。</translation>
+    </message>
+</context>
+<context>
+    <name>PositionPicture</name>
+    <message>
+        <source>down</source>
+        <translation>下</translation>
     </message>
 </context>
 <context>
@@ -217,6 +343,14 @@
         <translation>安装检查</translation>
     </message>
     <message>
+        <source>Gravity</source>
+        <translation>重力检查</translation>
+    </message>
+    <message>
+        <source>The unit is asked who it is.</source>
+        <translation>询问产品的身份。</translation>
+    </message>
+    <message>
         <source>Table and unit are asked who they are.</source>
         <translation>确认转台和产品的身份。</translation>
     </message>
@@ -231,6 +365,10 @@
     <message>
         <source>The unit comes to its temperature. Nothing to do.</source>
         <translation>产品达到稳定温度，不用做什么。</translation>
+    </message>
+    <message>
+        <source>Gravity&apos;s length shows whether the unit measures right. Leave it alone.</source>
+        <translation>用重力大小检查产品输出是否正常。请勿触碰。</translation>
     </message>
     <message>
         <source>Gravity and two small turns show whether the unit sits right.</source>
@@ -561,6 +699,10 @@
         <translation>各项都在限差之内。</translation>
     </message>
     <message>
+        <source>({count} near its limit.)</source>
+        <translation type="unfinished"></translation>
+    </message>
+    <message>
         <source>The run was stopped; the table is at rest, its axes are off.</source>
         <translation>标定已停止；转台静止，轴使能已断开。</translation>
     </message>
@@ -605,8 +747,8 @@
         <translation>{stage}：测量数据互相不吻合（NIS {value:.2f}，最大 {limit:.2f}）。</translation>
     </message>
     <message>
-        <source>{name}: {value:.4g} {unit}, allowed {limit:.4g}.</source>
-        <translation>{name}：{value:.4g} {unit}，允许 {limit:.4g}。</translation>
+        <source>Not so: {name} ({value} {unit}, allowed {limit}).</source>
+        <translation type="unfinished"></translation>
     </message>
     <message>
         <source>The data did not determine {names}.</source>
