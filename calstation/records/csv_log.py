@@ -7,6 +7,7 @@ import itertools
 import math
 import zlib
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import IO
 
@@ -16,7 +17,7 @@ from calstation.configuration import suggestion
 from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock, snap_angles
 from calstation.estimation.sequence import SequenceError, SequenceUnwrapper
-from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
@@ -64,7 +65,8 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
         if text:
             table = _Table(path, header, text, line + 1, len(meta.secondaries))
             seq, time = table.integers("seq"), table.floats("time_s")
-            counts = np.column_stack([table.floats(name) for name in CHANNELS]) + 0.0
+            spoilt = ~table.valid
+            counts = np.column_stack([table.floats(name, spoilt=spoilt) for name in CHANNELS]) + 0.0
             try:
                 unwrapped, clock, restarts = unwrapper.feed(seq, time)
             except SequenceError as exc:
@@ -195,18 +197,29 @@ class _Table:
     def _complain(self, name: str, row: int, what: str) -> InputError:
         return InputError(f"{self._path}: line {self.first + row}: {name} {what}; {_MEND}")
 
-    def floats(self, name: str, may_be_empty: bool = False) -> FloatArray:
-        """A column as float64, shape (n,); empty cells become NaN where allowed."""
+    @cached_property
+    def valid(self) -> BoolArray:
+        """Which rows are not marked as spoilt, shape (n,)."""
+        if "valid" in self._header:
+            return np.asarray(self.integers("valid") != 0)
+        return np.ones(len(self._columns[self._header[0]]), np.bool_)
+
+    def floats(self, name: str, may_be_empty: bool = False, *, spoilt: BoolArray | None = None) -> FloatArray:
+        """A column as float64, shape (n,); empty cells become NaN where allowed: of a `spoilt` row anything is."""
         cells = self._columns[name]
+        lenient = may_be_empty or (spoilt is not None and bool(spoilt.any()))
         try:
-            filled = [cell or "nan" for cell in cells] if may_be_empty else cells
+            filled = [cell or "nan" for cell in cells] if lenient else cells
             values = np.fromiter(map(float, filled), np.float64, len(cells))
         except ValueError:
-            values = np.array([self._float(name, i, c, may_be_empty) for i, c in enumerate(cells)])
+            values = np.array([self._float(name, i, c, lenient) for i, c in enumerate(cells)])
         wrong = np.isinf(values) if may_be_empty else ~np.isfinite(values)
+        if spoilt is not None:
+            wrong &= ~spoilt
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise self._complain(name, row, f"is {'NaN' if np.isnan(values[row]) else 'infinite'}")
+            what = "NaN" if np.isnan(values[row]) else "infinite"
+            raise self._complain(name, row, f"is {what if cells[row].strip() else 'empty'}")
         return values
 
     def _float(self, name: str, row: int, cell: str, may_be_empty: bool) -> float:
@@ -239,7 +252,6 @@ class _Table:
             angles = snap_angles(np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES])))
         step = self.integers("step")
         heat = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
-        valid = self.integers("valid") != 0 if "valid" in self._header else np.ones(n, np.bool_)
         others, joints = self._others(n), self._joints(n)
         stages = self._columns["stage"]
         if stages.count(stages[0]) == n:
@@ -256,7 +268,7 @@ class _Table:
                 counts[k],
                 angles[k],
                 step[k],
-                valid[k],
+                self.valid[k],
                 heat[k],
                 others[k],
                 joints[k],

@@ -201,10 +201,11 @@ class Acquisition:
 
     @property
     def recent(self) -> tuple[tuple[float, ...], float | None] | None:
-        """Mean output (rad/s, m/s²) and temperature (°C) of the last drain; None before the first."""
+        """Mean output (rad/s, m/s²; NaN without a number) and temperature (°C) of the last drain; None before."""
         if self._latest is None:
             return None
-        mean = self._latest.counts.mean(axis=0) * self._scale
+        counts = self._latest.counts[np.isfinite(self._latest.counts).all(axis=1)]
+        mean = counts.mean(axis=0) * self._scale if len(counts) else np.full(6, np.nan)
         temperature = float(self._latest.temperature[-1])
         return tuple(float(v) for v in mean), None if np.isnan(temperature) else temperature
 
@@ -235,7 +236,7 @@ class Acquisition:
     def _stuck(self, counts: FloatArray) -> str:
         """The first channel whose noise should have changed it long ago."""
         before = counts[:1] if self._shown is None else self._shown[None]
-        changed = np.diff(counts, axis=0, prepend=before) != 0.0
+        changed = counts != np.concatenate([before, counts[:-1]])
         self._shown = counts[-1]
         last = len(counts) - 1 - np.argmax(changed[::-1], axis=0)
         any_changed = changed.any(axis=0)

@@ -149,7 +149,7 @@ class Pulse:
 
     def _trace(self) -> None:
         newest, recent = self._acquisition.newest, self._acquisition.recent
-        if self.flow.count and newest is not None and recent is not None:
+        if self.flow.count and newest is not None and recent is not None and np.isfinite(recent[0]).all():
             self._traced.append((newest, recent[0]))
 
     def _show(self) -> None:

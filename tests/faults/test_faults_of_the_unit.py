@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.records.log import open_log
-from calstation.sequencer.events import Message, StepStarted
+from calstation.sequencer.events import Message, StepStarted, Trace
 from calstation.station import register_journal
 from tests.faults.conftest import SERIAL, Floor, fault
 from tests.station.conftest import PRODUCT
@@ -72,6 +72,9 @@ def test_samples_that_are_no_number_are_marked_and_their_step_is_repeated(floats
     spoilt = np.isnan(counts).any(axis=1)
     assert 10 <= spoilt.sum() < 100
     assert not valid[spoilt].any()
+    traced = [event.output for event in ran.events if isinstance(event, Trace)]
+    assert traced
+    assert all(np.isfinite(output).all() for output in traced), "a window draws what it is told"
 
 
 @pytest.mark.parametrize(

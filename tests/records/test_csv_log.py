@@ -75,6 +75,18 @@ def test_a_wrong_row_deep_in_a_long_file_is_told_by_its_line(tmp_path: Path) -> 
         list(open_log(write_csv_log(tmp_path, rows)).blocks())
 
 
+@pytest.mark.parametrize("cell", ["", " ", "nan", "inf"])
+def test_a_spoilt_row_may_hold_what_is_no_number_and_only_a_spoilt_one(tmp_path: Path, cell: str) -> None:
+    rows = [f"{row},{int(k != 3)}" for k, row in enumerate(csv_rows(6))]
+    rows[3] = rows[3].replace(",98000,", f",{cell},")
+    columns = joined(list(open_log(write_csv_log(tmp_path, rows, f"{CSV_HEADER},valid")).blocks()))
+    assert columns["valid"].tolist() == [True] * 3 + [False] + [True] * 2
+    assert np.isfinite(columns["counts"]).all(axis=1).tolist() == columns["valid"].tolist()
+    rows[4] = rows[4].replace(",98000,", f",{cell},")
+    with pytest.raises(InputError, match="line 6: accel_z is (empty|NaN|infinite)"):
+        list(open_log(write_csv_log(tmp_path, rows, f"{CSV_HEADER},valid")).blocks())
+
+
 @pytest.mark.parametrize("column", CSV_HEADER.split(","))
 def test_a_missing_column_is_named(tmp_path: Path, column: str) -> None:
     header = CSV_HEADER.replace(column, "other")

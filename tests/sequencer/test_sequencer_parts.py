@@ -116,6 +116,21 @@ def test_a_channel_at_its_end_spoils_its_sample_whatever_the_status_says() -> No
         assert blocks[-1].valid.any() != saturated
 
 
+def test_what_is_shown_is_the_mean_of_what_is_a_number() -> None:
+    clock = FakeClock()
+    imu = FakeImu(clock, FakeTable(clock))
+    acquisition = Acquisition(imu, MODEL, clock, lambda block: None)
+    imu.nan = True
+    clock.sleep(0.1)
+    assert acquisition.drain().invalid
+    assert acquisition.recent is not None
+    assert acquisition.recent[0][5] == pytest.approx(9.8, abs=1e-4)
+    imu.nan = True
+    clock.sleep(1.0 / RATE)
+    assert acquisition.drain().count == 1
+    assert np.isnan(acquisition.recent[0]).all()
+
+
 def test_increments_become_rates() -> None:
     assert to_si(replace(MODEL, output="increment"))[0] == pytest.approx(MODEL.gyro_lsb * RATE)
     assert math.isclose(to_si(MODEL)[5], MODEL.accel_lsb)
