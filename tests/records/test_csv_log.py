@@ -83,7 +83,7 @@ def test_a_spoilt_row_may_hold_what_is_no_number_and_only_a_spoilt_one(tmp_path:
     assert columns["valid"].tolist() == [True] * 3 + [False] + [True] * 2
     assert np.isfinite(columns["counts"]).all(axis=1).tolist() == columns["valid"].tolist()
     rows[4] = rows[4].replace(",98000,", f",{cell},")
-    with pytest.raises(InputError, match="line 6: accel_z is (empty|NaN|infinite)"):
+    with pytest.raises(InputError, match=r"line 6: accel_z is (empty|NaN|infinite)"):
         list(open_log(write_csv_log(tmp_path, rows, f"{CSV_HEADER},valid")).blocks())
 
 
