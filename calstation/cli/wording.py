@@ -109,7 +109,7 @@ STEPS: dict[str, str] = {
     "check": "A small turn to check mounting and signs",
     "verify": "A turn to verify what was written",
     "load": "To the load angle",
-    "carry": "Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go ({4:.0f} of {5:.0f})",
+    "carry": "Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go",
 }
 """What a move does, by the first word of its label; the others are the braces' values."""
 
@@ -137,9 +137,9 @@ def word(key: str, values: Mapping[str, Any]) -> str:
 
 def word_guided(event: PositionGuided) -> str:
     """What the operator is to do, and how the present position stands."""
-    label = ("carry", degrees(event.outer), degrees(event.inner), event.wanted, event.index, event.count)
+    task = word_step("carry", ("carry", degrees(event.outer), degrees(event.inner)))
     state = GUIDED[event.state].format(rest=event.rest, wanted=event.wanted)
-    return f"{word_step('carry', label)}: {state}"
+    return f"{event.index}/{event.count} {task}: {state}"
 
 
 def word_step(kind: str, label: tuple[str | float, ...]) -> str:
