@@ -21,12 +21,14 @@ class LinkDefaults:
     serial : of its line
     timeout : host time for an answer, s, None for a device that is never asked
     unit : Modbus unit number, None where there is none
+    by_hand : rails that hands turn: there is no link at all
     """
 
     profile: str
     serial: SerialSettings
     timeout: float | None
     unit: int | None
+    by_hand: bool = False
 
     @property
     def line(self) -> str:
@@ -41,7 +43,7 @@ def table_defaults(profile: str) -> LinkDefaults | None:
         table = load_table_profile(library.find("tables", profile))
     except ConfigurationError:
         return None
-    return LinkDefaults(profile, table.serial, table.timeout_s, table.unit)
+    return LinkDefaults(profile, table.serial, table.timeout_s, table.unit, table.by_hand)
 
 
 def imu_defaults(product: Path | None) -> LinkDefaults | None:

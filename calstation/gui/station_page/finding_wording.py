@@ -19,6 +19,10 @@ _OPENING = {
     "connected": (QT_TRANSLATE_NOOP("station_finding", "Connected to {host}, port {port}."), ""),
     "opened": (QT_TRANSLATE_NOOP("station_finding", "Port {port} opened."), ""),
     "opened_as": (QT_TRANSLATE_NOOP("station_finding", "Port {port} opened, now {device}."), ""),
+    "by_hand": (
+        QT_TRANSLATE_NOOP("station_finding", "“{name}” is turned by hand: there is no link to test."),
+        "",
+    ),
     "no_port": (
         QT_TRANSLATE_NOOP("station_finding", "There is no port {port}."),
         QT_TRANSLATE_NOOP(

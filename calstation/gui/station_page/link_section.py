@@ -169,8 +169,10 @@ class LinkSection(QWidget):
         data = self._draft
         self._profile = self._defaults()
         bench = data.value(("bench",)) is not None
-        self._bench.setVisible(bench)
-        self._form.setVisible(not bench)
+        by_hand = self._profile is not None and self._profile.by_hand
+        self._bench.setText(self._why_nothing_to_set(by_hand))
+        self._bench.setVisible(bench or by_hand)
+        self._form.setVisible(not (bench or by_hand))
         port = data.value((self._device, "port"))
         way = _way(port)
         if port:
@@ -199,18 +201,22 @@ class LinkSection(QWidget):
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
         self._heading.setText(self.tr("Link to the table") if self._table else self.tr("Link to the IMU"))
-        self._bench.setText(
-            self.tr(
-                "This station is the virtual bench: a table and a unit in software, behind the same protocols as "
-                "hardware. It opens its own ports, so there is nothing to set here.\n\n"
-                "To connect hardware, press “New from copy” above and copy the station “example_hardware”."
-            )
-        )
         self.search_button.setText(self.tr("Look for ports again"))
         self.way_box.fill()
         for row in (self._way_row, self._own_row):
             row.retranslate()
         self.refresh()
+
+    def _why_nothing_to_set(self, by_hand: bool) -> str:
+        if by_hand:
+            return self.tr(
+                "The rails are turned by hand: no link is needed, and there is nothing to set here."
+            )
+        return self.tr(
+            "This station is the virtual bench: a table and a unit in software, behind the same protocols as "
+            "hardware. It opens its own ports, so there is nothing to set here.\n\n"
+            "To connect hardware, press “New from copy” above and copy the station “example_hardware”."
+        )
 
     def changeEvent(self, event: QEvent) -> None:
         """Hear of a new language."""

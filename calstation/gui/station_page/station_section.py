@@ -20,6 +20,7 @@ from calstation.gui.station_page.fields import Field, Form, Row, at_top, tab_thr
 from calstation.gui.station_page.inputs import ChoiceBox, NumberEdit, WordEdit
 from calstation.gui.widgets.badge import StateBadge
 from calstation.station import library, version_store
+from calstation.station.config import rails_by_hand
 
 
 class StationSection(QWidget):
@@ -136,7 +137,11 @@ class StationSection(QWidget):
             )
         else:
             self.badge.show_state("none", self.tr("Hardware"))
-            self._kind.setText(self.tr("A run moves the table. Test both links before the first one."))
+            self._kind.setText(
+                self.tr("Nothing moves by itself: the operator is guided. Test the IMU before the first run.")
+                if self._by_hand
+                else self.tr("A run moves the table. Test both links before the first one.")
+            )
         for (label, value), (name, text) in zip(self._glance_labels, self._at_a_glance(), strict=True):
             label.setText(name)
             value.setText(text)
@@ -154,6 +159,11 @@ class StationSection(QWidget):
             self.retranslate()
         super().changeEvent(event)
 
+    @property
+    def _by_hand(self) -> bool:
+        """Whether the table is a rig that hands turn."""
+        return rails_by_hand(str(self._draft.value(("table", "profile")) or ""))
+
     def _at_a_glance(self) -> list[tuple[str, str]]:
         """What the other sections say, in a line each."""
 
@@ -163,10 +173,11 @@ class StationSection(QWidget):
 
         bench = self._draft.value(("bench",)) is not None
         own = self.tr("opened by the bench")
+        table = self.tr("turned by hand") if self._by_hand else own if bench else get("table", "port")
         azimuth = self._draft.value(("site", "azimuth_deg"))
         gravity = self._draft.value(("site", "gravity_mps2"))
         return [
-            (self.tr("Table"), f"{get('table', 'profile')}, {own if bench else get('table', 'port')}"),
+            (self.tr("Table"), f"{get('table', 'profile')}, {table}"),
             (self.tr("IMU"), own if bench else get("imu", "port")),
             (
                 self.tr("Place"),

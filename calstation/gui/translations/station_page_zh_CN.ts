@@ -67,6 +67,10 @@
         <translation>IMU 连接</translation>
     </message>
     <message>
+        <source>The rails are turned by hand: no link is needed, and there is nothing to set here.</source>
+        <translation>导轨由手转动：不需要连接，这里没有要设置的内容。</translation>
+    </message>
+    <message>
         <source>This station is the virtual bench: a table and a unit in software, behind the same protocols as hardware. It opens its own ports, so there is nothing to set here.
 
 To connect hardware, press “New from copy” above and copy the station “example_hardware”.</source>
@@ -119,7 +123,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>按配置文件</translation>
     </message>
     <message>
-        <source>this station's own</source>
+        <source>this station&apos;s own</source>
         <translation>本工位单独设置</translation>
     </message>
     <message>
@@ -205,7 +209,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>界面颜色</translation>
     </message>
     <message>
-        <source>Engineer's name in versions</source>
+        <source>Engineer&apos;s name in versions</source>
         <translation>版本记录中的工程师姓名</translation>
     </message>
     <message>
@@ -229,7 +233,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>本机设置</translation>
     </message>
     <message>
-        <source>The engineer's PIN</source>
+        <source>The engineer&apos;s PIN</source>
         <translation>工程师密码</translation>
     </message>
     <message>
@@ -339,11 +343,11 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>当前文本与{0}相同。</translation>
     </message>
     <message>
-        <source>came with the program; saving makes this site's copy</source>
+        <source>came with the program; saving makes this site&apos;s copy</source>
         <translation>随软件提供；保存后成为本站自己的副本</translation>
     </message>
     <message>
-        <source>this site's own</source>
+        <source>this site&apos;s own</source>
         <translation>本站自己的文件</translation>
     </message>
 </context>
@@ -564,7 +568,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>结果交付文件夹</translation>
     </message>
     <message>
-        <source>Where the factory's own system collects results; empty: beside the runs.</source>
+        <source>Where the factory&apos;s own system collects results; empty: beside the runs.</source>
         <translation>工厂系统从这里取结果；留空则放在标定记录旁边。</translation>
     </message>
     <message>
@@ -584,6 +588,10 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>真实设备</translation>
     </message>
     <message>
+        <source>Nothing moves by itself: the operator is guided. Test the IMU before the first run.</source>
+        <translation>没有会自己动的部件：操作员按提示转动。首次运行前请测试惯组。</translation>
+    </message>
+    <message>
         <source>A run moves the table. Test both links before the first one.</source>
         <translation>标定时转台会运动。首次标定前请先测试两路连接。</translation>
     </message>
@@ -598,6 +606,10 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>opened by the bench</source>
         <translation>由虚拟台打开</translation>
+    </message>
+    <message>
+        <source>turned by hand</source>
+        <translation>手动转动</translation>
     </message>
     <message>
         <source>Table</source>
@@ -632,11 +644,11 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>随软件提供；保存修改后成为本站自己的副本。</translation>
     </message>
     <message>
-        <source>Version {0} of this site's own file.</source>
+        <source>Version {0} of this site&apos;s own file.</source>
         <translation>本站文件的版本 {0}。</translation>
     </message>
     <message>
-        <source>This site's own file, not saved from here yet.</source>
+        <source>This site&apos;s own file, not saved from here yet.</source>
         <translation>本站自己的文件，尚未在此保存过。</translation>
     </message>
     <message>
@@ -871,6 +883,10 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>端口 {port} 已打开，目前为 {device}。</translation>
     </message>
     <message>
+        <source>“{name}” is turned by hand: there is no link to test.</source>
+        <translation>“{name}”由手转动：没有要测试的连接。</translation>
+    </message>
+    <message>
         <source>There is no port {port}.</source>
         <translation>没有端口 {port}。</translation>
     </message>
@@ -931,7 +947,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>{host} 在线，但端口 {number} 无服务。</translation>
     </message>
     <message>
-        <source>Correct the port number; see that the device's server is on.</source>
+        <source>Correct the port number; see that the device&apos;s server is on.</source>
         <translation>请改正端口号，并确认设备的服务已开启。</translation>
     </message>
     <message>
@@ -1003,7 +1019,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>波特率或校验位不对：当前为 {baud} 波特、校验 {parity}。</translation>
     </message>
     <message>
-        <source>The answer's check (CRC) is wrong: bytes are lost or spoilt.</source>
+        <source>The answer&apos;s check (CRC) is wrong: bytes are lost or spoilt.</source>
         <translation>应答的 CRC 校验错误：有字节丢失或受干扰。</translation>
     </message>
     <message>
@@ -1015,7 +1031,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>收到的只是自己发出的询问。</translation>
     </message>
     <message>
-        <source>Switch the adapter's echo off; see that the table is connected and on.</source>
+        <source>Switch the adapter&apos;s echo off; see that the table is connected and on.</source>
         <translation>请关闭转换器的回显，并确认转台已接好、已上电。</translation>
     </message>
     <message>
@@ -1051,7 +1067,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>有应答，但与配置不符：“{said}”。</translation>
     </message>
     <message>
-        <source>Compare [text] in the table profile with the table's manual.</source>
+        <source>Compare [text] in the table profile with the table&apos;s manual.</source>
         <translation>请对照转台手册核对转台配置的 [text]。</translation>
     </message>
     <message>
@@ -1095,7 +1111,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>看门狗未开启（0）：若本机故障，转台不会自行停车。</translation>
     </message>
     <message>
-        <source>Set the watchdog's time in the drive, 1000 ms for example; no run starts without.</source>
+        <source>Set the watchdog&apos;s time in the drive, 1000 ms for example; no run starts without.</source>
         <translation>请在驱动器中设定看门狗时间，例如 1000 ms；未设定不能标定。</translation>
     </message>
     <message>
@@ -1135,11 +1151,11 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>上电后尚未回零；标定时会先低速回零。</translation>
     </message>
     <message>
-        <source>The {joint} axis says {angle:.1f}°, outside the profile's {profile_low:g}° to {profile_high:g}°.</source>
+        <source>The {joint} axis says {angle:.1f}°, outside the profile&apos;s {profile_low:g}° to {profile_high:g}°.</source>
         <translation>{joint}轴读数 {angle:.1f}°，超出配置的 {profile_low:g}° 至 {profile_high:g}°。</translation>
     </message>
     <message>
-        <source>Correct the register's scale or address, or the travel, in the table profile.</source>
+        <source>Correct the register&apos;s scale or address, or the travel, in the table profile.</source>
         <translation>请在转台配置中改正寄存器的比例或地址，或改正行程。</translation>
     </message>
     <message>
@@ -1147,7 +1163,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>{joint}轴允许 {low:g}° 至 {high:g}°，配置为 {profile_low:g}° 至 {profile_high:g}°。</translation>
     </message>
     <message>
-        <source>Make the profile's travel no wider than the table's, or widen the table's.</source>
+        <source>Make the profile&apos;s travel no wider than the table&apos;s, or widen the table&apos;s.</source>
         <translation>请使配置的行程不大于转台的行程，或放宽转台的行程。</translation>
     </message>
     <message>
@@ -1167,7 +1183,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>收到 {bytes} 字节，但没有“{profile}”的数据帧。</translation>
     </message>
     <message>
-        <source>Baud or parity is wrong (set here: {baud} baud, parity {parity}), or the profile is another unit's.</source>
+        <source>Baud or parity is wrong (set here: {baud} baud, parity {parity}), or the profile is another unit&apos;s.</source>
         <translation>波特率或校验位不对（当前 {baud} 波特、校验 {parity}），或配置文件不是这种产品的。</translation>
     </message>
     <message>
@@ -1183,7 +1199,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>有帧头，但每帧的校验（{kind}）都不对。</translation>
     </message>
     <message>
-        <source>Correct the frame's fields and check in the IMU profile; then parity and stop bits.</source>
+        <source>Correct the frame&apos;s fields and check in the IMU profile; then parity and stop bits.</source>
         <translation>请改正 IMU 配置中的字段和校验方式，再查校验位和停止位。</translation>
     </message>
     <message>
@@ -1207,7 +1223,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>产品只输出数据，不能报告身份；序列号由人工输入。</translation>
     </message>
     <message>
-        <source>Serial number {serial} does not fit the product's pattern {pattern}.</source>
+        <source>Serial number {serial} does not fit the product&apos;s pattern {pattern}.</source>
         <translation>序列号 {serial} 不符合产品的格式 {pattern}。</translation>
     </message>
     <message>
@@ -1239,7 +1255,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>每秒 {measured:.1f} 个样本，而配置为 {expected:g}。</translation>
     </message>
     <message>
-        <source>Set the unit's rate, or correct sample_rate_hz in the IMU profile.</source>
+        <source>Set the unit&apos;s rate, or correct sample_rate_hz in the IMU profile.</source>
         <translation>请设定产品的输出频率，或改正 IMU 配置的 sample_rate_hz。</translation>
     </message>
     <message>
@@ -1295,7 +1311,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>测得 {measured:.3f} m/s²，当地重力为 {expected:.3f} m/s²。</translation>
     </message>
     <message>
-        <source>If it stands still: correct accel_lsb, output or the frame's fields in the IMU profile.</source>
+        <source>If it stands still: correct accel_lsb, output or the frame&apos;s fields in the IMU profile.</source>
         <translation>若产品静止：请改正 IMU 配置的 accel_lsb、output 或字段。</translation>
     </message>
     <message>
@@ -1335,7 +1351,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>网关没有通往从站 {unit} 的路径</translation>
     </message>
     <message>
-        <source>Correct the unit number, or the gateway's table.</source>
+        <source>Correct the unit number, or the gateway&apos;s table.</source>
         <translation>请改正从站号或网关的路由表。</translation>
     </message>
     <message>
@@ -1351,7 +1367,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>Modbus 异常码 {code}</translation>
     </message>
     <message>
-        <source>See the table's manual.</source>
+        <source>See the table&apos;s manual.</source>
         <translation>请查转台手册。</translation>
     </message>
     <message>
@@ -1497,11 +1513,11 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>合格限</translation>
     </message>
     <message>
-        <source>before the unit's registers</source>
+        <source>before the unit&apos;s registers</source>
         <translation>取自标定寄存器之前</translation>
     </message>
     <message>
-        <source>behind the unit's registers</source>
+        <source>behind the unit&apos;s registers</source>
         <translation>取自标定寄存器之后</translation>
     </message>
     <message>
