@@ -11,8 +11,8 @@ from calstation.errors import DeviceFaultError
 TICK = 0.05
 """How often the devices are looked at, s."""
 
-_UNSEEN_TICK = 0.1
-"""The same where time runs as fast as the machine allows: nobody sees the difference, and it halves the work."""
+_UNSEEN_TICK = 0.2
+"""The same where time runs as fast as the machine allows: nobody sees the difference, and it is half the work."""
 
 _ANSWER_WITHIN = 20.0
 """Host time allowed for an answer of the bench at its fastest, s."""
