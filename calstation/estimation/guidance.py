@@ -31,7 +31,7 @@ SAME = np.deg2rad(10.0)
 SPREAD = 0.1
 """Positions suffice once the worst known combination of accelerometer errors shows so strongly in a mean one, where
 directions all over the sphere would reach 0.26."""
-TURNED = np.pi
+TURNED = 2.0
 """And once the unit has turned so far about every axis, rad, root of the sum of squares over its motions."""
 
 State = Literal["waiting", "moving", "still", "enough", "repeat"]

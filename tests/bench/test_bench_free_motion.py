@@ -7,6 +7,7 @@ from calstation.bench.free_motion import Course, FreeMotion, Link, Pulse, tremor
 from calstation.bench.grades import draw_imu
 from calstation.bench.hand_rig import HandRig, around, push, record
 from calstation.bench.kinematics import JointProfile
+from calstation.bench.live_hands import HandStream
 from calstation.bench.stream_truth import SensorStream
 from calstation.bench.table_truth import TableTruth, rotation
 from calstation.bench.unit_samples import Field, Place, ideal_increments
@@ -120,3 +121,28 @@ def test_equal_seeds_give_equal_recordings_and_others_differ():
     first, again, other = (record(imu, rig, poses, seed)[0].counts for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.array_equal(first[:100], other[:100])
+
+
+def test_samples_do_not_depend_on_how_they_are_asked_for():
+    imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
+    rig = HandRig()
+    streams = [HandStream(imu, rig, np.random.SeedSequence(5)) for _ in range(2)]
+    for stream in streams:
+        stream.carry((0.0, 1.0), 2.0, 0.5)
+    whole = streams[0].produce(400).counts
+    parts = [streams[1].produce(count).counts for count in (1, 9, 90, 300)]
+    assert np.array_equal(whole, np.vstack(parts))
+
+
+def test_hands_bring_it_about_where_they_are_asked_and_then_leave_it():
+    imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
+    rig = HandRig()
+    stream = HandStream(imu, rig, np.random.SeedSequence(5))
+    per_count = imu.accel_lsb * 100.0
+    for pose in ((0.0, 1.0), (0.0, 1.0), (1.5, 1.0), (0.0, 0.0)):
+        stream.carry(pose, 5.0, stream.produced / 100.0)
+        stream.produce(1500)  # a touch that comes too soon is over by then
+        up = stream.produce(200).counts[:, 3:].mean(axis=0) * per_count
+        asked = (rotation(np.array([pose[0], 0.0, 0.0])) @ rotation(np.array([0.0, pose[1], 0.0])))[2]
+        away = np.arccos(up @ asked / np.linalg.norm(up))
+        assert away < np.deg2rad(20.0)

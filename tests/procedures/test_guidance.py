@@ -1,11 +1,13 @@
 """The operator is told still, moving, enough and repeat as the hands do it, and the solver agrees."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hand_recordings import QUICK, context_of, prior_of, recording, solved, unit
 
 from calstation.estimation.applied import before_after
-from calstation.estimation.guidance import PositionGuide
+from calstation.estimation.guidance import PositionGuide, spread
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +62,35 @@ def test_a_result_applied_to_data_brings_force_to_gravity(mems):
     assert np.abs(shown.length_after.mean()) < 0.2 * np.abs(shown.length_before.mean())
     assert np.abs(shown.rate_after.mean(axis=0)).max() < 1e-4
     assert np.abs(shown.rate_before.mean(axis=0)).max() > 5e-4
+
+
+def test_a_knock_makes_no_position_and_neither_does_a_pause_in_the_data(mems):
+    imu, block = mems
+    guide, _ = followed(block.part(0, 800), imu)
+    (first,) = guide.now.positions
+    knocked = block.part(800, 900)
+    noisy = replace(
+        knocked, counts=knocked.counts + np.r_[2e4, 0, 0, 0, 0, 0] * np.sin(np.arange(100.0))[:, None]
+    )
+    guide.feed(noisy)
+    assert guide.now.state == "moving"
+    later = block.part(100, 800)
+    guide.feed(replace(later, seq=later.seq + 5000))
+    assert guide.now.state == "enough"
+    assert len(guide.now.positions) == 1
+    assert np.array_equal(guide.now.positions[0], first)
+
+
+def test_positions_suffice_once_they_lie_all_around_and_every_axis_was_turned_about(mems):
+    imu, block = mems
+    guide = PositionGuide(context_of(imu).imu, 1.0, 5.0)
+    begun = []
+    for k in range(0, len(block), 500):
+        now = guide.feed(block.part(k, min(k + 500, len(block))))
+        if now.suffices:
+            begun.append(len(now.positions))
+    assert begun
+    assert 15 < begun[0] < len(guide.now.positions)
+    assert spread(guide.now.positions) > 0.15
+    assert spread(np.eye(3)) == 0.0
+    assert spread(guide.now.positions[:12] * [1, 0, 1]) < 1e-6

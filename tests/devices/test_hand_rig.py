@@ -1,0 +1,57 @@
+"""Rails that hands turn take a table's place without ever being driven, and their profile has no link."""
+
+import math
+
+import numpy as np
+import pytest
+
+from calstation.configuration import read_toml, validate
+from calstation.devices.hand_rig import HandTable
+from calstation.devices.open_table import open_table
+from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.errors import ConfigurationError
+from calstation.station import library
+
+PATH = library.shipped_folder() / "tables" / "hand_rails.toml"
+
+
+@pytest.fixture
+def profile() -> TableProfile:
+    return load_table_profile(PATH)
+
+
+def test_it_is_at_rest_ready_and_nobody_knows_its_angles(profile: TableProfile) -> None:
+    table = HandTable(profile)
+    assert table.identify().model == "hand-rails"
+    for command in (table.enable, table.disable, table.home, table.stop, table.reset_fault, table.heartbeat):
+        command()
+        status = table.status()
+        assert np.isnan(status.angles).all()
+        assert np.isnan(status.rates).all()
+        assert (status.enabled, status.homed, status.moving, status.settled) == (True, True, False, True)
+        assert status.fault is None
+        assert math.isinf(status.watchdog)
+    table.close()
+
+
+def test_it_refuses_to_be_driven(profile: TableProfile) -> None:
+    table = HandTable(profile)
+    with pytest.raises(ConfigurationError, match="turned by hand and cannot be driven"):
+        table.move(0.1, 0.0, 1.0, 1.0)
+    with pytest.raises(ConfigurationError, match="turned by hand and cannot be driven"):
+        table.rate(0.1, 0.0, 1.0)
+
+
+def test_it_has_no_port(profile: TableProfile) -> None:
+    assert profile.by_hand
+    with pytest.raises(ConfigurationError, match="they have no port"):
+        open_table("/dev/ttyS0", profile, None)
+
+
+@pytest.mark.parametrize(
+    ("section", "value"),
+    [("commands", {"move": 1}), ("link_loss_stop_s", 1.0), ("modbus", {"unit": 1, "timeout_s": 1})],
+)
+def test_what_belongs_to_a_driven_table_is_refused(section: str, value: object) -> None:
+    with pytest.raises(ConfigurationError, match='does not belong to protocol = "hand"'):
+        validate(TableProfile, {**read_toml(PATH), section: value}, "hand.toml")

@@ -1,0 +1,187 @@
+"""Whoever carries the unit sees from afar what to do: a word with its shape, the position, the rest that fills."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from PySide6.QtGui import QImage
+from pytestqt.qtbot import QtBot
+
+from calstation.gui import language, theme
+from calstation.gui.main_window import MainWindow
+from calstation.gui.operator.page import OperatorPage
+from calstation.gui.operator.position_panel import PositionPanel
+from calstation.gui.operator.preparation import Preparation
+from calstation.physics.rotation import axis_rotation
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import PositionGuided, StageStarted, StateChanged
+from calstation.station import library
+from calstation.station.outline import Outline, outline
+from calstation.station.request import RunRequest
+from tests.gui.conftest import Operator
+
+X, Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+SIXTY = float(np.deg2rad(60.0))
+
+
+@pytest.fixture(scope="module")
+def planned() -> Outline:
+    request = RunRequest(
+        "SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand")
+    )
+    return outline(request)
+
+
+@pytest.fixture
+def panel(qtbot: QtBot, planned: Outline) -> Iterator[PositionPanel]:
+    theme.apply("light")
+    made = PositionPanel()
+    qtbot.addWidget(made)
+    made.resize(1000, 520)
+    made.plan(planned)
+    made.show()
+    yield made
+    language.use("en")
+
+
+def guided(
+    state: str, index: int = 4, rest: float = 0.0, *, suffices: bool = False, stage: str = "multi_position"
+) -> PositionGuided:
+    """Carried along the inner rail in steps of 60°; the positions before `index` are done."""
+    poses = [(0.0, k * SIXTY) for k in range(index)]
+    ups = [(axis_rotation(X, outer) @ axis_rotation(Y, inner))[2] for outer, inner in poses]
+    at = ups[-2] if state == "enough" else ups[-1]
+    return PositionGuided(
+        stage,
+        index,
+        38,
+        state,
+        rest,
+        7.0,
+        *poses[-1],
+        *poses[-2],
+        tuple(map(float, at)),
+        tuple(float(v) for up in ups[:-1] for v in up),
+        suffices,
+    )
+
+
+def picture(panel: PositionPanel) -> QImage:
+    return panel.picture.grab().toImage()
+
+
+def painted(image: QImage, colour: str) -> int:
+    """Pixels of just this colour."""
+    wanted = int(colour.removeprefix("#"), 16) | 0xFF000000
+    pixels = np.frombuffer(image.convertToFormat(QImage.Format.Format_RGB32).constBits(), np.uint32)
+    return int(np.count_nonzero((pixels | 0xFF000000) == wanted))
+
+
+@pytest.mark.parametrize(
+    ("state", "word", "chinese"),
+    [
+        ("waiting", "Waiting", "等待中"),
+        ("moving", "Moving", "转动中"),
+        ("still", "Hold still", "保持静止"),
+        ("enough", "Enough: go on", "已够，请继续"),
+        ("repeat", "Too soon: once more", "动得太早，再来一次"),
+    ],
+)
+def test_every_state_has_a_large_word_in_both_languages(
+    panel: PositionPanel, qtbot: QtBot, state: str, word: str, chinese: str
+) -> None:
+    panel.take(guided(state))
+    assert panel.badge.text() == word
+    assert panel.place_label.text() == "position 4 of 38"
+    language.use("zh_CN")
+    qtbot.waitUntil(lambda: panel.badge.text() == chinese, timeout=30_000)
+    assert panel.place_label.text() == "第 4 个位置，共 38 个"
+
+
+def test_every_state_has_a_shape_of_its_own(panel: PositionPanel) -> None:
+    shapes = set()
+    for state in ("waiting", "moving", "still", "enough", "repeat"):
+        panel.take(guided(state))
+        shapes.add(panel.badge._icon._kind)
+    assert len(shapes) == 5
+
+
+def test_it_says_which_rail_to_turn_and_how_long_to_wait(panel: PositionPanel) -> None:
+    panel.take(guided("enough"))
+    assert panel.task_label.text() == "Turn the inner rail to about 180°, then let go."
+    panel.take(guided("still", rest=4.2))
+    assert panel.task_label.text() == "Hands off. 3 s left."
+    panel.take(guided("repeat"))
+    assert "leave it for 7 s" in panel.task_label.text()
+
+
+def test_the_ring_fills_while_it_rests(panel: PositionPanel) -> None:
+    accent, good = theme.colours().accent, theme.colours().good
+    ring = []
+    for rest in (0.0, 3.5, 7.0):
+        panel.take(guided("still", rest=rest))
+        ring.append(painted(picture(panel), accent))
+    assert ring[0] < ring[1] < ring[2]
+    assert ring[2] - ring[1] == pytest.approx(ring[1] - ring[0], rel=0.1)
+    assert painted(picture(panel), good) == 0
+    panel.take(guided("enough"))
+    assert painted(picture(panel), good) > ring[2] - ring[0] - 500
+
+
+def test_the_unit_stands_in_the_picture_as_gravity_says(panel: PositionPanel) -> None:
+    panel.take(guided("enough", 2))
+    for share in np.linspace(0.0, 1.0, 7):
+        event = guided("moving", 2)
+        up = axis_rotation(Y, share * SIXTY)[2]
+        panel.take(PositionGuided(**{**event.__dict__, "up": tuple(map(float, up))}))
+    attitude = panel.picture._attitude
+    assert attitude @ up == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+    assert attitude == pytest.approx(axis_rotation(Y, SIXTY), abs=1e-9)
+
+
+def test_upside_down_is_drawn_too(panel: PositionPanel) -> None:
+    event = guided("moving", 2)
+    panel.take(PositionGuided(**{**event.__dict__, "up": (0.0, 0.0, -1.0)}))
+    assert panel.picture._attitude[2] == pytest.approx([0.0, 0.0, -1.0])
+    assert not picture(panel).isNull()
+
+
+def test_it_may_be_finished_once_the_positions_suffice(panel: PositionPanel, qtbot: QtBot) -> None:
+    panel.take(guided("moving"))
+    assert not panel.finish_button.isEnabled()
+    assert "not lie all around" in panel.finish_button.toolTip()
+    panel.take(guided("moving", suffices=True))
+    with qtbot.waitSignal(panel.finish_wanted):
+        panel.finish_button.click()
+    assert not panel.finish_button.isEnabled()
+    panel.take(guided("moving", 2, stage=""))
+    assert not panel.finish_button.isVisible()
+    assert panel.place_label.text() == "check 2 of 38"
+
+
+def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
+    operator: Operator, window: MainWindow, planned: Outline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = window.findChild(OperatorPage)
+    assert page is not None
+    page._loading.plan(planned)
+    assert page._loading.rails.isVisibleTo(page._loading)
+    assert "hands are software" in operator.says()
+    run, link = window.app.run, window.app.engine_link
+    monkeypatch.setattr(type(link), "running", property(lambda self: True))
+    sent: list[Command] = []
+    monkeypatch.setattr(link, "send", sent.append)
+    run.outline = planned
+    page._position.plan(planned)
+    link.event.emit(StateChanged("preparing", "idle"))
+    operator.until(lambda: window.findChild(Preparation).isVisible())
+    assert "Homing" not in operator.says()
+    assert "The unit is asked who it is." in operator.says()
+    link.event.emit(StateChanged("running", "preparing"))
+    link.event.emit(StageStarted("multi_position", 0, 1, 400.0))
+    link.event.emit(guided("enough", suffices=True))
+    operator.until(lambda: page._position.isVisible())
+    assert "Turn the inner rail to about 180°, then let go." in operator.says()
+    assert not page._table.isVisible()
+    operator.press("finish_positions_button")
+    assert sent == [Command.ENOUGH]

@@ -1,0 +1,261 @@
+"""Who carries the unit is guided: the run waits for every rest, drives nothing, and throws nothing away."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from calstation.devices.hand_rig import HandTable
+from calstation.devices.interfaces import SampleBatch
+from calstation.devices.table_profile import load_table_profile
+from calstation.physics.motion import Carry, Step
+from calstation.physics.rotation import rotation_vector
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import (
+    LOSSY,
+    Fault,
+    Message,
+    PositionGuided,
+    StageEnded,
+    StageProgress,
+    StateChanged,
+    StepStarted,
+    TableMoved,
+    from_json,
+    to_json,
+)
+from calstation.sequencer.states import State
+from calstation.sequencer.task import StagePlan
+from calstation.station import library
+from tests.sequencer.fakes import GEOMETRY, GRAVITY, MODEL, RATE, FakeImu, Scene
+
+REST = 2.0
+QUARTER = 0.5 * math.pi
+Pose = tuple[float, float]
+FOUR: tuple[Pose, ...] = ((0.0, 0.0), (QUARTER, 0.0), (QUARTER, QUARTER), (0.0, QUARTER))
+ROUND = tuple((0.5 * k * QUARTER, 0.0) for k in range(1, 9))
+TURNED = tuple((2 * QUARTER + 0.5 * k * QUARTER, QUARTER) for k in range(8))
+ON_ITS_SIDE = tuple((QUARTER, QUARTER + 0.5 * k * QUARTER) for k in range(8))
+ALL_ROUND = ((0.0, 0.0), *ROUND, *TURNED, *ON_ITS_SIDE, (0.0, 0.0))
+
+
+class Carried(FakeImu):
+    """A unit in somebody's hands, with a little noise; every turn takes a second."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene.clock, scene.table)
+        self.way: list[tuple[float, Pose]] = [(0.0, (0.0, 0.0))]
+        self.random = np.random.default_rng(1)
+
+    def turn(self, pose: Pose) -> None:
+        self.way.append((self.clock.time, pose))
+
+    def pose(self, time: float) -> np.ndarray:
+        at = np.zeros(2)
+        for (_, before), (begin, pose) in pairwise(self.way):
+            if time >= begin:
+                at = np.asarray(before) + min(time - begin, 1.0) * np.subtract(pose, before)
+        return at
+
+    def read(self) -> SampleBatch:
+        batch = super().read()
+        return replace(batch, counts=batch.counts + self.random.normal(0.0, 50.0, batch.counts.shape))
+
+    def _counts(self, time: float) -> np.ndarray:
+        before, now = (GEOMETRY.body_to_home(*self.pose(t)) for t in (time - 1.0 / RATE, time))
+        gyro = rotation_vector(before.T @ now) * RATE
+        force = now.T @ np.array([0.0, 0.0, GRAVITY])
+        return np.concatenate([gyro / MODEL.gyro_lsb, force / MODEL.accel_lsb])
+
+
+class Heard(list[Any]):
+    """Events, of which somebody at the rails hears what is asked."""
+
+    def __init__(self, ask: Callable[[StepStarted], None]) -> None:
+        super().__init__()
+        self._ask = ask
+
+    def append(self, event: Any) -> None:
+        super().append(event)
+        if isinstance(event, StepStarted) and event.kind == "carry":
+            self._ask(event)
+
+
+class ByHand(Scene):
+    """A scene with rails; hands do what is asked half a second later, or what `instead` says at a position."""
+
+    def __init__(self, poses: tuple[Pose, ...] = FOUR) -> None:
+        def steps() -> Iterator[Step]:
+            for index, pose in enumerate(poses, start=1):
+                yield Carry(*pose, REST, 3.0, index, len(poses))
+
+        super().__init__(StagePlan("multi_position", steps), by_hand=True)
+        self.imu = self.hand = Carried(self)
+        rails = load_table_profile(library.shipped_folder() / "tables" / "hand_rails.toml")
+        self.table = HandTable(rails)  # type: ignore[assignment]
+        self.events = Heard(self.ask)
+        self.instead: dict[int, Callable[[Pose], None]] = {}
+
+    def ask(self, event: StepStarted) -> None:
+        outer, inner, _, index, _ = (float(value) for value in event.label[1:])
+        pose = (math.radians(outer), math.radians(inner))
+        act = self.instead.pop(int(index), None) if event.stage else None
+        if act is not None:
+            act(pose)
+        elif pose != self.hand.way[-1][1]:
+            self.later(0.5, lambda: self.hand.turn(pose))
+
+    def later(self, seconds: float, act: Callable[[], None]) -> None:
+        self.clock.at(self.clock.time + seconds, act)
+
+    def samples(self, name: str) -> np.ndarray:
+        return np.concatenate([getattr(b, name) for b in self.solving.blocks["multi_position"]])
+
+
+def words(scene: Scene, index: int) -> list[str]:
+    """The states told of a position, each once."""
+    told = [e.state for e in scene.told(PositionGuided) if e.stage and e.index == index]
+    return [state for k, state in enumerate(told) if k == 0 or told[k - 1] != state]
+
+
+def test_the_run_waits_for_every_rest_and_drives_nothing() -> None:
+    scene = ByHand()
+    assert scene.run().state is State.PASSED, scene.told(Fault)
+    assert words(scene, 1) == ["waiting", "still", "enough"]
+    for index in (2, 3, 4):
+        assert words(scene, index) == ["enough", "moving", "still", "enough"]
+    asked = [e for e in scene.told(StepStarted) if e.stage]
+    assert {e.kind for e in asked} == {"carry"}
+    assert [e.label[4] for e in asked] == [1.0, 2.0, 3.0, 4.0]
+    assert list(np.unique(scene.samples("step"))) == [e.step for e in asked]
+    assert scene.samples("valid").all()
+    assert np.isnan(scene.samples("angles")).all()
+    assert np.array_equal(np.diff(scene.samples("seq")), np.ones(len(scene.samples("seq")) - 1))
+    assert not scene.told(TableMoved)
+
+
+def test_the_picture_has_gravity_what_is_done_and_what_is_asked() -> None:
+    scene = ByHand()
+    scene.run()
+    last = [e for e in scene.told(PositionGuided) if e.stage][-1]
+    assert (last.index, last.count, last.state) == (4, 4, "enough")
+    assert (last.outer, last.inner) == FOUR[3]
+    assert (last.outer_before, last.inner_before) == FOUR[2]
+    done = np.reshape(last.done, (-1, 3))
+    expected = [GEOMETRY.body_to_home(*pose)[2] for pose in FOUR]
+    assert np.abs(done - expected).max() < 0.01
+    assert np.abs(np.array(last.up) - expected[3]).max() < 0.01
+    assert not last.suffices
+    assert from_json(to_json(last)) == last
+    assert isinstance(last, LOSSY)
+
+
+def test_progress_counts_every_position() -> None:
+    scene = ByHand()
+    scene.run()
+    fractions = [e.fraction for e in scene.told(StageProgress)]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    assert scene.told(StageProgress)[-1].remaining == 0.0
+
+
+def test_who_lets_go_too_late_is_told_once_more_and_nothing_is_lost() -> None:
+    scene = ByHand()
+
+    def touched(pose: Pose) -> None:
+        scene.later(0.5, lambda: scene.hand.turn(pose))
+        scene.later(3.0, lambda: scene.hand.turn((pose[0] + 0.2, pose[1])))
+
+    scene.instead[2] = touched
+    assert scene.run().state is State.PASSED
+    assert words(scene, 2) == ["enough", "moving", "still", "repeat", "still", "enough"]
+    assert scene.samples("valid").all()
+    assert not [m for m in scene.told(Message) if m.id == "step_repeated"]
+
+
+def test_a_gap_while_it_is_carried_asks_for_the_position_again_and_returns_nowhere() -> None:
+    scene = ByHand()
+
+    def cut(pose: Pose) -> None:
+        scene.later(0.5, lambda: scene.hand.turn(pose))
+        scene.later(2.5, lambda: setattr(scene.imu, "drop", 3))
+
+    scene.instead[3] = cut
+    assert scene.run().state is State.PASSED
+    (repeated,) = [m for m in scene.told(Message) if m.id == "step_repeated"]
+    assert repeated.values["reason"] == "gap"
+    asked = [e for e in scene.told(StepStarted) if e.stage]
+    assert [e.label[4] for e in asked] == [1.0, 2.0, 3.0, 3.0, 4.0]
+    assert {e.kind for e in asked} == {"carry"}
+    assert len(np.reshape(scene.told(PositionGuided)[-1].done, (-1, 3))) == 2  # of the check behind the stage
+
+
+def test_a_pause_is_no_rest_and_the_position_is_asked_for_again() -> None:
+    scene = ByHand()
+
+    def pause(pose: Pose) -> None:
+        scene.later(0.5, lambda: scene.hand.turn(pose))
+        scene.later(2.0, lambda: scene.control.send(Command.PAUSE))
+        scene.later(9.0, lambda: scene.control.send(Command.RESUME))
+
+    scene.instead[2] = pause
+    assert scene.run().state is State.PASSED
+    assert [e.state for e in scene.told(StateChanged)][1:-1] == ["running", "pausing", "paused", "running"]
+    valid, time = scene.samples("valid"), scene.samples("time")
+    assert 6.5 < (~valid).sum() / RATE < 8.0
+    assert time[-1] - time[np.flatnonzero(~valid)[-1]] > 3 * REST
+
+
+def test_enough_ends_the_stage_once_the_positions_lie_all_around() -> None:
+    scene = ByHand(ALL_ROUND)
+    scene.instead[2] = lambda pose: (
+        scene.control.send(Command.ENOUGH),
+        scene.later(0.5, lambda: scene.hand.turn(pose)),
+    )
+    assert scene.run().state is State.PASSED
+    (ended,) = scene.told(StageEnded)
+    assert ended.reason == "operator"
+    last = [e for e in scene.told(PositionGuided) if e.stage][-1]
+    assert last.suffices
+    assert 12 < last.index < len(ALL_ROUND)
+
+
+def test_a_stop_ends_the_waiting() -> None:
+    scene = ByHand()
+    scene.instead[2] = lambda pose: scene.later(30.0, lambda: scene.control.send(Command.STOP))
+    assert scene.run().state is State.STOPPED
+    assert scene.concluded == 0
+
+
+def test_no_power_home_direction_or_turn_is_asked_of_rails() -> None:
+    scene = ByHand()
+    scene.hand.way[0] = (0.0, (math.pi, 0.0))  # upside down: no direction is declared
+    scene.hand.pose = lambda time, own=scene.hand.pose: own(time) + np.array([math.pi, 0.0])  # type: ignore[method-assign]
+    assert scene.run().state is State.PASSED
+    told = [m.id for m in scene.told(Message)]
+    assert "checking_gravity" in told
+    assert not {"homing", "checking_mounting", "finishing"} & set(told)
+
+
+def test_gravity_of_a_wrong_length_is_a_fault_before_anybody_is_asked() -> None:
+    scene = ByHand()
+    scene.task = replace(scene.task, preflight=replace(scene.task.preflight, gravity=9.0))
+    assert scene.run().state is State.FAULT
+    assert "gravity measures 9.8" in scene.told(Fault)[0].text
+    assert not scene.told(StepStarted)
+
+
+def test_the_restarted_unit_is_turned_over_between_two_rests() -> None:
+    scene = ByHand()
+    scene.run()
+    (data,) = scene.proved
+    first, second = data.rests
+    assert np.abs(first[3:] + second[3:]).max() < 0.05
+    assert data.turns == ()
+    turned = (data.carried[:, :3] * data.period).sum(axis=0)
+    assert abs(np.linalg.norm(turned) - math.pi) < 0.05
+    checks = [e for e in scene.told(PositionGuided) if not e.stage]
+    assert {(e.index, e.count) for e in checks} == {(1, 2), (2, 2)}

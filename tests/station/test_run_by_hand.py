@@ -1,0 +1,138 @@
+"""A rig turned by hand is a station like any other: guided on the bench, solved, judged, written, solved again."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+
+from calstation.errors import ConfigurationError
+from calstation.records.log import open_log
+from calstation.sequencer.events import Message, PositionGuided
+from calstation.station import library
+from calstation.station.config import load_station, rails_by_hand
+from calstation.station.connection_test import Order, try_table
+from calstation.station.forecast import forecast
+from calstation.station.outline import outline
+from calstation.station.request import RunRequest
+from calstation.station.resolve import resolve
+from calstation.station.schedules import offer
+from calstation.station.setup import prepare
+from tests.station.conftest import STATION, Place
+
+SHORT = {"manual": True, "initial_rest_s": 5.0, "rest_s": 2.0, "step_deg": 120.0, "rate_dps": 90.0}
+PRODUCT = {
+    "name": "by hand",
+    "imu": "bench_mems",
+    "bench_grade": "mems",
+    "stages": ["multi_position"],
+    "schedule": {"multi_position": SHORT},
+    "limits": {
+        "gyro_bias": {"within": 0.0052, "sigma_below": 1e-4},
+        "gyro_scale": {"within": 0.0036, "sigma_below": 1e-3},
+        "accel_bias": {"within": 0.024, "sigma_below": 5e-3},
+        "accel_scale": {"within": 0.003, "sigma_below": 5e-4},
+    },
+}
+
+
+class Rig(Place):
+    """A place whose table is a rig turned by hand."""
+
+    def write(self, product: dict | None = None, **bench: object) -> None:
+        super().write({**PRODUCT, **(product or {})}, **bench)
+        site = {key: value for key, value in STATION["site"].items() if key != "azimuth_deg"}
+        station = {**STATION, "site": site, "table": {"profile": "hand_rails"}, "bench": {"seed": 5, **bench}}
+        self.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    return Rig(tmp_path)
+
+
+def no_tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bit(rig: Rig) -> None:
+    verdict = rig.run()
+    result = verdict.result
+    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
+    assert result["registers"]["verified"]
+    proof = {check["name"]: check for check in result["registers"]["proof"]}
+    assert proof["carried_turn"]["passed"]
+    assert not {"outer_turn", "inner_turn"} & set(proof)
+    guided = [event for event in rig.told(PositionGuided) if event.stage]
+    planned = outline(rig.request())
+    assert {event.state for event in guided} >= {"waiting", "still", "moving", "enough"}
+    assert guided[-1].index == guided[-1].count == len(planned.positions)
+    done = np.reshape(guided[-1].done, (-1, 3))
+    away = np.arccos(np.clip((done * planned.positions).sum(axis=1), -1.0, 1.0))
+    assert np.rad2deg(away).max() < 25.0  # hands stop about where they should
+    assert {m.id for m in rig.told(Message)}.isdisjoint({"homing", "checking_mounting", "finishing"})
+    log = open_log(Path(verdict.log))
+    blocks = [block for block in log.blocks() if block.stage == "multi_position"]
+    assert np.isnan(np.concatenate([block.angles for block in blocks])).all()
+    assert np.concatenate([block.valid for block in blocks]).all()
+    assert len(np.unique(np.concatenate([block.step for block in blocks]))) == len(planned.positions)
+    again = resolve(Path(verdict.log)).result
+    assert again["parameters"] == result["parameters"]
+
+
+def test_what_needs_a_table_is_refused_in_a_sentence_before_anything_is_opened(rig: Rig) -> None:
+    with pytest.raises(ConfigurationError, match=r"'rate' needs a table that is driven.*turned by hand"):
+        prepare(rig.request("rate"))
+    with pytest.raises(ConfigurationError, match="'six_position' needs a table that is driven"):
+        outline(rig.request("multi_position", "six_position"))
+    rig.write({"schedule": {"multi_position": {**SHORT, "manual": False}}})
+    with pytest.raises(
+        ConfigurationError, match=r"product.toml: schedule.multi_position.manual must be true"
+    ):
+        forecast(no_tell, rig.request())
+
+
+def test_what_is_carried_needs_rails(rig: Rig) -> None:
+    driven = tomli_w.dumps({**STATION, "bench": {"seed": 5}})
+    rig.station.write_text(driven, encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual is true, but the table"):
+        prepare(rig.request())
+
+
+def test_before_the_run_time_and_positions_are_known_and_sigmas_are_not(rig: Rig) -> None:
+    planned = outline(rig.request())
+    assert planned.by_hand
+    assert len(planned.positions) == 20
+    assert np.allclose(np.linalg.norm(planned.positions, axis=1), 1.0)
+    assert planned.positions[0] == (0.0, 0.0, 1.0)
+    foretold = forecast(no_tell, rig.request())
+    assert foretold.stages[0].end == pytest.approx(planned.stages[0].duration)
+    assert "by hand cannot be foretold" in foretold.stages[0].error
+    assert np.abs(foretold.inner).max() == pytest.approx(2.0 * np.pi)
+    assert offer(rig.station, rig.product).offered == ("multi_position",)
+
+
+def test_rails_need_no_port_and_have_no_link_to_test(tmp_path: Path) -> None:
+    path = tmp_path / "station.toml"
+    file = {**STATION, "table": {"profile": "hand_rails"}, "imu": {"port": "/dev/ttyUSB7"}}
+    path.write_text(tomli_w.dumps(file), encoding="utf-8")
+    _, station = load_station(path)
+    product = library.find("products", "mems_hand")
+    report = try_table(no_tell, Order(station, product))
+    assert [(f.id, f.state) for f in report.findings] == [("by_hand", "ok")]
+    path.write_text(tomli_w.dumps({**file, "imu": {}}), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"imu\.port is missing"):
+        load_station(path)
+    path.write_text(tomli_w.dumps({**file, "table": {"profile": "bench"}}), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"table\.port is missing"):
+        load_station(path)
+    assert not rails_by_hand("bench")
+
+
+def test_the_shipped_station_and_product_belong_together() -> None:
+    request = RunRequest(
+        "SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand")
+    )
+    setup = prepare(request)
+    assert setup.by_hand
+    assert outline(request).stages[0].duration < 600.0
