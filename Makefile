@@ -32,7 +32,7 @@ fuzz: $(VENV)/installed-dev
 # The window's words: one file per page folder, and window for what lies beside them. New ones appear unfinished.
 GUI := calstation/gui
 translations: $(VENV)/installed-dev
-	for page in operator engineer offline history station_page; do \
+	for page in operator engineer offline history station_page methods; do \
 		$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/$$page/*.py \
 			-ts $(GUI)/translations/$${page}_zh_CN.ts || exit 1; \
 	done

@@ -20,6 +20,7 @@ from calstation.gui import language, theme
 from calstation.gui.context import AppContext
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.history.page import HistoryPage
+from calstation.gui.methods.page import MethodsPage
 from calstation.gui.offline.page import OfflinePage
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.page import Page
@@ -29,7 +30,14 @@ from calstation.gui.station_page.page import StationPage
 from calstation.gui.widgets import icons
 from calstation.station.config import load_station
 
-_PAGES: tuple[type[Page], ...] = (OperatorPage, EngineerPage, OfflinePage, HistoryPage, StationPage)
+_PAGES: tuple[type[Page], ...] = (
+    OperatorPage,
+    EngineerPage,
+    OfflinePage,
+    HistoryPage,
+    StationPage,
+    MethodsPage,
+)
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
 """Height of the strip with STOP above every page, px."""
 
@@ -81,6 +89,7 @@ class MainWindow(QMainWindow):
         app.engine_link.running_changed.connect(self._running_changed)
         operator = self.operator_page
         operator.station_wanted.connect(lambda: self.show_page("station_page"))
+        self.methods_page.live_wanted.connect(lambda: self.show_page("operator_page"))
         app.open_log.connect(lambda _: self.show_page("offline_page"))
         app.open_run.connect(lambda _: self.show_page("engineer_page"))
         app.resume_run.connect(lambda _: self.show_page("operator_page"))
@@ -97,6 +106,13 @@ class MainWindow(QMainWindow):
         """The first page."""
         page = self.pages[0]
         assert isinstance(page, OperatorPage)
+        return page
+
+    @property
+    def methods_page(self) -> MethodsPage:
+        """The last page."""
+        page = self.pages[-1]
+        assert isinstance(page, MethodsPage)
         return page
 
     def show_page(self, name: str) -> None:

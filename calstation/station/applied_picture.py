@@ -17,6 +17,8 @@ from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta
 
 _COLUMNS = 2000
+_MEAN_OVER = 0.25
+"""Samples are averaged over this long at least, s: a line of single samples shows their noise and nothing else."""
 _SHORTEST_REST = 1.0
 
 
@@ -31,6 +33,7 @@ class Applied:
     length_before, length_after : of the force less gravity, means over the time between, m/s², shape (k,)
     rate_before, rate_after : size of the mean rate, rad/s, shape (k,)
     rests : begin and end of each, s, shape (r, 2)
+    rest_length, rest_rate : means of each rest before and after, m/s² and rad/s, shape (r, 2)
     length_rms, rate_rms : over the means of all rests, before and after, m/s² and rad/s; the rate holds the earth's
     earth : its rate, rad/s
     """
@@ -43,6 +46,8 @@ class Applied:
     rate_before: FloatArray
     rate_after: FloatArray
     rests: FloatArray
+    rest_length: FloatArray
+    rest_rate: FloatArray
     length_rms: tuple[float, float]
     rate_rms: tuple[float, float]
     earth: float = RATE
@@ -70,7 +75,7 @@ def apply_to_recording(
         )
     site = context.site
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
-    stride = max(1, len(whole) // _COLUMNS)
+    stride = max(1, round(_MEAN_OVER * context.imu.sample_rate), len(whole) // _COLUMNS)
     shown = before_after(whole, context.imu, before, found, gravity, stride)
     start = float(data.time[0])
     tell(0.8)
@@ -92,6 +97,8 @@ def apply_to_recording(
         np.linalg.norm(shown.rate_before, axis=1),
         np.linalg.norm(shown.rate_after, axis=1),
         np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
+        np.array(lengths),
+        np.array(rates),
         (float(length_rms[0]), float(length_rms[1])),
         (float(rate_rms[0]), float(rate_rms[1])),
     )

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from calstation.estimation.gimbal_iteration import AXES, contraction
 from calstation.physics.arrays import FloatArray
@@ -82,6 +81,8 @@ def _best_gain(order: str, axis: int, angle: float, largest: float) -> float:
     """The gain with the smallest contraction; 0 where no gain converges."""
     if largest <= 0.0:
         return 0.0
+    from scipy.optimize import minimize_scalar  # takes long to import, and few answers need it
+
     found = minimize_scalar(
         lambda gain: contraction(order, axis, angle, gain), bounds=(0.0, largest), method="bounded"
     )

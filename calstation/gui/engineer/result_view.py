@@ -7,7 +7,9 @@ from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from calstation.gui import theme
+from calstation.gui.check_wording import of_parameter
 from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.gui.wording import KINDS, word_stage, word_state
 from calstation.physics.parameters import NAMES
@@ -17,6 +19,8 @@ from calstation.station.finished import Finished
 _NONE = "–"
 _NOTABLE = 3.0
 """A change of more than so many sigmas is marked."""
+_CHECKS_MOST = 26 * theme.GRID
+"""Greatest height of the table of checks that compare no single parameter, px."""
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "sigma_limit")
 
 
@@ -50,6 +54,8 @@ class ResultView(QWidget):
         self.table = ParameterTable(self.model)
         self.table.setObjectName("result_table")
         self.table.verticalHeader().setDefaultSectionSize(26)
+        self.checks = ChecksTable()
+        self.checks.setObjectName("acceptance_checks")
         self.copy_button.clicked.connect(self.table.copy)
         head = QHBoxLayout()
         head.setSpacing(2 * theme.GRID)
@@ -61,6 +67,7 @@ class ResultView(QWidget):
         column.setSpacing(theme.GRID)
         column.addLayout(head)
         column.addWidget(self.table, 1)
+        column.addWidget(self.checks)
         self.retranslate()
 
     def show_run(self, finished: Finished) -> None:
@@ -90,6 +97,10 @@ class ResultView(QWidget):
             > _NOTABLE * parameters[name]["sigma"]
         )
         self.model.set_names(names)
+        broad = [check for check in result["checks"] if not of_parameter(check)]
+        self.checks.show_checks(broad)
+        self.checks.setFixedHeight(min(self.checks.height_of_rows(), _CHECKS_MOST))
+        self.checks.setVisible(bool(broad))
         self._say()
 
     def retranslate(self) -> None:
@@ -127,21 +138,11 @@ class ResultView(QWidget):
             self.badge.show_state(KINDS.get(outcome, "none"), word_state(outcome))
         failed = [check for check in checks if not check["passed"]]
         said = self.tr("{0} of {1} checks passed").format(len(checks) - len(failed), len(checks))
-        broad = [
-            self._word_check(check) for check in failed if check["name"].partition(" ")[0] not in self._cells
-        ]
-        self._about.setText("  ·  ".join([said, *broad] if checks else broad))
-
-    def _word_check(self, check: Mapping[str, Any]) -> str:
-        name = str(check["name"])
-        if name.endswith(" consistency"):
-            stage = word_stage(name.removesuffix(" consistency"))
-            return self.tr("{0}: mean NIS {1:.3g} is above {2:.3g}").format(
-                stage, check["value"], check["limit"]
-            )
-        if name == "unobservable parameters":
-            return self.tr("not determined: {0:g} parameters").format(check["value"])
-        return name
+        near = sum(bool(check.get("near_miss")) for check in checks)
+        about = [said] if checks else []
+        if near:
+            about.append(self.tr("near-misses: {0}").format(near))
+        self._about.setText("  ·  ".join(about))
 
     def _text(self, column: str) -> Callable[[str], str]:
         return lambda name: self._cells[name].get(column, _NONE)
@@ -155,6 +156,7 @@ class ResultView(QWidget):
     def _verdict(self, name: str) -> str:
         return {
             "good": self.tr("inside"),
+            "near": self.tr("inside, near-miss"),
             "value": self.tr("value outside"),
             "sigma": self.tr("σ too large"),
             "both": self.tr("value outside, σ too large"),
@@ -164,7 +166,7 @@ class ResultView(QWidget):
 
     def _verdict_state(self, name: str) -> str | None:
         state = self._states[name]
-        return {"good": "good", "none": None, "lost": "caution"}.get(state, "bad")
+        return {"good": "good", "none": None, "lost": "caution", "near": "caution"}.get(state, "bad")
 
 
 def _checks(checks: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Mapping[str, Any]]]:
@@ -183,6 +185,8 @@ def _state(checks: Mapping[str, Mapping[str, Any]], lost: bool) -> str:
     sigma = "sigma below" in checks and not checks["sigma below"]["passed"]
     if value or sigma:
         return "both" if value and sigma else "value" if value else "sigma"
+    if any(check.get("near_miss") for check in checks.values()):
+        return "near"
     return "good" if checks else "none"
 
 

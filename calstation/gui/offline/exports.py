@@ -35,14 +35,16 @@ class Exports(QObject):
             lambda target: self._begin(target, export_log, log.path, target, log.facts.samples),
         )
 
-    def ask_result(self, log: Overview, result: Mapping[str, Any]) -> None:
-        """Ask where the solution of a log is to go."""
+    def ask_result(
+        self, log: Path, result: Mapping[str, Any], stored: Mapping[str, Any] | None, ending: str = "offline"
+    ) -> None:
+        """Ask where the solution of a log is to go; `stored`: the run's own result; `ending` of the name proposed."""
         kinds = ["JSON (*.json)", self.tr("Parameters as CSV (*.csv)")]
         self._ask(
             self.tr("Export the result"),
-            log.path.with_name(f"{_stem(log.path)}-offline.json"),
+            log.with_name(f"{_stem(log)}-{ending}.json"),
             kinds,
-            lambda target: self._begin(target, export_result, result, log.stored, target),
+            lambda target: self._begin(target, export_result, result, stored, target),
         )
 
     def _ask(self, title: str, proposed: Path, kinds: list[str], act: Callable[[Path], None]) -> None:

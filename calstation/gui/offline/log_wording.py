@@ -10,6 +10,7 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication
 
 from calstation.gui import language
+from calstation.gui.offline.recording_wording import RECORDINGS, word_value
 from calstation.gui.wording import QT_TRANSLATE_NOOP, word_stage
 
 _SAME: tuple[str, ...] = (
@@ -121,6 +122,9 @@ _INSTEAD: tuple[tuple[str, str], ...] = (
 )
 """What the command line says, and what is said where there are boxes to fill in."""
 
+_STAGE = "(?:stage '[a-z_]+': )?"
+"""May stand before what is wrong with a recording."""
+
 
 def word_log_error(text: str, path: Path | None = None) -> str:
     """An error of a log or a solution as a sentence; the log's own path is left off, the page shows it."""
@@ -141,16 +145,19 @@ def word_log_error(text: str, path: Path | None = None) -> str:
 
 
 def _stage_or_text(value: str) -> str:
-    """A stage's name in words; anything else as it is."""
+    """A stage's name or a phrase in words; anything else as it is."""
     word = word_stage(value)
-    return value if word == value.replace("_", " ") else word
+    return word_value(value) if word == value.replace("_", " ") else word
 
 
 @cache
 def _patterns() -> tuple[tuple[re.Pattern[str], str], ...]:
     """A file other than the log may stand before the sentence."""
     made = []
-    for told, said in (*((text, text) for text in _SAME), *_INSTEAD):
+    texts = [*((text, text, "") for text in _SAME), *((told, said, "") for told, said in _INSTEAD)]
+    texts += [(text, text, _STAGE) for text in RECORDINGS]
+    for told, said, before in texts:
         parts = (re.escape(part) for part in re.split(r"\{\d\}", told))
-        made.append((re.compile(r"(?P<file>(?:\S*[\\/.]\S*: )?)" + "(.*?)".join(parts), re.DOTALL), said))
+        pattern = r"(?P<file>(?:\S*[\\/.]\S*: )?)" + before + "(.*?)".join(parts)
+        made.append((re.compile(pattern, re.DOTALL), said))
     return tuple(made)

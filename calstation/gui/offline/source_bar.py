@@ -15,16 +15,21 @@ _ENDINGS = (".h5", ".csv", ".csv.gz")
 
 
 class SourceBar(QWidget):
-    """`chosen(path)`: a log to open. `remember` puts one that could be opened among the recent ones."""
+    """`chosen(path)`: a log to open. `remember` puts one that could be opened among the recent ones.
+
+    name : the widgets' object names begin with it; key : of the settings, where the recent ones are kept
+    """
 
     chosen = Signal(object)
 
-    def __init__(self, settings: QSettings, parent: QWidget | None = None) -> None:
+    def __init__(
+        self, settings: QSettings, parent: QWidget | None = None, *, name: str = "log", key: str = _KEY
+    ) -> None:
         super().__init__(parent)
-        self._settings = settings
+        self._settings, self._key = settings, key
         self._label = QLabel()
         self.log_edit = QLineEdit()
-        self.log_edit.setObjectName("log_edit")
+        self.log_edit.setObjectName(f"{name}_edit")
         self.log_edit.setAcceptDrops(False)  # a file dropped here belongs to the page
         self.log_edit.setClearButtonEnabled(False)
         self.log_edit.returnPressed.connect(self._entered)
@@ -34,10 +39,10 @@ class SourceBar(QWidget):
         self.log_edit.textChanged.connect(self._settle.start)
         self._label.setBuddy(self.log_edit)
         self.open_button = QPushButton()
-        self.open_button.setObjectName("log_open_button")
+        self.open_button.setObjectName(f"{name}_open_button")
         self.open_button.clicked.connect(self.look)
         self.recent_button = QPushButton()
-        self.recent_button.setObjectName("log_recent_button")
+        self.recent_button.setObjectName(f"{name}_recent_button")
         self._menu = QMenu(self)
         self.recent_button.setMenu(self._menu)
         row = QHBoxLayout(self)
@@ -58,12 +63,12 @@ class SourceBar(QWidget):
     def remember(self, path: Path) -> None:
         """Put a log first among the recent ones."""
         kept = [path, *(p for p in self.recent() if p != path)][:_KEPT]
-        self._settings.setValue(_KEY, [str(p) for p in kept])
+        self._settings.setValue(self._key, [str(p) for p in kept])
         self._fill()
 
     def recent(self) -> list[Path]:
         """Logs opened before, the latest first."""
-        stored = self._settings.value(_KEY) or []
+        stored = self._settings.value(self._key) or []
         return [Path(p) for p in ([stored] if isinstance(stored, str) else stored)]
 
     def look(self) -> None:

@@ -6,6 +6,8 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.gui import check_wording
+from calstation.gui.check_wording import of_product
 from calstation.gui.wording import word_group, word_stage
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.physics.units import display, number
@@ -21,12 +23,18 @@ class Figure:
     limit: str
     unit: str
     passed: bool
+    near: bool = False
 
 
 def reason(outcome: str, result: Mapping[str, Any]) -> str:
     """Why a run ended as it did, in a sentence or two."""
     if outcome == "passed":
-        return QCoreApplication.translate("advice", "Every value is inside its limits.")
+        inside = QCoreApplication.translate("advice", "Every value is inside its limits.")
+        near = sum(bool(check.get("near_miss")) for check in result.get("checks", ()))
+        if not near:
+            return inside
+        few = QCoreApplication.translate("advice", "({count} near its limit.)").format(count=near)
+        return f"{inside} {few}"
     if outcome == "stopped":
         return QCoreApplication.translate(
             "advice", "The run was stopped; the table is at rest, its axes are off."
@@ -65,7 +73,7 @@ def next_action(outcome: str, result: Mapping[str, Any]) -> str:
 
 
 def figures(result: Mapping[str, Any]) -> list[Figure]:
-    """One row per parameter group: its value that is nearest to its limit, or over it."""
+    """One row per parameter group, its value that is nearest to its limit, or over it; and the product's checks."""
     found: dict[str, tuple[float, Figure]] = {}
     checks = {check["name"]: check for check in result["checks"]}
     for name, row in result["parameters"].items():
@@ -76,7 +84,21 @@ def figures(result: Mapping[str, Any]) -> list[Figure]:
         group = PARAMETERS[INDEX[name]].group
         if (within or below) and share >= found.get(group, (-1.0, None))[0]:
             found[group] = (share, _figure(name, row, within, below))
-    return [found[group][1] for group in GROUPS if group in found]
+    asked = [_figure_of_check(check) for check in result["checks"] if of_product(check)]
+    return [*(found[group][1] for group in GROUPS if group in found), *asked]
+
+
+def _figure_of_check(check: Mapping[str, Any]) -> Figure:
+    words = check_wording.word_check(check)
+    return Figure(
+        name=check_wording.word_short(str(check["name"])),
+        value=words.value,
+        sigma="",
+        limit=words.limit,
+        unit=words.unit,
+        passed=bool(check["passed"]),
+        near=bool(check.get("near_miss")),
+    )
 
 
 def _share(check: Mapping[str, Any] | None) -> float:
@@ -104,6 +126,7 @@ def _figure(
         limit=_interval(name, within["limit"]) if within is not None else "",
         unit=unit,
         passed=all(check["passed"] for check in (within, below) if check is not None),
+        near=any(check.get("near_miss") for check in (within, below) if check is not None),
     )
 
 
@@ -115,14 +138,10 @@ def word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
             "advice", "{stage}: the measurements do not fit together (NIS {value:.2f}, at most {limit:.2f})."
         ).format(stage=word_stage(name), value=check["value"], limit=check["limit"])
     if check["name"] != "unobservable parameters" and name not in INDEX:
+        words = check_wording.word_check(check)
         return QCoreApplication.translate(
-            "advice", "{name}: {value:.4g} {unit}, allowed {limit:.4g}."
-        ).format(
-            name=check["name"].replace("_", " "),
-            value=check["value"],
-            unit=check["unit"],
-            limit=check["limit"],
-        )
+            "advice", "Not so: {name} ({value} {unit}, allowed {limit})."
+        ).format(name=words.sentence, value=words.value, unit=words.unit, limit=words.limit)
     if name not in INDEX:
         lost = ", ".join(_word_parameter(lost) for lost in result.get("unobservable", ()))
         return QCoreApplication.translate("advice", "The data did not determine {names}.").format(names=lost)

@@ -95,6 +95,12 @@ class RunHeader(QWidget):
             if path == chosen:
                 self.product_combo.setCurrentIndex(self.product_combo.count() - 1)
 
+    def show_product(self, path: Path) -> None:
+        """Show a product as the chosen one."""
+        for index in range(self.product_combo.count()):
+            if self.product_combo.itemData(index) == path:
+                self.product_combo.setCurrentIndex(index)
+
     def set_serial(self, text: str) -> None:
         """Fill in a number."""
         self.serial_edit.setText(text)

@@ -221,7 +221,7 @@ class VerdictPanel(QFrame):
         for column, heading in enumerate(headings):
             self._cell(0, column, heading, muted=True)
         for number, row in enumerate(rows, start=1):
-            self._figures.addWidget(_mark(row.passed), number, 0)
+            self._figures.addWidget(_mark(row), number, 0)
             for column, text in enumerate((row.name, row.value, row.sigma, row.limit, row.unit), start=1):
                 self._cell(number, column, text)
 
@@ -239,7 +239,7 @@ class VerdictPanel(QFrame):
             self.details_wanted.emit(Path(self._verdict.result_file))
 
 
-def _mark(passed: bool) -> QWidget:
+def _mark(row: advice.Figure) -> QWidget:
     icon = StateIcon(18)
-    icon.set_kind("good" if passed else "bad")
+    icon.set_kind("bad" if not row.passed else "caution" if row.near else "good")
     return icon

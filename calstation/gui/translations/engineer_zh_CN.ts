@@ -1,10 +1,10 @@
-<?xml version='1.0' encoding='utf-8'?>
+<?xml version="1.0" encoding="utf-8"?>
 <!DOCTYPE TS>
 <TS version="2.1" language="zh_CN">
 <context>
     <name>ChoicePanel</name>
     <message>
-        <source>Enter the engineer's PIN</source>
+        <source>Enter the engineer&apos;s PIN</source>
         <translation>输入工程师密码</translation>
     </message>
     <message>
@@ -12,7 +12,7 @@
         <translation>恢复</translation>
     </message>
     <message>
-        <source>Back to the product's values of this stage</source>
+        <source>Back to the product&apos;s values of this stage</source>
         <translation>本阶段恢复为产品的设定值</translation>
     </message>
     <message>
@@ -93,7 +93,7 @@
         <translation>产品没有保存</translation>
     </message>
     <message>
-        <source>The table of '{0}' is going to move</source>
+        <source>The table of &apos;{0}&apos; is going to move</source>
         <translation>“{0}”的转台即将转动</translation>
     </message>
     <message>
@@ -145,7 +145,7 @@
         <translation>请先改正“{0}”的流程参数。</translation>
     </message>
     <message>
-        <source>Enter the unit's serial number.</source>
+        <source>Enter the unit&apos;s serial number.</source>
         <translation>请输入产品编号。</translation>
     </message>
     <message>
@@ -165,7 +165,7 @@
         <translation>请先改正标出的数值。</translation>
     </message>
     <message>
-        <source>This stage's values are the product's.</source>
+        <source>This stage&apos;s values are the product&apos;s.</source>
         <translation>本阶段的数值就是产品的设定值。</translation>
     </message>
     <message>
@@ -378,7 +378,7 @@
         <translation>预览时转台不动</translation>
     </message>
     <message>
-        <source>Choose what to calibrate on the left and press Preview: it shows both axes' angles against time, the total time, whether the table can do it, and the sigma to expect of every parameter.</source>
+        <source>Choose what to calibrate on the left and press Preview: it shows both axes&apos; angles against time, the total time, whether the table can do it, and the sigma to expect of every parameter.</source>
         <translation>在左侧选好标定内容，再按“预览”：显示两轴角度随时间的变化、总时间、转台能否完成，以及各参数的预期标准差。</translation>
     </message>
     <message>
@@ -398,7 +398,7 @@
         <translation>已过时</translation>
     </message>
     <message>
-        <source>beyond the table's limits</source>
+        <source>beyond the table&apos;s limits</source>
         <translation>超出转台极限</translation>
     </message>
     <message>
@@ -406,11 +406,11 @@
         <translation>无法解算</translation>
     </message>
     <message>
-        <source>within the table's limits, {0} sigma limits missed</source>
+        <source>within the table&apos;s limits, {0} sigma limits missed</source>
         <translation>转台可以完成，{0} 个参数的标准差达不到限差</translation>
     </message>
     <message>
-        <source>within the table's limits, every sigma limit reached</source>
+        <source>within the table&apos;s limits, every sigma limit reached</source>
         <translation>转台可以完成，标准差全部满足限差</translation>
     </message>
     <message>
@@ -571,7 +571,7 @@
         <translation>静止位置，按朝上的轴</translation>
     </message>
     <message>
-        <source>Measured less expected at every rest, with ±1 σ of the rest's own noise; point at a rest.</source>
+        <source>Measured less expected at every rest, with ±1 σ of the rest&apos;s own noise; point at a rest.</source>
         <translation>每个静止位置补偿后的测量值减理论值，误差棒为该位置噪声的 ±1 σ；指向一点可看详情。</translation>
     </message>
     <message>
@@ -658,16 +658,16 @@
         <translation>{1} 项检查，{0} 项合格</translation>
     </message>
     <message>
-        <source>{0}: mean NIS {1:.3g} is above {2:.3g}</source>
-        <translation>{0}：NIS 均值 {1:.3g} 大于 {2:.3g}</translation>
-    </message>
-    <message>
-        <source>not determined: {0:g} parameters</source>
-        <translation>{0:g} 个参数无法确定</translation>
+        <source>near-misses: {0}</source>
+        <translation>临界 {0} 项</translation>
     </message>
     <message>
         <source>inside</source>
         <translation>在限内</translation>
+    </message>
+    <message>
+        <source>inside, near-miss</source>
+        <translation>合格，临界</translation>
     </message>
     <message>
         <source>value outside</source>

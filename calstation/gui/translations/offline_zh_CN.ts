@@ -499,5 +499,177 @@
         <source>stage &apos;{0}&apos; was recorded twice; choose a range that holds it once, or leave it out</source>
         <translation>阶段“{0}”记录了两次，请选择只含一次的范围，或不解算它</translation>
     </message>
+    <message>
+        <source>{0} is frozen: one value all through; check its encoder</source>
+        <translation>{0} 卡死：自始至终一个值；请检查其编码器</translation>
+    </message>
+    <message>
+        <source>{0} is frozen: one value from sample {1} to {2} ({3} s); check the unit and its cable and record again</source>
+        <translation>{0} 卡死：样本 {1} 至 {2}（{3} s）一直是同一个值；请检查产品和电缆后重新录取</translation>
+    </message>
+    <message>
+        <source>{0} is frozen for {1} s from {2} s on; check the unit and its cable and record again</source>
+        <translation>{0} 从 {2} s 起卡死 {1} s；请检查产品和电缆后重新录取</translation>
+    </message>
+    <message>
+        <source>{0} is frozen from sample {1} to {2}; check the unit and its cable</source>
+        <translation>{0} 在样本 {1} 至 {2} 卡死；请检查产品和电缆</translation>
+    </message>
+    <message>
+        <source>the gyros&apos; units are wrong by a factor: their noise looks like motion, and rests appear where rates are multiplied by {0} ({1}); correct imu.gyro_lsb or imu.output</source>
+        <translation>陀螺单位差一个倍数：噪声看起来像运动，角速度乘以 {0} 后才出现静止段（{1}）；请改正 imu.gyro_lsb 或 imu.output</translation>
+    </message>
+    <message>
+        <source>no rest of {0} s or more in {1} s of samples; lay the unit still at every position</source>
+        <translation>{1} s 的数据中没有 {0} s 以上的静止段；请在每个位置放稳产品</translation>
+    </message>
+    <message>
+        <source>no rest of {0} s to check at; lay the body still once</source>
+        <translation>没有 {0} s 的静止段可供检查；请让载体静止一次</translation>
+    </message>
+    <message>
+        <source>no motion: all {0} rests lie the same way up; turn the unit to other positions between rests</source>
+        <translation>没有运动：{0} 个静止段姿态都相同；请在静止之间把产品转到别的位置</translation>
+    </message>
+    <message>
+        <source>accelerometers at rest show {0} m/s² where gravity is {1}: units wrong by a factor of {2} ({3}); correct imu.accel_lsb or imu.output</source>
+        <translation>静止时加表给出 {0} m/s²，而重力为 {1}：单位差 {2} 倍（{3}）；请改正 imu.accel_lsb 或 imu.output</translation>
+    </message>
+    <message>
+        <source>accelerometers at rest show {0} m/s² where gravity is {1}: units wrong by a factor of {2}; correct imu.accel_lsb or imu.output</source>
+        <translation>静止时加表给出 {0} m/s²，而重力为 {1}：单位差 {2} 倍；请改正 imu.accel_lsb 或 imu.output</translation>
+    </message>
+    <message>
+        <source>the gyros do not see the motions: {0}° where gravity turned by {1}° (samples {2} to {3}); check that they are alive and imu.gyro_lsb</source>
+        <translation>陀螺没有感受到运动：重力方向转了 {1}°，陀螺只有 {0}°（样本 {2} 至 {3}）；请检查陀螺是否工作以及 imu.gyro_lsb</translation>
+    </message>
+    <message>
+        <source>the gyro&apos;s axes are not the accelerometer&apos;s: motions agree with gravity where {0}; correct the columns or their signs</source>
+        <translation>陀螺的轴与加表的轴不一致：当 {0} 时运动才与重力相符；请改正数据列或其符号</translation>
+    </message>
+    <message>
+        <source>the gyros&apos; units are wrong by a factor: motions agree with gravity where rates are multiplied by {0} ({1}); correct imu.gyro_lsb or imu.output</source>
+        <translation>陀螺单位差一个倍数：角速度乘以 {0} 后运动才与重力相符（{1}）；请改正 imu.gyro_lsb 或 imu.output</translation>
+    </message>
+    <message>
+        <source>the gyros&apos; units are wrong by a factor: motions agree with gravity where rates are multiplied by {0}; correct imu.gyro_lsb or imu.output</source>
+        <translation>陀螺单位差一个倍数：角速度乘以 {0} 后运动才与重力相符；请改正 imu.gyro_lsb 或 imu.output</translation>
+    </message>
+    <message>
+        <source>gyros and accelerometers contradict each other in too many of {0} motions, most by {1}° in samples {2} to {3}; check gaps, saturation and columns</source>
+        <translation>{0} 段运动中陀螺与加表互相矛盾的太多，样本 {2} 至 {3} 最甚，差 {1}°；请检查丢数、饱和与数据列</translation>
+    </message>
+    <message>
+        <source>imu{0}: {1} s of synchronous samples with the primary; record both for {2} s or more</source>
+        <translation>imu{0}：与主惯组同步的数据只有 {1} s；请同时录取 {2} s 以上</translation>
+    </message>
+    <message>
+        <source>no motion in the recording; {0} about all axes</source>
+        <translation>数据中没有运动；请绕所有轴{0}</translation>
+    </message>
+    <message>
+        <source>hardly any motion about {0} ({1} of that about others), so nothing is determined there; {2} about {3} too</source>
+        <translation>绕 {0} 轴几乎没有运动（只有其他轴的 {1}），该轴无法确定；请绕 {3} 轴也{2}</translation>
+    </message>
+    <message>
+        <source>imu{0}: its {1} measures {2} times what the primary&apos;s does: units wrong by a factor; correct imu{3}.{4}_lsb or .output</source>
+        <translation>imu{0}：其 {1} 的测量值是主惯组的 {2} 倍，单位差一个倍数；请改正 imu{3}.{4}_lsb 或 .output</translation>
+    </message>
+    <message>
+        <source>imu{0}: the axes of its {1} are a mirror image of the primary&apos;s; two columns are swapped or one has the wrong sign</source>
+        <translation>imu{0}：其 {1} 的轴系与主惯组互为镜像：有两列对调了，或有一列符号相反</translation>
+    </message>
+    <message>
+        <source>imu{0}: its gyro and accelerometer lie {1}° apart; columns of one are swapped</source>
+        <translation>imu{0}：其陀螺与加表的轴系相差 {1}°；其中之一的数据列对调了</translation>
+    </message>
+    <message>
+        <source>imu{0}: the motion does not determine what is asked for; turn about all axes</source>
+        <translation>imu{0}：这些运动不足以确定所要求的参数；请绕所有轴转动</translation>
+    </message>
+    <message>
+        <source>cross_calibration needs a second IMU; add [imu2] to the configuration and its columns to the log</source>
+        <translation>互标定需要第二个惯组；请在配置中加入 [imu2]，并在数据中加入它的列</translation>
+    </message>
+    <message>
+        <source>holds one IMU; add [imu2] to the configuration and its columns to the log</source>
+        <translation>只有一个惯组；请在配置中加入 [imu2]，并在数据中加入它的列</translation>
+    </message>
+    <message>
+        <source>{0} s of motion where {1} are asked for</source>
+        <translation>运动只有 {0} s，要求 {1} s</translation>
+    </message>
+    <message>
+        <source>no joint angles; add the columns joint_x_deg, joint_y_deg and joint_z_deg of the gimbal</source>
+        <translation>没有框架角；请加入框架的 joint_x_deg、joint_y_deg 和 joint_z_deg 三列</translation>
+    </message>
+    <message>
+        <source>no turn of one joint from zero between rests of {0} s ({1} motions found); bring the joints to zero, rest, turn one axis, rest</source>
+        <translation>在 {0} s 的静止段之间没有单轴从零位开始的转动（找到 {1} 段运动）；请把框架回零、静止、转一个轴、再静止</translation>
+    </message>
+    <message>
+        <source>joint_{0} was turned but gyro_{1} saw it (samples {2} to {3}); axes are swapped, correct the columns</source>
+        <translation>转的是 joint_{0}，感受到的却是 gyro_{1}（样本 {2} 至 {3}）：轴对调了，请改正数据列</translation>
+    </message>
+    <message>
+        <source>gyro_{0} and joint_{1} turn opposite ways (samples {2} to {3}); correct a sign</source>
+        <translation>gyro_{0} 与 joint_{1} 转向相反（样本 {2} 至 {3}）；请改正其中一个符号</translation>
+    </message>
+    <message>
+        <source>gyro_{0} turned {1} times as far as joint_{2} (samples {3} to {4}): units wrong by a factor; correct imu.gyro_lsb or the joints&apos; columns</source>
+        <translation>gyro_{0} 转过的角度是 joint_{2} 的 {1} 倍（样本 {3} 至 {4}）：单位差一个倍数；请改正 imu.gyro_lsb 或框架角的列</translation>
+    </message>
+    <message>
+        <source>turned about {0} the joints drift by {1}″ after {2} turns and drifted by {3}″ at first: the rates were not corrected by K; correct them, or the schedule&apos;s gain and order</source>
+        <translation>绕 {0} 轴转 {2} 次后其余框架仍漂移 {1}″，最初为 {3}″：角速度没有用 K 修正；请加以修正，或改正方案的增益和框架次序</translation>
+    </message>
+    <message>
+        <source>g instead of m/s²</source>
+        <translation>用了 g 而不是 m/s²</translation>
+    </message>
+    <message>
+        <source>mg instead of m/s²</source>
+        <translation>用了 mg 而不是 m/s²</translation>
+    </message>
+    <message>
+        <source>m/s² instead of g</source>
+        <translation>用了 m/s² 而不是 g</translation>
+    </message>
+    <message>
+        <source>mm/s² instead of m/s²</source>
+        <translation>用了 mm/s² 而不是 m/s²</translation>
+    </message>
+    <message>
+        <source>°/s instead of rad/s</source>
+        <translation>用了 °/s 而不是 rad/s</translation>
+    </message>
+    <message>
+        <source>rad/s instead of °/s</source>
+        <translation>用了 rad/s 而不是 °/s</translation>
+    </message>
+    <message>
+        <source>mrad/s instead of rad/s</source>
+        <translation>用了 mrad/s 而不是 rad/s</translation>
+    </message>
+    <message>
+        <source>m°/s instead of rad/s</source>
+        <translation>用了 m°/s 而不是 rad/s</translation>
+    </message>
+    <message>
+        <source>turn the body</source>
+        <translation>转动载体</translation>
+    </message>
+    <message>
+        <source>tilt or shake the body</source>
+        <translation>倾斜或晃动载体</translation>
+    </message>
+    <message>
+        <source>gyro_{0} is {1}gyro_{2}</source>
+        <translation>gyro_{0} 取 {1}gyro_{2}</translation>
+    </message>
+    <message>
+        <source> and </source>
+        <translation>、</translation>
+    </message>
 </context>
 </TS>

@@ -700,7 +700,7 @@
     </message>
     <message>
         <source>({count} near its limit.)</source>
-        <translation type="unfinished"></translation>
+        <translation>（{count} 项临界。）</translation>
     </message>
     <message>
         <source>The run was stopped; the table is at rest, its axes are off.</source>
@@ -748,7 +748,7 @@
     </message>
     <message>
         <source>Not so: {name} ({value} {unit}, allowed {limit}).</source>
-        <translation type="unfinished"></translation>
+        <translation>不成立：{name}（{value} {unit}，限差 {limit}）。</translation>
     </message>
     <message>
         <source>The data did not determine {names}.</source>

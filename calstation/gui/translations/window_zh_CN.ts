@@ -2,6 +2,41 @@
 <!DOCTYPE TS>
 <TS version="2.1" language="zh_CN">
 <context>
+    <name>ChecksTable</name>
+    <message>
+        <source>Check</source>
+        <translation>检验项</translation>
+    </message>
+    <message>
+        <source>Where</source>
+        <translation>位置</translation>
+    </message>
+    <message>
+        <source>Unit</source>
+        <translation>单位</translation>
+    </message>
+    <message>
+        <source>Value</source>
+        <translation>值</translation>
+    </message>
+    <message>
+        <source>Limit</source>
+        <translation>限差</translation>
+    </message>
+    <message>
+        <source>Margin</source>
+        <translation>余量</translation>
+    </message>
+    <message>
+        <source>Verdict</source>
+        <translation>结论</translation>
+    </message>
+    <message>
+        <source>Checks of the result</source>
+        <translation>结果的检验</translation>
+    </message>
+</context>
+<context>
     <name>JobRow</name>
     <message>
         <source>Cancel</source>
@@ -119,6 +154,117 @@
     <message>
         <source>{time} left</source>
         <translation>剩余 {time}</translation>
+    </message>
+</context>
+<context>
+    <name>checks</name>
+    <message>
+        <source>At every rest the force is as long as gravity</source>
+        <translation>每个静止位置比力的模等于重力</translation>
+    </message>
+    <message>
+        <source>At rest, what is left is a small part of what it was</source>
+        <translation>静止时的残差只是原来的一小部分</translation>
+    </message>
+    <message>
+        <source>Level: hardly any force along x and y</source>
+        <translation>水平位置：x、y 方向几乎没有比力</translation>
+    </message>
+    <message>
+        <source>Level: along z all of gravity</source>
+        <translation>水平位置：z 方向等于重力</translation>
+    </message>
+    <message>
+        <source>Motions turn by the angle of the reference</source>
+        <translation>运动转过的角度等于参考角度</translation>
+    </message>
+    <message>
+        <source>Motions: the angle&apos;s error is a small part of what it was</source>
+        <translation>运动：角度误差只是原来的一小部分</translation>
+    </message>
+    <message>
+        <source>Solved again, the log gives the run&apos;s answer</source>
+        <translation>重新解算的结果与运行结果一致</translation>
+    </message>
+    <message>
+        <source>Every sigma is a small part of what it was</source>
+        <translation>每个标准差只是原来的一小部分</translation>
+    </message>
+    <message>
+        <source>force at rest</source>
+        <translation>静止比力</translation>
+    </message>
+    <message>
+        <source>force at rest, improved</source>
+        <translation>静止比力改善</translation>
+    </message>
+    <message>
+        <source>level, x and y</source>
+        <translation>水平 x、y</translation>
+    </message>
+    <message>
+        <source>level, z</source>
+        <translation>水平 z</translation>
+    </message>
+    <message>
+        <source>angle of motions</source>
+        <translation>运动角度</translation>
+    </message>
+    <message>
+        <source>angle of motions, improved</source>
+        <translation>运动角度改善</translation>
+    </message>
+    <message>
+        <source>solved again</source>
+        <translation>重新解算</translation>
+    </message>
+    <message>
+        <source>sigma after over before</source>
+        <translation>标准差前后比</translation>
+    </message>
+    <message>
+        <source>failed</source>
+        <translation>不通过</translation>
+    </message>
+    <message>
+        <source>near-miss</source>
+        <translation>临界</translation>
+    </message>
+    <message>
+        <source>passed</source>
+        <translation>通过</translation>
+    </message>
+    <message>
+        <source>{0}: the measurements fit together (NIS)</source>
+        <translation>{0}：测量数据互相吻合（NIS）</translation>
+    </message>
+    <message>
+        <source>Every parameter is determined by the data</source>
+        <translation>所有参数都由数据确定</translation>
+    </message>
+    <message>
+        <source>{0}: hardly changed since the last calibration</source>
+        <translation>{0}：与上次标定相比几乎不变</translation>
+    </message>
+    <message>
+        <source>{0} within its limit</source>
+        <translation>{0}在限差内</translation>
+    </message>
+    <message>
+        <source>{0} known well enough</source>
+        <translation>{0}精度足够</translation>
+    </message>
+    <message>
+        <source>{0}, change</source>
+        <translation>{0}变化</translation>
+    </message>
+    <message>
+        <source>rest {0}</source>
+        <translation>静止段 {0}</translation>
+    </message>
+    <message>
+        <source>samples {0} to {1}</source>
+        <translation>样本 {0} 至 {1}</translation>
     </message>
 </context>
 <context>
@@ -348,7 +494,7 @@
         <translation>请重新开始；如果再次出现，请把记录文件和这段文字交给负责 calstation 的人。</translation>
     </message>
     <message>
-        <source>table: does not settle at outer {0}°, inner {1}°; look at the drive's tuning and for what shakes the table</source>
+        <source>table: does not settle at outer {0}°, inner {1}°; look at the drive&apos;s tuning and for what shakes the table</source>
         <translation>转台：在外轴 {0}°、内轴 {1}° 处稳不下来；请检查驱动器整定以及是什么在晃动转台</translation>
     </message>
     <message>
@@ -360,7 +506,7 @@
         <translation>转台：端口 {0} 断开（{1}）；请检查电缆和电源</translation>
     </message>
     <message>
-        <source>table: {0}: the device cannot do it in its present state (Modbus exception 4); look at the drive's display</source>
+        <source>table: {0}: the device cannot do it in its present state (Modbus exception 4); look at the drive&apos;s display</source>
         <translation>转台：当前状态下无法执行（{0}，Modbus 异常 4）；请查看驱动器显示</translation>
     </message>
     <message>
@@ -368,15 +514,15 @@
         <translation>转台：设备忙（{0}，Modbus 异常 6）；请等它完成后重新开始</translation>
     </message>
     <message>
-        <source>table: {0}: no such register (Modbus exception 2); check the table profile's registers</source>
+        <source>table: {0}: no such register (Modbus exception 2); check the table profile&apos;s registers</source>
         <translation>转台：没有这个寄存器（{0}，Modbus 异常 2）；请检查转台配置中的寄存器</translation>
     </message>
     <message>
-        <source>table: {0}: the value is refused (Modbus exception 3); check the table profile's registers</source>
+        <source>table: {0}: the value is refused (Modbus exception 3); check the table profile&apos;s registers</source>
         <translation>转台：数值被拒绝（{0}，Modbus 异常 3）；请检查转台配置中的寄存器</translation>
     </message>
     <message>
-        <source>table: '{0}' is not answered on {1} within {2} s; check cable, power, baud and the table profile</source>
+        <source>table: &apos;{0}&apos; is not answered on {1} within {2} s; check cable, power, baud and the table profile</source>
         <translation>转台：{1} 上的命令 {0} 在 {2} s 内没有应答；请检查电缆、电源、波特率和转台配置</translation>
     </message>
     <message>
@@ -428,7 +574,7 @@
         <translation>惯组：固化前寄存器 {0}（{1}）回读为 {2}，应为 {3}；产品已重启，寄存器仍为旧值</translation>
     </message>
     <message>
-        <source>IMU: with its new registers {0} measures {1}, expected {2} within {3}; its old registers were put back; look whether the table was disturbed, whether latitude and gravity in the station file are right, and whether the IMU profile's registers mean what the unit makes of them; then run again</source>
+        <source>IMU: with its new registers {0} measures {1}, expected {2} within {3}; its old registers were put back; look whether the table was disturbed, whether latitude and gravity in the station file are right, and whether the IMU profile&apos;s registers mean what the unit makes of them; then run again</source>
         <translation>惯组：写入新寄存器后 {0} 实测 {1}，应为 {2}，允差 {3}，旧寄存器已恢复；请检查转台是否受扰、工位文件中的纬度和重力是否正确、惯组配置中寄存器的含义是否与产品一致，然后重新标定</translation>
     </message>
     <message>
@@ -535,8 +681,8 @@
         <translation>检查重力、极性和数据流。</translation>
     </message>
     <message>
-        <source>{text}</source>
-        <translation>{text}</translation>
+        <source>Checking gravity&apos;s length and data flow.</source>
+        <translation>正在检查重力大小和数据流。</translation>
     </message>
     <message>
         <source>Step repeated ({reason}), attempt {attempt}.</source>
@@ -797,6 +943,10 @@
     <message>
         <source>To outer {1:g}°, inner {2:g}°</source>
         <translation>转到外框 {1:g}°、内框 {2:g}°</translation>
+    </message>
+    <message>
+        <source>Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go</source>
+        <translation>外导轨转到 {1:.0f}°，内导轨转到 {2:.0f}°，然后松手</translation>
     </message>
     <message>
         <source>Resting</source>

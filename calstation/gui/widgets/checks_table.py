@@ -1,0 +1,74 @@
+"""A result's checks as a table: what is asked, value, limit, margin, verdict; near-misses are marked."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from PySide6.QtCore import QEvent
+from PySide6.QtWidgets import QHeaderView, QVBoxLayout, QWidget
+
+from calstation.gui import theme
+from calstation.gui.check_wording import CheckWords, word_check
+from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
+
+_ROW = 28
+
+
+class ChecksTable(QWidget):
+    """Rows in the result's order."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._checks: Sequence[Mapping[str, Any]] = ()
+        self._words: dict[str, CheckWords] = {}
+        self.model = ParameterModel(
+            (
+                Column(lambda: self.tr("Check"), self._cell("sentence"), number=False),
+                Column(lambda: self.tr("Where"), self._cell("where"), number=False),
+                Column(lambda: self.tr("Unit"), self._cell("unit"), number=False),
+                Column(lambda: self.tr("Value"), self._cell("value")),
+                Column(lambda: self.tr("Limit"), self._cell("limit")),
+                Column(lambda: self.tr("Margin"), self._cell("margin")),
+                Column(lambda: self.tr("Verdict"), self._cell("verdict"), number=False, state=self._state),
+            ),
+            grouped=False,
+        )
+        self.table = ParameterTable(self.model)
+        self.table.setObjectName("checks_table")
+        self.table.verticalHeader().hide()
+        self.table.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
+        self.table.verticalHeader().setDefaultSectionSize(_ROW)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.addWidget(self.table)
+        self.retranslate()
+
+    def show_checks(self, checks: Sequence[Mapping[str, Any]]) -> None:
+        """Show checks as the result JSON holds them."""
+        self._checks = checks
+        self._say()
+        self.model.set_names([str(k) for k in range(len(checks))])
+
+    def height_of_rows(self) -> int:
+        """Height that shows every row, px."""
+        return self.table.horizontalHeader().sizeHint().height() + _ROW * len(self._checks) + theme.GRID
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self.table.setAccessibleName(self.tr("Checks of the result"))
+        self._say()
+        self.model.refresh()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)
+
+    def _say(self) -> None:
+        self._words = {str(k): word_check(check) for k, check in enumerate(self._checks)}
+
+    def _cell(self, field: str) -> Callable[[str], str]:
+        return lambda row: str(getattr(self._words[row], field))
+
+    def _state(self, row: str) -> str:
+        return self._words[row].state

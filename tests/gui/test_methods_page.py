@@ -1,0 +1,344 @@
+"""The methods page: methods chosen by card, their recordings made, opened, solved, drawn, refused and exported."""
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLabel, QPushButton, QTableView
+from pytestqt.qtbot import QtBot
+
+from calstation.errors import InputError
+from calstation.estimation.samples import SampleBlock
+from calstation.gui import language, theme
+from calstation.gui.check_wording import word_check
+from calstation.gui.main_window import MainWindow
+from calstation.gui.methods.panel import MethodPanel
+from calstation.gui.offline.log_wording import word_log_error
+from calstation.gui.offline.recording_wording import RECORDINGS
+from calstation.gui.operator import advice
+from calstation.gui.widgets.checks_table import ChecksTable
+from calstation.records.log import open_log
+from calstation.records.meta import context_from_meta, prior_from_meta
+from calstation.records.pair_store import load_pair
+from calstation.station.bench_recordings import Kind, record_on_bench
+from calstation.station.pair_run import pair_folder
+from procedures import method
+from tests.gui.conftest import PRODUCT, STATION, Place
+
+pytestmark = pytest.mark.timeout(120)
+WAIT = 60_000
+"""Longest wait for a job, ms: a loaded machine is no failure."""
+
+KINDS: dict[str, Kind] = {"multi_position": "hand", "gimbal": "gimbal", "cross_calibration": "pair"}
+CHINESE = re.compile(r"[\u4e00-\u9fff]")
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One recording of the virtual bench for each method, with its truth beside it."""
+    folder = tmp_path_factory.mktemp("recordings")
+    return {
+        stage: record_on_bench(lambda *a, **k: None, kind, folder / f"{stage}.h5", "mems", 4)
+        for stage, kind in KINDS.items()
+    }
+
+
+@pytest.fixture
+def chosen(window: MainWindow) -> Callable[[str], MethodPanel]:
+    """Chooses a method on the page."""
+
+    def choose(stage: str) -> MethodPanel:
+        window.show_page("methods_page")
+        window.methods_page.choose(stage)
+        panel = window.methods_page.panel
+        assert panel.stage == stage
+        assert panel.isVisible()
+        return panel
+
+    return choose
+
+
+def solved(panel: MethodPanel, path: Path, qtbot: QtBot) -> None:
+    """Open a recording as a hand does: its path typed, and Enter."""
+    panel.source.log_edit.setText(str(path))
+    qtbot.keyClick(panel.source.log_edit, Qt.Key.Key_Return)
+    qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)
+    assert panel.answer is not None, panel.notice.text_label.text()
+
+
+def cells(panel: MethodPanel) -> dict[str, dict[str, str]]:
+    """The parameter table as it stands: heading by heading."""
+    model = panel.answers.table.model
+    headings = [str(model.headerData(k, Qt.Orientation.Horizontal)) for k in range(model.columnCount())]
+    rows = {}
+    for row, name in enumerate(model.names):
+        assert model.headerData(row, Qt.Orientation.Vertical) == name
+        rows[name] = {h: str(model.index(row, k).data()).strip() for k, h in enumerate(headings)}
+    return rows
+
+
+def test_a_hand_recording_is_solved_drawn_applied_and_exported(
+    chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot, tmp_path: Path
+) -> None:
+    panel = chosen("multi_position")
+    assert not panel.tabs.isTabEnabled(1)
+    solved(panel, recordings["multi_position"], qtbot)
+    positions, applied = panel.answers.positions, panel.answers.applied
+    assert positions is not None
+    assert positions.isVisible()
+    assert len(panel.answer.picture.up) > 30  # type: ignore[union-attr]
+    before, after = re.findall(r"[\d.]+", positions.angle_figure.number.text())
+    assert float(after) < 0.2 * float(before)
+    rows = cells(panel)
+    assert len(rows) == 21
+    for name, row in rows.items():
+        assert abs(float(row["error in σ"].replace("−", "-"))) < 5.0, name
+    assert applied is not None
+    qtbot.waitUntil(lambda: applied.applied is not None, timeout=WAIT)
+    assert applied.applied is not None
+    assert applied.applied.length_rms[1] < 0.5 * applied.applied.length_rms[0]
+    assert applied.applied.rate_rms[1] < 0.5 * applied.applied.rate_rms[0]
+    other = tmp_path / "other.h5"
+    shutil.copy(recordings["cross_calibration"], other)
+    panel.apply(other)
+    qtbot.waitUntil(lambda: applied.applied is not None and applied.applied.path == other, timeout=WAIT)
+    panel.apply(tmp_path / "nothing.h5")
+    qtbot.waitUntil(lambda: "No such file" in panel.notice.text_label.text(), timeout=WAIT)
+    qtbot.mouseClick(panel.export_button, Qt.MouseButton.LeftButton)
+    dialog = panel.findChild(QFileDialog)
+    assert dialog is not None
+    target = tmp_path / "answer.json"
+    dialog.fileSelected.emit(str(target))
+    dialog.close()
+    qtbot.waitUntil(lambda: target.exists() and not panel.busy, timeout=WAIT)
+    assert json.loads(target.read_text("utf-8"))["stages"] == ["multi_position"]
+
+
+def test_a_gimbal_recording_is_made_on_the_bench_and_both_answers_stand_side_by_side(
+    chosen: Callable[[str], MethodPanel], qtbot: QtBot, place: Place
+) -> None:
+    panel = chosen("gimbal")
+    qtbot.mouseClick(panel.bench.make_button, Qt.MouseButton.LeftButton)
+    assert panel.busy
+    qtbot.waitUntil(lambda: panel.answer is not None and not panel.busy, timeout=WAIT)
+    assert panel.path == place.home / "recordings" / "gimbal-mems-1.h5"
+    assert panel.path.exists()
+    rows = cells(panel)
+    assert len(rows) == 6
+    for row in rows.values():
+        assert abs(float(row["in σ"].replace("−", "-"))) < 5.0
+    view = panel.answers.gimbal
+    assert view is not None
+    assert [p.badge.text()[:6] for p in view._panels] == ["Axis x", "Axis y", "Axis z"]
+    # the page speaks the other language, in the other theme, with the answer standing
+    language.use("zh_CN")
+    theme.apply("dark")
+    try:
+        page = panel.window().methods_page  # type: ignore[attr-defined]
+        qtbot.waitUntil(lambda: CHINESE.search(panel.tabs.tabText(0)) is not None)
+        assert page.title() == "方法"
+        said = [label.text() for label in page.findChildren(QLabel) if label.isVisible()]
+        said += [panel.tabs.tabText(k) for k in range(panel.tabs.count())]
+        said += [b.text() for b in page.findChildren(QPushButton) if b.isVisible()]
+        spoken = [text for text in said if re.search(r"[A-Za-z]{4,}", text) and "BENCH" not in text]
+        assert [text for text in spoken if not CHINESE.search(text)] == []
+    finally:
+        theme.apply("light")
+        language.use("en")
+
+
+def test_a_secondary_that_is_off_is_calibrated_kept_and_within_the_next_time(
+    chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
+) -> None:
+    panel = chosen("cross_calibration")
+    solved(panel, recordings["cross_calibration"], qtbot)
+    view, left = panel.answers.check, panel.answers.left
+    assert view is not None
+    assert left is not None
+    assert [bar.verdict for bar in view.bars.bars] == ["off", "off", "within", "within"]
+    assert "Checked by command" in view.schedule_label.text()
+    assert "nothing is kept" in panel.findChild(QLabel, "pair_kept_label").text()
+    before, after = re.findall(r"[\d.]+", left.figures[0].number.text())
+    assert float(after) < 0.1 * float(before)
+    assert len(cells(panel)) == 28
+
+    def check() -> None:
+        qtbot.mouseClick(view.check_button, Qt.MouseButton.LeftButton)
+        qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)
+
+    check()
+    assert [bar.verdict.partition(":")[0] for bar in view.bars.bars] == [
+        "calibrated",
+        "calibrated",
+        "within",
+        "within",
+    ]
+    assert view.timeline.followed is not None
+    happened = [h.kind for h in view.timeline.followed.happened]
+    assert happened == ["triggered", "checked", "calibrating", "calibrated"]
+    assert len(load_pair(pair_folder(), "BENCH-mems", "BENCH-2").values) == 28
+    assert "28 values" in panel.findChild(QLabel, "pair_kept_label").text()
+    check()
+    assert {bar.verdict for bar in view.bars.bars} == {"within"}
+
+
+def test_what_gives_no_answer_is_said_where_it_was_opened_and_the_work_can_be_given_up(
+    chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
+) -> None:
+    panel = chosen("cross_calibration")
+    panel.open(recordings["multi_position"])
+    qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)
+    assert panel.answer is None
+    assert "add [imu2]" in panel.notice.text_label.text()
+    assert panel.notice.isVisible()
+    language.use("zh_CN")
+    qtbot.waitUntil(lambda: "第二个惯组" in panel.notice.text_label.text())
+    language.use("en")
+    panel = chosen("multi_position")
+    panel.open(recordings["multi_position"])
+    assert not panel.source.isEnabled()
+    panel.solver.cancel()
+    assert not panel.busy
+    assert panel.answer is None
+    assert panel.solve_button.isEnabled()
+
+
+def test_guiding_live_needs_a_hand_rig_and_then_leads_to_the_operator(
+    chosen: Callable[[str], MethodPanel], window: MainWindow, place: Place, qtbot: QtBot
+) -> None:
+    product = place.home / "products" / "mems_hand.toml"
+    product.write_text(tomli_w.dumps({**PRODUCT, "stages": ["six_position"]}), encoding="utf-8")
+    panel = chosen("multi_position")
+    assert not panel.live_button.isEnabled()
+    assert "virtual_hand" in panel.live_button.toolTip()
+    table = place.home / "tables" / "rails.toml"
+    table.parent.mkdir()
+    table.write_text('protocol = "hand"\n', encoding="utf-8")
+    station = place.home / "stations" / "by_hand.toml"
+    station.write_text(
+        tomli_w.dumps({**STATION, "table": {"profile": "rails"}, "bench": {}}), encoding="utf-8"
+    )
+    window.app.set_station(station)
+    qtbot.waitUntil(panel.live_button.isEnabled)
+    qtbot.mouseClick(panel.live_button, Qt.MouseButton.LeftButton)
+    assert window.page_tabs.currentWidget().objectName() == "operator_page"
+    assert window.findChild(QComboBox, "product_combo").currentText() == "mems_hand"
+
+
+def frozen(block: SampleBlock) -> SampleBlock:
+    counts = block.counts.copy()
+    counts[2000:3000, 1] = counts[2000, 1]
+    return replace(block, counts=counts)
+
+
+def in_g(block: SampleBlock) -> SampleBlock:
+    return replace(block, counts=block.counts / [1, 1, 1, 9.81, 9.81, 9.81])
+
+
+def in_degrees(block: SampleBlock) -> SampleBlock:
+    return replace(block, counts=block.counts * [57.3, 57.3, 57.3, 1, 1, 1])
+
+
+def swapped(block: SampleBlock) -> SampleBlock:
+    return replace(block, counts=block.counts[:, [1, 0, 2, 3, 4, 5]])
+
+
+def never_at_rest(block: SampleBlock) -> SampleBlock:
+    shaken = block.counts.copy()
+    shaken[:, :3] += 3e3 * np.sin(0.9 * np.arange(len(block)))[:, None]
+    return replace(block, counts=shaken)
+
+
+def never_moved(block: SampleBlock) -> SampleBlock:
+    return block.part(0, 1800 if block.seq[0] == 0 else 0)
+
+
+@pytest.mark.parametrize("spoil", [frozen, in_g, in_degrees, swapped, never_at_rest, never_moved])
+def test_what_is_wrong_with_a_recording_has_words_in_both_languages(
+    spoil: Callable[[SampleBlock], SampleBlock], recordings: dict[str, Path], qapp: QApplication
+) -> None:
+    log = open_log(recordings["multi_position"])
+    chosen = method("multi_position")
+    solver = chosen.solver(context_from_meta(log.meta), prior_from_meta(log.meta), chosen.schedule())
+    for block in log.blocks():
+        solver.feed(spoil(block))
+    with pytest.raises(InputError) as error:
+        solver.finish()
+    text = f"{log.path}: stage 'multi_position': {error.value}"
+    said = word_log_error(text, log.path)
+    assert str(log.path) not in said
+    assert said[0].isupper() or said.startswith("gyro")
+    language.use("zh_CN")
+    try:
+        translated = word_log_error(text, log.path)
+    finally:
+        language.use("en")
+    assert len(CHINESE.findall(translated)) >= 6, translated
+    assert not re.search(r"[a-z]{3,} [a-z]{3,}", translated), translated
+
+
+@pytest.mark.parametrize("sentence", RECORDINGS)
+def test_every_such_sentence_is_known_by_its_pattern(sentence: str, qapp: QApplication) -> None:
+    values = [str(k + 7) for k in range(5)]
+    language.use("zh_CN")
+    try:
+        said = word_log_error(sentence.format(*values))
+    finally:
+        language.use("en")
+    assert CHINESE.search(said)
+    assert all(value in said for value in values[: len(set(re.findall(r"\{\d\}", sentence)))])
+
+
+def check(name: str, value: float, limit: float, unit: str, **more: object) -> dict[str, object]:
+    passed = value <= limit
+    near = passed and value > 0.8 * limit
+    told = {"name": name, "value": value, "limit": limit, "unit": unit, "passed": passed}
+    return {**told, "margin": limit - value, "near_miss": near, **more}
+
+
+def test_checks_stand_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -> None:
+    table = ChecksTable()
+    qtbot.addWidget(table)
+    table.show_checks(
+        [
+            check("gravity_at_rest", 0.0095, 0.01, "m/s²", where="multi_position rest 3"),
+            check("motion_angle", 0.009, 0.006, "rad"),
+            check("excitation", 0.1, 0.3, "1", where="gyro_bias_x"),
+            check("previous accel_scale", 1e-4, 3e-4, "1"),
+        ]
+    )
+    view = table.findChild(QTableView, "checks_table")
+    assert view is not None
+    model = table.model
+    verdict = model.columnCount() - 1
+    shown = [[str(model.index(r, k).data()) for k in range(verdict + 1)] for r in range(4)]
+    assert [row[verdict] for row in shown] == ["near-miss", "failed", "passed", "passed"]
+    states = [model.index(r, verdict).data(Qt.ItemDataRole.UserRole) for r in range(4)]
+    assert states == ["caution", "bad", "good", "good"]
+    assert shown[0][:2] == ["At every rest the force is as long as gravity", "rest 4"]
+    assert word_check(check("previous accel_scale", 1e-4, 3e-4, "1")).value == "100"
+
+
+def test_the_operators_verdict_holds_the_products_checks() -> None:
+    checks = [
+        check("gravity_at_rest", 0.0095, 0.01, "m/s²"),
+        check("motion_angle", 0.009, 0.006, "rad"),
+        check("multi_position consistency", 1.0, 1.3, "1"),
+    ]
+    result = {"checks": checks, "parameters": {}, "unobservable": []}
+    rows = advice.figures(result)
+    assert [(row.name, row.passed, row.near) for row in rows] == [
+        ("force at rest", True, True),
+        ("angle of motions", False, False),
+    ]
+    assert "Motions turn by the angle of the reference (1856 ″, allowed ≤ 1238)" in advice.reason(
+        "failed", result
+    )
+    assert "1 near its limit" in advice.reason("passed", {**result, "checks": checks[:1]})
