@@ -7,13 +7,18 @@ import pytest
 import tomli_w
 
 from calstation.errors import ConfigurationError
+from calstation.estimation.context import ImuModel, Site, SolveContext, TableModel
+from calstation.physics.parameters import PARAMETERS
+from calstation.physics.rotation import rotation_matrix
 from calstation.records.log import open_log
 from calstation.sequencer.events import Message, PositionGuided
+from calstation.sequencer.fresh_data import FreshData
 from calstation.station import library
 from calstation.station.config import load_station, rails_by_hand
 from calstation.station.connection_test import Order, try_table
 from calstation.station.forecast import forecast
 from calstation.station.outline import outline
+from calstation.station.proof import prove
 from calstation.station.request import RunRequest
 from calstation.station.resolve import resolve
 from calstation.station.schedules import offer
@@ -136,3 +141,31 @@ def test_the_shipped_station_and_product_belong_together() -> None:
     setup = prepare(request)
     assert setup.by_hand
     assert outline(request).stages[0].duration < 600.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "passed"),
+    [
+        (np.eye(3), True),
+        (np.diag([1.0 + 1e-4, 1.0, 1.0]), True),
+        (np.diag([1.01, 1.0, 1.0]), False),
+        (np.diag([-1.0, 1.0, 1.0]), False),
+        (np.eye(3)[[1, 0, 2]], False),
+    ],
+)
+def test_a_carried_turn_shows_gyros_that_are_wrong(wrong: np.ndarray, passed: bool) -> None:
+    """Half a turn about x, a little about y on the way: gravity knows where it must lead."""
+    imu = ImuModel("S", 100.0, "rate", 1e-6, 1e-5, 4e-5, 6e-4)
+    context = SolveContext(Site(0.6, 0.0, 0.0, None, 9.8), imu, TableModel())
+    covariance = np.diag([1e-10 if p.group.startswith("gyro") else 1e-8 for p in PARAMETERS])
+    share = np.linspace(0.0, np.pi, 300)
+    omega = np.column_stack([np.full(300, np.pi / 3.0), 0.4 * np.sin(2.0 * share), np.zeros(300)])
+    C = np.eye(3)
+    for rate in omega:
+        C = C @ rotation_matrix(0.01 * rate)
+    first, second = np.r_[0.0, 0.0, 0.0, 0.0, 0.0, 9.8], np.r_[np.zeros(3), 9.8 * C[2]]
+    seen = np.hstack([omega @ wrong.T, np.zeros((300, 3))])
+    checks = prove(FreshData((first, second), 10.0, carried=seen, period=0.01), None, covariance, context)
+    (turn,) = [check for check in checks if check.name == "carried_turn"]
+    assert turn.passed is passed
+    assert turn.expected == 0.0
