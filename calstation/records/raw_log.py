@@ -25,6 +25,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.samples import SampleBlock
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta
+from calstation.records.superblock import SUPERBLOCK, superblock_end
 
 FORMAT = "calstation.log/1"
 SUFFIX = ".h5"
@@ -48,7 +49,6 @@ ROW = np.dtype(
 )
 """Columns of every log; those of further IMUs and of a gimbal come after them."""
 CHUNK_ROWS = 1024
-SUPERBLOCK = 48
 RESERVE = 32_000_000
 """Bytes that must be left on the disk: a run ends while there is still room for its log's and its result's end."""
 _TEXTS = ("events", "results", "closing")
@@ -67,11 +67,6 @@ _abandoned: list["RawLogWriter"] = []
 def free_space(path: Path) -> int:
     """Bytes left on the disk of a file."""
     return shutil.disk_usage(path.parent).free
-
-
-def superblock_end(head: bytes) -> int:
-    """Length of the file that its first `SUPERBLOCK` bytes tell (HDF5 file format 4.0, II.A, version 3)."""
-    return int.from_bytes(head[28:36], "little")
 
 
 class RawLogWriter:

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +14,15 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock
 from calstation.records.meta import LogMeta, meta_from_json
-from calstation.records.raw_log import CHUNK_ROWS, FORMAT, SUFFIX, SUPERBLOCK, superblock_end
+from calstation.records.raw_log import CHUNK_ROWS, FORMAT, STILL_WRITTEN, SUFFIX
+from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
 
 _READ_ROWS = 16 * CHUNK_ROWS
-_SIGNATURE = b"\x89HDF\r\n\x1a\n\x03"
-"""First bytes of an HDF5 file with a superblock of version 3."""
+_BROKEN = (OSError, RuntimeError, KeyError)
+"""What h5py raises of a file that is damaged."""
+
+_ATTEMPTS, _AGAIN_AFTER = 4, 0.05
+"""How often a file that a run may be writing is opened, and what is waited in between, s."""
 
 
 @dataclass(frozen=True)
@@ -125,40 +130,61 @@ class _Opened:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._unclosed: AsClosed | None = None
 
     def __enter__(self) -> h5py.File:
         if not self._path.is_file():
             raise InputError(f"{self._path}: no such file; give the path of an existing log")
-        try:
-            self._file = h5py.File(self._path, "r", libver="latest", swmr=self._left_open())
-        except OSError as exc:
-            raise self._damaged() from exc
-        if self._file.attrs.get("format") != FORMAT:
-            self._file.close()
-            raise InputError(f"{self._path}: not a raw log of this program; give a .h5 log or a .csv")
-        return self._file
+        for _ in range(_ATTEMPTS):
+            try:
+                self._file = self._open()
+                return self._file
+            except InputError:
+                self._close()
+                raise
+            except _BROKEN as exc:
+                error = exc
+                self._close()
+            if not self._grows():
+                break
+            time.sleep(_AGAIN_AFTER)
+        raise self._damaged() from error
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
         try:
             self._file.close()
         except (OSError, RuntimeError) as exc:
             raise self._damaged() from exc
-        if isinstance(error, (OSError, RuntimeError, KeyError)):
+        finally:
+            self._close()
+        if isinstance(error, _BROKEN):
             raise self._damaged() from error
 
-    def _left_open(self) -> bool:
-        """Whether the file was not closed, from its superblock (HDF5 file format 4.0, II.A, version 3).
-
-        Only then SWMR reading is needed; it retries damaged metadata for ever, so a file shorter than its
-        superblock says is refused before.
-        """
+    def _open(self) -> h5py.File:
+        """The file, a raw log; one that was not closed is read as if it had been. Raises InputError or `_BROKEN`."""
         with self._path.open("rb") as stream:
             head = stream.read(SUPERBLOCK)
-        if len(head) < SUPERBLOCK or head[:9] != _SIGNATURE:
-            raise self._damaged()
-        if self._path.stat().st_size < superblock_end(head):
-            raise self._damaged()
-        return head[11] != 0
+        if not sound(head) or self._path.stat().st_size < superblock_end(head):
+            raise OSError("no whole superblock, or a file shorter than it tells")
+        self._unclosed = AsClosed(self._path) if left_open(head) else None
+        file = h5py.File(self._unclosed or self._path, "r", libver="latest")
+        try:
+            if file.attrs.get("format") == FORMAT:
+                return file
+        except BaseException:
+            file.close()
+            raise
+        file.close()
+        raise InputError(f"{self._path}: not a raw log of this program; give a .h5 log or a .csv")
+
+    def _grows(self) -> bool:
+        """Whether a run may be writing it: what is half written now is whole in a moment."""
+        return time.time() - self._path.stat().st_mtime < STILL_WRITTEN
+
+    def _close(self) -> None:
+        if self._unclosed is not None:
+            self._unclosed.close()
+            self._unclosed = None
 
     def _damaged(self) -> InputError:
         return InputError(f"{self._path}: damaged, cut short or no raw log; use a copy of the log")

@@ -1,0 +1,87 @@
+"""A log with any bytes wrong, closed or left open by a killed run, is read or told in a line: it never holds anybody."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from records_samples import META, make_block
+
+from calstation.errors import InputError
+from calstation.records.log import open_log
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+from calstation.records.superblock import SUPERBLOCK, _lookup3, left_open, sound
+
+ROWS = 650
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """A log that was closed, and the same one a moment before."""
+    path = tmp_path_factory.mktemp("logs") / "run.h5"
+    writer = RawLogWriter(path, LogMeta.model_validate(META))
+    for block in (make_block("", 0, 50), make_block("rate", 50, 400), make_block("excitation", 460, 200)):
+        writer.append(block)
+    writer.event({"event": "StageSolved", "stage": "rate"})
+    writer.sync()
+    left = path.read_bytes()
+    writer.close("passed")
+    return {"closed": path.read_bytes(), "left open": left}
+
+
+def rows(path: Path) -> int:
+    """Samples that can be read, -1 where the log is told to be damaged."""
+    try:
+        return sum(len(block) for block in open_log(path).blocks())
+    except InputError as error:
+        assert "\n" not in str(error)
+        return -1
+
+
+def write(path: Path, data: bytes) -> Path:
+    """An old file: nobody is writing it."""
+    path.write_bytes(data)
+    os.utime(path, (0.0, 0.0))
+    return path
+
+
+def test_what_was_left_open_reads_as_if_it_had_been_closed(tmp_path: Path, logs: dict[str, bytes]) -> None:
+    for name, data in logs.items():
+        assert left_open(data) is (name == "left open")
+        assert sound(data[:SUPERBLOCK])
+        assert rows(write(tmp_path / "run.h5", data)) == ROWS
+    alike = open_log(tmp_path / "run.h5")
+    assert [event["event"] for event in alike.events] == ["StageSolved"]
+    assert alike.outcome is None
+
+
+@pytest.mark.parametrize("name", ["closed", "left open"])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_wrong_bytes_hold_nobody(
+    tmp_path: Path, logs: dict[str, bytes], name: str, data: st.DataObject
+) -> None:
+    spoilt = bytearray(logs[name])
+    used = [place for place, byte in enumerate(spoilt) if byte]
+    for _ in range(data.draw(st.integers(1, 4))):
+        # Half of the wrong bytes stand where the file says how it is laid out.
+        place = data.draw(st.sampled_from(used[:1500]) | st.sampled_from(used))
+        spoilt[place] = data.draw(st.sampled_from([0, 255, spoilt[place] ^ 1, spoilt[place] ^ 128]))
+    assert -1 <= rows(write(tmp_path / "run.h5", bytes(spoilt))) <= ROWS
+
+
+@pytest.mark.parametrize("name", ["closed", "left open"])
+def test_a_log_cut_short_anywhere_holds_nobody(tmp_path: Path, logs: dict[str, bytes], name: str) -> None:
+    whole = logs[name]
+    for length in range(0, len(whole), len(whole) // 60):
+        assert -1 <= rows(write(tmp_path / "run.h5", whole[:length])) <= ROWS
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [(b"", 0xDEADBEEF), (b"Four score and seven years ago", 0x17770551)],
+)
+def test_the_check_gives_its_authors_answers(data: bytes, expected: int) -> None:
+    assert _lookup3(data) == expected
