@@ -139,6 +139,16 @@ def test_the_unit_stands_in_the_picture_as_gravity_says(panel: PositionPanel) ->
     assert attitude == pytest.approx(axis_rotation(Y, SIXTY), abs=1e-9)
 
 
+def test_behind_the_last_position_nothing_more_is_asked_until_the_check(panel: PositionPanel) -> None:
+    panel.take(guided("enough", suffices=True))
+    panel.rest()
+    assert panel.badge.text() == "All positions done"
+    assert "Leave the unit alone" in panel.task_label.text()
+    assert not panel.finish_button.isVisible()
+    panel.take(guided("enough", 2, stage=""))
+    assert panel.task_label.text() == "Turn the inner rail to about 60°, then let go."
+
+
 def test_upside_down_is_drawn_too(panel: PositionPanel) -> None:
     event = guided("moving", 2)
     panel.take(PositionGuided(**{**event.__dict__, "up": (0.0, 0.0, -1.0)}))

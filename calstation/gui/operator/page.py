@@ -38,6 +38,7 @@ from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
     Event,
     PositionGuided,
+    StageEnded,
     StageProgress,
     StageSolved,
     TableMoved,
@@ -301,6 +302,8 @@ class OperatorPage(Page):
             self._table.take(event)
         elif isinstance(event, PositionGuided):
             self._position.take(event)
+        elif isinstance(event, StageEnded):
+            self._position.rest()
         elif isinstance(event, Trace):
             self._traces.take(event)
         elif isinstance(event, StageProgress):

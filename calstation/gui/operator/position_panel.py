@@ -26,7 +26,7 @@ class PositionPanel(QFrame):
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self._guided: PositionGuided | None = None
-        self._finishing = False
+        self._finishing = self._over = False
         self.picture = PositionPicture()
         self.badge = StateBadge(_WORD)
         self.task_label, self.place_label, self._note = QLabel(), QLabel(), QLabel()
@@ -60,23 +60,32 @@ class PositionPanel(QFrame):
 
     def plan(self, outline: Outline) -> None:
         """A run begins: its rig and its positions."""
-        self._guided, self._finishing = None, False
+        self._guided, self._finishing, self._over = None, False, False
         self.picture.set_plan(outline.outer_axis, outline.inner_axis, outline.positions)
         self.retranslate()
 
     def take(self, guided: PositionGuided) -> None:
         """Show where the position stands."""
-        self._guided = guided
+        self._guided, self._over = guided, False
         self.picture.take(guided)
+        self.retranslate()
+
+    def rest(self) -> None:
+        """The stage's last position is done."""
+        self._over = True
         self.retranslate()
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
         now = self._guided
         self.finish_button.setText(self.tr("Enough positions: finish"))
-        if now is None:
+        if self._over:
+            self.badge.show_state("good", self.tr("All positions done"))
+            self.task_label.setText(self.tr("Leave the unit alone while its errors are computed and judged."))
+        elif now is None:
             self.badge.show_state("none", self.tr("Wait"))
             self.task_label.setText(self.tr("Leave the unit alone until the first position is asked for."))
+        if self._over or now is None:
             self.place_label.setText("")
             self._note.setText("")
             self.finish_button.setVisible(False)

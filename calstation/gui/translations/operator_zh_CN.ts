@@ -229,6 +229,14 @@
         <translation>位置已够，结束采集</translation>
     </message>
     <message>
+        <source>All positions done</source>
+        <translation>全部位置已完成</translation>
+    </message>
+    <message>
+        <source>Leave the unit alone while its errors are computed and judged.</source>
+        <translation>正在解算和判定，请勿触碰产品。</translation>
+    </message>
+    <message>
         <source>Wait</source>
         <translation>请稍候</translation>
     </message>
