@@ -6,7 +6,7 @@ import io
 import itertools
 import math
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import IO
@@ -128,7 +128,7 @@ def _text_chunks(path: Path) -> Iterator[str]:
 
 def _header(path: Path, text: str, meta: LogMeta) -> tuple[list[str], str]:
     first, _, rest = text.removeprefix("\ufeff").partition("\n")
-    names = [name.strip() for name in next(csv.reader([first]), [])]
+    names = [name.strip() for name in next(_cells(path, [first], 1), [])]
     table = any(name in names for name in ANGLES)
     for name in REQUIRED:
         if name not in names and (table or name not in ANGLES):
@@ -156,6 +156,14 @@ def _header(path: Path, text: str, meta: LogMeta) -> tuple[list[str], str]:
     return names, rest
 
 
+def _cells(path: Path, lines: Iterable[str], first: int) -> Iterator[list[str]]:
+    """Rows of cells, quotes undone; `first` is the number of the first line. Raises InputError."""
+    try:
+        yield from csv.reader(lines)
+    except csv.Error as exc:
+        raise InputError(f"{path}: line {first} or behind it is no CSV ({exc}); save it again") from exc
+
+
 def _check_rate(path: Path, seq: IntArray, time: FloatArray, rate: float) -> None:
     steps = np.diff(time) / np.diff(seq)
     if len(steps) and abs(float(np.median(steps)) * rate - 1.0) > 0.05:
@@ -175,7 +183,7 @@ class _Table:
         self.first = first
         width = len(header)
         if '"' in text:
-            cells = [c for row in csv.reader(io.StringIO(text)) for c in (*row, "\n")]
+            cells = [c for row in _cells(path, io.StringIO(text), first) for c in (*row, "\n")]
         else:
             cells = text.replace("\n", ",\n,").split(",")
             cells.append("\n")
@@ -186,7 +194,7 @@ class _Table:
 
     def _complain_width(self, text: str) -> None:
         for k, line in enumerate(text.split("\n")):
-            found = len(next(csv.reader([line]), []))
+            found = len(next(_cells(self._path, [line], self.first + k), []))
             if found != len(self._header):
                 raise InputError(
                     f"{self._path}: line {self.first + k} has {found} cells, the header {len(self._header)};"

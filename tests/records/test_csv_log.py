@@ -87,6 +87,13 @@ def test_a_spoilt_row_may_hold_what_is_no_number_and_only_a_spoilt_one(tmp_path:
         list(open_log(write_csv_log(tmp_path, rows, f"{CSV_HEADER},valid")).blocks())
 
 
+@pytest.mark.parametrize("row", ['"a\r"b,1', '1,"2\r\r3",x\ry'])
+def test_a_quoted_line_that_is_no_csv_is_told(tmp_path: Path, row: str) -> None:
+    path = write_csv_log(tmp_path, [*csv_rows(3), row])
+    with pytest.raises(InputError, match="line [0-9]+ "):
+        list(open_log(path).blocks())
+
+
 @pytest.mark.parametrize("column", CSV_HEADER.split(","))
 def test_a_missing_column_is_named(tmp_path: Path, column: str) -> None:
     header = CSV_HEADER.replace(column, "other")
