@@ -90,7 +90,7 @@ def test_a_spoilt_row_may_hold_what_is_no_number_and_only_a_spoilt_one(tmp_path:
 @pytest.mark.parametrize("row", ['"a\r"b,1', '1,"2\r\r3",x\ry'])
 def test_a_quoted_line_that_is_no_csv_is_told(tmp_path: Path, row: str) -> None:
     path = write_csv_log(tmp_path, [*csv_rows(3), row])
-    with pytest.raises(InputError, match="line [0-9]+ "):
+    with pytest.raises(InputError, match=r"line [0-9]+ "):
         list(open_log(path).blocks())
 
 
