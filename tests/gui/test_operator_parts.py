@@ -165,7 +165,7 @@ def test_names_at_the_lines_ends_keep_apart_and_inside() -> None:
 
 
 def bench(**settings: object) -> Outline:
-    return Outline("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), {}, None, (0.0, 0.0))
+    return Outline("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), None, {}, None, (0.0, 0.0))
 
 
 def test_the_bench_is_offered_the_first_number_that_has_not_passed() -> None:
