@@ -74,8 +74,9 @@ def word_check(check: Mapping[str, Any]) -> CheckWords:
         if near
         else QCoreApplication.translate("checks", "passed")
     )
+    sentence = word_check_name(name)
     return CheckWords(
-        sentence=word_check_name(name),
+        sentence=sentence[0].upper() + sentence[1:],
         value=_number(check["value"], size),
         limit=_limit(check["limit"], size),
         margin=_number(check.get("margin"), size),

@@ -4,7 +4,6 @@ Each is a raw log as a station with such hardware would leave it, and beside it 
 can be tried, shown and taught without the hardware.
 """
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,17 +19,13 @@ from calstation.bench.imu_truth import ImuTruth
 from calstation.bench.table_truth import rotation
 from calstation.bench.unit_pair import SecondaryTruth, pair_truth, record_pair
 from calstation.bench.unit_samples import Place
-from calstation.errors import ConfigurationError
 from calstation.estimation.gimbal_loop import run_loop
 from calstation.estimation.samples import SampleBlock, snap_angles
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import AXES, NAMES, PARAMETERS, group_indices, pair_name
-from calstation.records.atomic import write_atomic
 from calstation.records.facts import LogFacts
 from calstation.records.meta import LogMeta, context_from_meta
 from calstation.records.raw_log import RawLogWriter
-from calstation.station.library import site_folder
-from calstation.station.worker import Tell
 from procedures.gimbal import Schedule as GimbalSchedule
 
 Kind = Literal["hand", "pair", "gimbal"]
@@ -43,37 +38,6 @@ _PAIR_SCHEDULE = {
 }
 """Little motion is enough; and a unit as it leaves a MEMS factory is off: the earth alone shows 0.7e-4 rad/s."""
 _RIG = HandRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
-
-
-def recordings_folder() -> Path:
-    """Where the window puts recordings of the virtual bench."""
-    return site_folder() / "recordings"
-
-
-def record_on_bench(tell: Tell, kind: Kind, path: Path, grade: GradeName, seed: int) -> Path:
-    """Work for the workshop: make a recording with its truth beside it; both replace what was there.
-
-    Returns its path. Raises ConfigurationError where the place cannot be written.
-    """
-    tell(0.0)
-    partial = path.with_name(f".{path.name}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.unlink(missing_ok=True)
-        _, truth = make_recording(kind, partial, grade, seed)
-        tell(0.9)
-        write_atomic(truth_path(path), json.dumps(truth, indent=1) + "\n")
-        partial.replace(path)
-    except OSError as exc:
-        raise ConfigurationError(
-            f"{path}: cannot be written ({exc.strerror or exc}); choose another folder"
-        ) from exc
-    return path
-
-
-def truth_path(path: Path) -> Path:
-    """Where the truth of a recording lies."""
-    return path.with_suffix(".truth.json")
 
 
 def make_recording(

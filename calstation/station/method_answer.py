@@ -21,10 +21,10 @@ from calstation.records.log import Log, open_log
 from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import row_count
-from calstation.station.bench_recordings import truth_path
 from calstation.station.gimbal_picture import GimbalPicture, gimbal_picture
 from calstation.station.pair_picture import PairPicture, pair_picture, stored_values
 from calstation.station.position_picture import PositionPicture, position_picture
+from calstation.station.recordings import truth_path
 from calstation.station.resolve import Resolved, resolve
 from procedures import method
 

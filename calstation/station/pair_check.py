@@ -93,13 +93,16 @@ def check_pair(tell: Callable[..., None], path: Path) -> PairChecked:
     def heard(event: WatchEvent) -> None:
         happened.append(Happening(event.kind, since_begin(event.time), event.number, event.values))
 
+    last = 0.0
+
     def look(time: float, watch: PairWatch) -> None:
-        now = since_begin(time)
+        nonlocal last
+        now = last = since_begin(time)
         state = Followed(now, duration, watch.state, watch.progress, tuple(happened))
         tell(min(now / duration, 0.99), note=state.to_note())
 
     tell(0.0)
     watched = watch_log(path, pair_folder(), True, heard, look)
-    end = Followed(duration, duration, "waiting", 0.0, tuple(happened))
+    end = Followed(last, last, "waiting", 0.0, tuple(happened))
     checks = {number: check_values(check) for number, check in watched.checks.items()}
     return PairChecked(end, checks, kept_pairs(context_from_meta(log.meta), pair_folder()))

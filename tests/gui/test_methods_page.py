@@ -27,8 +27,8 @@ from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.records.pair_store import load_pair
-from calstation.station.bench_recordings import Kind, record_on_bench
 from calstation.station.pair_run import pair_folder
+from calstation.station.recordings import record_on_bench
 from procedures import method
 from tests.gui.conftest import PRODUCT, STATION, Place
 
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.timeout(120)
 WAIT = 60_000
 """Longest wait for a job, ms: a loaded machine is no failure."""
 
-KINDS: dict[str, Kind] = {"multi_position": "hand", "gimbal": "gimbal", "cross_calibration": "pair"}
+KINDS = {"multi_position": "hand", "gimbal": "gimbal", "cross_calibration": "pair"}
 CHINESE = re.compile(r"[\u4e00-\u9fff]")
 
 
@@ -319,10 +319,10 @@ def test_checks_stand_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -> No
     model = table.model
     verdict = model.columnCount() - 1
     shown = [[str(model.index(r, k).data()) for k in range(verdict + 1)] for r in range(4)]
-    assert [row[verdict] for row in shown] == ["near-miss", "failed", "passed", "passed"]
+    assert [row[verdict] for row in shown] == ["failed", "near-miss", "passed", "passed"]
     states = [model.index(r, verdict).data(Qt.ItemDataRole.UserRole) for r in range(4)]
-    assert states == ["caution", "bad", "good", "good"]
-    assert shown[0][:2] == ["At every rest the force is as long as gravity", "rest 4"]
+    assert states == ["bad", "caution", "good", "good"]
+    assert shown[1][:2] == ["At every rest the force is as long as gravity", "rest 4"]
     assert word_check(check("previous accel_scale", 1e-4, 3e-4, "1")).value == "100"
 
 
@@ -338,6 +338,9 @@ def test_the_operators_verdict_holds_the_products_checks() -> None:
         ("force at rest", True, True),
         ("angle of motions", False, False),
     ]
+    many = [check("previous gyro_bias", 0.1 * k, 9.0, "1") for k in range(20)]
+    assert [row.near for row in advice.figures({**result, "checks": [*many, *checks]})].count(True) == 1
+    assert len(advice.figures({**result, "checks": [*many, *checks]})) == 10
     assert "Motions turn by the angle of the reference (1856 ″, allowed ≤ 1238)" in advice.reason(
         "failed", result
     )

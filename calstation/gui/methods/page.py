@@ -1,7 +1,7 @@
 """The methods page: three methods as cards, and beside them the one chosen with its guidance, work and pictures."""
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtGui import QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QStackedWidget
 
 from calstation.gui import theme
@@ -21,12 +21,9 @@ class MethodsPage(Page):
         super().__init__(app)
         self.setObjectName("methods_page")
         self.cards = MethodCards()
-        self.panels = {stage: MethodPanel(app, stage) for stage in STAGES}
+        self._panels: dict[str, MethodPanel] = {}
         self._stack = QStackedWidget()
-        for panel in self.panels.values():
-            panel.live_wanted.connect(self.live_wanted)
-            self._stack.addWidget(panel)
-        self.cards.chosen.connect(lambda stage: self._stack.setCurrentWidget(self.panels[stage]))
+        self.cards.chosen.connect(self._show)
         row = QHBoxLayout(self)
         row.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
         row.setSpacing(2 * theme.GRID)
@@ -38,11 +35,27 @@ class MethodsPage(Page):
     @property
     def panel(self) -> MethodPanel:
         """The panel of the method chosen."""
-        return self.panels[STAGES[self._stack.currentIndex()]]
+        panel = self._stack.currentWidget()
+        return panel if isinstance(panel, MethodPanel) else self._show(STAGES[0])
 
     def choose(self, stage: str) -> None:
         """Choose a method as a click on its card does."""
         self.cards.cards[stage].click()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """The first method is made when somebody looks: a window opens sooner without."""
+        super().showEvent(event)
+        _ = self.panel
+
+    def _show(self, stage: str) -> MethodPanel:
+        """Show a method's panel, made the first time."""
+        panel = self._panels.get(stage)
+        if panel is None:
+            panel = self._panels[stage] = MethodPanel(self.app, stage)
+            panel.live_wanted.connect(self.live_wanted)
+            self._stack.addWidget(panel)
+        self._stack.setCurrentWidget(panel)
+        return panel
 
     def title(self) -> str:
         """The page's name on its tab."""

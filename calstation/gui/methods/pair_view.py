@@ -174,7 +174,12 @@ class PairCheckView(QWidget):
         within = bool(told["within"])
         verdict, state = (self.tr("within"), "good") if within else (self.tr("off"), "bad")
         if not within and calibrated is not None:
-            verdict, state = self.tr("calibrated: now {0}").format(shown(sensor, calibrated)), "good"
+            now = shown(sensor, calibrated)
+            good = calibrated <= told["limit"]
+            verdict = (self.tr("calibrated: now {0}") if good else self.tr("calibrated, still {0}")).format(
+                now
+            )
+            state = "good" if good else "caution"
         return CheckBar(
             name,
             told["value"] / told["limit"],

@@ -33,6 +33,8 @@ def word_state(followed: Followed) -> str:
     """What is waited for now."""
     if followed.state == "checking":
         return QCoreApplication.translate("pairs", "waiting for a rest to check at")
+    if followed.state == "calibrating" and followed.motion >= 1.0:
+        return QCoreApplication.translate("pairs", "waiting for motion about all axes")
     if followed.state == "calibrating":
         return QCoreApplication.translate("pairs", "waiting for motion: {0} % collected").format(
             f"{100.0 * followed.motion:.0f}"

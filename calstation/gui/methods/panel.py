@@ -33,10 +33,10 @@ from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.gui.wording import word_message, word_time
 from calstation.physics.parameters import NAMES
 from calstation.station.applied_picture import apply_to_recording
-from calstation.station.bench_recordings import record_on_bench, recordings_folder
 from calstation.station.live_guidance import STATION, guided_product, hand_rig
 from calstation.station.method_answer import MethodAnswer, solve_method
 from calstation.station.pair_check import PairChecked, check_pair, followed_from_note
+from calstation.station.recordings import record_on_bench, recordings_folder
 
 _LOGS = (".h5", ".csv", ".csv.gz")
 _GUIDANCE = 0

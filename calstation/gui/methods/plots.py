@@ -19,6 +19,8 @@ Part = tuple[str, str]
 _NOTE = 3.5 * theme.GRID
 _AXIS = 8 * theme.GRID
 _PALE = 110
+_LABELLED = (1.0, 2.0, 5.0)
+"""Marks of a decade that carry a number."""
 
 
 class _PlainLog(pg.AxisItem):  # type: ignore[misc]
@@ -26,14 +28,18 @@ class _PlainLog(pg.AxisItem):  # type: ignore[misc]
 
     def logTickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
         """One text per tick."""
-        return [_plain(value) for value in values]
+        return [_plain(value) if _mantissa(value) in _LABELLED else "" for value in values]
+
+
+def _mantissa(exponent: float) -> float:
+    return round(float(10.0 ** (exponent - np.floor(exponent + 1e-9))), 6)
 
 
 def _plain(exponent: float) -> str:
     whole = round(exponent)
     if abs(exponent - whole) > 1e-6:
         return f"{10.0**exponent:.3g}"
-    return f"{10.0**whole:g}" if -4 <= whole <= 4 else f"10{str(whole).translate(_RAISED)}"
+    return f"{10.0**whole:g}" if -4 <= whole <= 5 else f"10{str(whole).translate(_RAISED)}"
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -78,6 +78,8 @@ class PositionsView(QWidget):
             _rms(p.force_after) / MICRO_G,
             "µg",
         )
+        for widget in (self.angle_figure, self.angle_plot):
+            widget.setVisible(len(p.angle_after) > 0)
         self.angle_figure.show_change(
             self.tr("angle of motions, rms"),
             _rms(p.angle_before) / ARCSECOND,

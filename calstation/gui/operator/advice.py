@@ -12,6 +12,9 @@ from calstation.gui.wording import word_group, word_stage
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.physics.units import display, number
 
+_MOST_ROWS = 10
+"""Rows that fit beside the verdict on a small screen; what failed or nearly did goes before what did not."""
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -73,7 +76,10 @@ def next_action(outcome: str, result: Mapping[str, Any]) -> str:
 
 
 def figures(result: Mapping[str, Any]) -> list[Figure]:
-    """One row per parameter group, its value that is nearest to its limit, or over it; and the product's checks."""
+    """One row per parameter group, its value that is nearest to its limit, or over it; and the product's checks.
+
+    Where there are too many, those that tell nothing are left out.
+    """
     found: dict[str, tuple[float, Figure]] = {}
     checks = {check["name"]: check for check in result["checks"]}
     for name, row in result["parameters"].items():
@@ -85,7 +91,10 @@ def figures(result: Mapping[str, Any]) -> list[Figure]:
         if (within or below) and share >= found.get(group, (-1.0, None))[0]:
             found[group] = (share, _figure(name, row, within, below))
     asked = [_figure_of_check(check) for check in result["checks"] if of_product(check)]
-    return [*(found[group][1] for group in GROUPS if group in found), *asked]
+    rows = [*(found[group][1] for group in GROUPS if group in found), *asked]
+    groups = len(rows) - len(asked)
+    places = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= groups))
+    return [rows[k] for k in sorted(places[:_MOST_ROWS])]
 
 
 def _figure_of_check(check: Mapping[str, Any]) -> Figure:

@@ -376,6 +376,10 @@
         <translation>已标定，现为 {0}</translation>
     </message>
     <message>
+        <source>calibrated, still {0}</source>
+        <translation>已标定，仍为 {0}</translation>
+    </message>
+    <message>
         <source>at most {0}</source>
         <translation>上限 {0}</translation>
     </message>
@@ -599,7 +603,7 @@
     </message>
     <message>
         <source>Gyro misalignment from the gimbal&apos;s own joints</source>
-        <translation>由框架自身的轴角求陀螺安装误差</translation>
+        <translation>由框架轴角求陀螺安装误差</translation>
     </message>
     <message>
         <source>Hold all joints at zero: what the gyros show there is their bias.</source>
@@ -671,6 +675,10 @@
     <message>
         <source>waiting for a rest to check at</source>
         <translation>等待静止以便检查</translation>
+    </message>
+    <message>
+        <source>waiting for motion about all axes</source>
+        <translation>等待绕各轴的运动</translation>
     </message>
     <message>
         <source>waiting for motion: {0} % collected</source>

@@ -11,10 +11,11 @@ from calstation.gui.check_wording import CheckWords, word_check
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 
 _ROW = 28
+_ORDER = {"bad": 0, "caution": 1, "good": 2}
 
 
 class ChecksTable(QWidget):
-    """Rows in the result's order."""
+    """What failed first, then the near-misses, then the rest, each in the result's order."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -44,7 +45,7 @@ class ChecksTable(QWidget):
 
     def show_checks(self, checks: Sequence[Mapping[str, Any]]) -> None:
         """Show checks as the result JSON holds them."""
-        self._checks = checks
+        self._checks = sorted(checks, key=lambda check: _ORDER[word_check(check).state])
         self._say()
         self.model.set_names([str(k) for k in range(len(checks))])
 
