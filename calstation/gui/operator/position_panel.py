@@ -2,6 +2,7 @@
 
 import numpy as np
 from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from calstation.gui import theme
@@ -11,7 +12,8 @@ from calstation.sequencer.events import PositionGuided
 from calstation.station.outline import Outline
 
 _WORD, _SENTENCE = theme.VERDICT // 2, theme.VERDICT // 3
-"""Read from two metres, px."""
+"""Read from two metres, px; on a wide panel a third larger."""
+_WIDE = 170 * theme.GRID
 _KINDS = {"waiting": "waiting", "moving": "active", "still": "paused", "enough": "good", "repeat": "caution"}
 _TURNED = np.deg2rad(1.0)
 """A rail that is asked for by less than this from where it is need not be named, rad."""
@@ -30,8 +32,6 @@ class PositionPanel(QFrame):
         self.picture = PositionPicture()
         self.badge = StateBadge(_WORD)
         self.task_label, self.place_label, self._note = QLabel(), QLabel(), QLabel()
-        self.task_label.setFont(theme.font(_SENTENCE, bold=True))
-        self.place_label.setFont(theme.font(_SENTENCE))
         self._note.setProperty("kind", "muted")
         for label in (self.task_label, self._note):
             label.setWordWrap(True)
@@ -56,6 +56,7 @@ class PositionPanel(QFrame):
         row.setSpacing(3 * theme.GRID)
         row.addWidget(self.picture, 1)
         row.addWidget(column, 1)
+        self._enlarge(1.0)
         self.retranslate()
 
     def plan(self, outline: Outline) -> None:
@@ -94,6 +95,16 @@ class PositionPanel(QFrame):
         self.task_label.setText(self._task(now))
         self.place_label.setText(self._place(now))
         self._say_finish(now)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Larger words where there is room."""
+        self._enlarge(4.0 / 3.0 if event.size().width() >= _WIDE else 1.0)
+        super().resizeEvent(event)
+
+    def _enlarge(self, times: float) -> None:
+        self.badge.set_size(round(times * _WORD))
+        self.task_label.setFont(theme.font(round(times * _SENTENCE), bold=True))
+        self.place_label.setFont(theme.font(round(times * _SENTENCE)))
 
     def changeEvent(self, event: QEvent) -> None:
         """Hear of a new language."""

@@ -125,6 +125,11 @@ class StateBadge(QWidget):
         self._word.setText(word)
         self.setAccessibleName(word)
 
+    def set_size(self, size: int) -> None:
+        """Another size of its word, px."""
+        self._icon.setFixedSize(QSize(size + 6, size + 6))
+        self._word.setFont(theme.font(size, bold=True))
+
     def text(self) -> str:
         """The word shown."""
         return self._word.text()
