@@ -1,6 +1,7 @@
 """What was run before: found by serial number, outcome and date in an index that is made from the runs' own files."""
 
 import json
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -18,6 +19,11 @@ _AT_ONCE = 100
 """Runs read between two words of progress."""
 
 _SOLVED = ("passed", "failed")
+
+_NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError)
+"""What comes of a JSON that is no result, or one that somebody else has written."""
+
+_MOST_ATTEMPTS = 1_000_000
 
 T = TypeVar("T")
 
@@ -130,15 +136,19 @@ def _files(folder: Path) -> dict[str, str]:
 
 
 def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
-    """A run from its result, or from its log where there is none; None where the file is neither."""
-    beside = folder / f"{name}.json"
+    """A run from its result, or from its log where there is none; None where the file is neither, or damaged."""
     try:
-        if not stamp.startswith("log "):
-            result = json.loads(beside.read_text(encoding="utf-8"))
-            return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
-        contents = read_contents(folder / f"{name}{SUFFIX}")
-    except (OSError, ValueError, KeyError, TypeError, InputError):
+        return _found(folder, name, stamp)
+    except (OSError, InputError, *_NO_RESULT):
         return None
+
+
+def _found(folder: Path, name: str, stamp: str) -> IndexedRun | None:
+    beside = folder / f"{name}.json"
+    if not stamp.startswith("log "):
+        result = json.loads(beside.read_text(encoding="utf-8"))
+        return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
+    contents = read_contents(folder / f"{name}{SUFFIX}")
     if contents.outcome is None:
         return _from_log(folder, name, stamp, contents)
     for result in reversed(contents.results):
@@ -161,23 +171,40 @@ def _from_result(
     folder: Path, name: str, stamp: str, result: Mapping[str, Any], beside: Path | None
 ) -> IndexedRun:
     record = RunRecord(
-        serial=str(result["unit"]["serial"]),
-        started_utc=str(result.get("started_utc") or ""),
-        outcome=str(result["outcome"]),
-        attempt=int(result.get("attempt") or 1),
-        product=result.get("product"),
-        station=result.get("station"),
-        operator=result.get("operator"),
-        stages=tuple(result.get("finished_stages") or result["stages"]),
+        serial=_words(result["unit"]["serial"]) or "",
+        started_utc=_words(result.get("started_utc")) or "",
+        outcome=_words(result["outcome"]) or "",
+        attempt=min(int(result.get("attempt") or 1), _MOST_ATTEMPTS),
+        product=_words(result.get("product")),
+        station=_words(result.get("station")),
+        operator=_words(result.get("operator")),
+        stages=tuple(_words(stage) or "" for stage in result.get("finished_stages") or result["stages"]),
         log=folder / f"{name}{SUFFIX}",
         result=beside,
-        duration=float(result.get("duration_s") or 0.0),
-        error=result.get("error"),
-        resumed_from=result.get("resumed_from"),
+        duration=_finite(result.get("duration_s")),
+        error=_words(result.get("error")),
+        resumed_from=_words(result.get("resumed_from")),
         closed="closed_utc" in result,
     )
-    values = {parameter: float(row["value"]) for parameter, row in result["parameters"].items()}
-    return IndexedRun(name, stamp, record, values)
+    values = {_words(parameter) or "": float(row["value"]) for parameter, row in result["parameters"].items()}
+    finite = {parameter: value for parameter, value in values.items() if math.isfinite(value)}
+    return IndexedRun(name, stamp, record, finite)
+
+
+def _finite(value: Any) -> float:
+    """A number, 0 where there is none. Raises TypeError or ValueError where it is something else."""
+    number = float(value or 0.0)
+    return number if math.isfinite(number) else 0.0
+
+
+def _words(value: Any) -> str | None:
+    """A text that can be stored, or None. Raises TypeError or ValueError for anything else."""
+    if value is None:
+        return None
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    value.encode()  # half of a character pair is no character
+    return value
 
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:

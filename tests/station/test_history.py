@@ -141,6 +141,34 @@ def test_other_files_are_no_runs(three: Path) -> None:
     assert len(refreshed(three).runs()) == 3
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"parameters": 7},
+        {"parameters": {"gyro_bias_x": {"value": "much"}}},
+        {"attempt": float("inf")},
+        {"attempt": []},
+        {"operator": 2**70},
+        {"station": "\ud800"},
+        {"stages": [None, {}]},
+        {"unit": "SN-1"},
+        {"log": 3},
+    ],
+)
+def test_a_damaged_result_hides_itself_alone(three: Path, damage: dict[str, Any]) -> None:
+    write(three, "d", "SN-1", "passed", 4, **damage)
+    history = refreshed(three)
+    assert [run.log.stem for run in history.runs()] == ["c", "b", "a"]
+    assert history.attempts("SN-1") == 2
+
+
+def test_a_value_that_is_no_number_is_left_out(three: Path) -> None:
+    write(three, "d", "SN-1", "passed", 4, values={"gyro_bias_x": float("nan"), "gyro_bias_y": 7.0})
+    history = refreshed(three)
+    assert len(history.runs()) == 4
+    assert history.previous("SN-1") == {"gyro_bias_x": 2.0, "gyro_bias_y": 7.0}
+
+
 def test_a_log_without_a_result_is_incomplete_once_nobody_writes_it(tmp_path: Path) -> None:
     log = tmp_path / "x.h5"
     writer = RawLogWriter(log, LogMeta.model_validate(META))
