@@ -20,7 +20,7 @@ _AT_ONCE = 100
 
 _SOLVED = ("passed", "failed")
 
-_NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError)
+_NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 """What comes of a JSON that is no result, or one that somebody else has written."""
 
 _MOST_ATTEMPTS = 1_000_000

@@ -157,7 +157,7 @@ def _lines(path: Path) -> list[dict[str, Any]]:
     for text in content.split(b"\n"):
         try:
             line = json.loads(text)
-        except ValueError:
+        except (ValueError, RecursionError):
             continue  # torn by a power cut: what it was to announce did not happen
         if isinstance(line, dict):
             lines.append(line)
