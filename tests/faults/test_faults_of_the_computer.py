@@ -51,6 +51,7 @@ def test_a_log_that_takes_no_more_is_a_fault_and_what_it_holds_stays(
     assert sum(len(block) for block in log.blocks() if block.stage == "rate") > 200
 
 
+@pytest.mark.long
 def test_a_killed_engine_leaves_an_incomplete_run(floor: Floor) -> None:
     with Engine.start(floor.request(fault("engine_killed", step=4))) as engine:
         events = engine.events()
