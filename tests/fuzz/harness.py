@@ -7,7 +7,9 @@ import sys
 
 import atheris
 
-with atheris.instrument_imports(include=["calstation", "targets"]):
+READERS = ["calstation.devices", "calstation.records", "calstation.station", "calstation.configuration"]
+
+with atheris.instrument_imports(include=[*READERS, "targets", "file_targets"]):
     from targets import TARGETS
 
 CHOICE = list(TARGETS.values())

@@ -1,9 +1,11 @@
-"""What is fuzzed: every decoder of bytes that come from outside, each a function of bytes that must bear anything."""
+"""What is fuzzed: every decoder of bytes from outside and every reader of files; each must bear anything."""
 
 import re
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+
+import file_targets
 
 from calstation.devices.frame_profile import FrameSection
 from calstation.devices.frames import FrameDecoder, ReplyKind
@@ -110,4 +112,5 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     for name in TABLES
 }
 TARGETS["numbers"] = numbers
+TARGETS |= file_targets.TARGETS
 """All targets by name."""

@@ -1,17 +1,19 @@
 """Whatever bytes come, no decoder hangs, crashes or keeps more than it may; atheris looks further where it is there."""
 
 import importlib.util
+import json
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import file_targets
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from targets import TARGETS, decoder
 
-SECONDS = 5
+SECONDS = 3
 
 pieces = st.one_of(
     st.binary(max_size=60),
@@ -24,11 +26,25 @@ pieces = st.one_of(
 )
 
 
-@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize("name", [name for name in TARGETS if name not in file_targets.TARGETS])
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(parts=st.lists(pieces, max_size=30))
 def test_a_decoder_bears_any_bytes(name: str, parts: list[bytes]) -> None:
     TARGETS[name](b"".join(parts))
+
+
+@pytest.mark.parametrize("name", file_targets.TARGETS)
+@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    data=st.lists(pieces, max_size=5).map(b"".join)
+    | st.recursive(
+        st.none() | st.integers() | st.floats() | st.text(max_size=9),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    ).map(lambda value: json.dumps(value).encode())
+)
+def test_a_reader_of_files_bears_anything(name: str, data: bytes) -> None:
+    for first in (b"", b"\x00", b"\x03", b"\xf1"):
+        TARGETS[name](first + data)
 
 
 @pytest.mark.parametrize("name", [n.removeprefix("stream ") for n in TARGETS if n.startswith("stream")])
