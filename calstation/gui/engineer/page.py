@@ -135,6 +135,9 @@ class EngineerPage(Page):
         except CalstationError as error:
             self._offer = None
             self._problem = one_line(str(error))
+        if self._offer is not None and not self._offer.offered:
+            self._offer = None
+            self._problem = self.tr("None of this product's stages can run on this station's rig.")
         self.choice.setEnabled(self._offer is not None)
         if self._offer is not None:
             self.choice.show_offer(self._offer)

@@ -12,6 +12,7 @@ from calstation.gui.methods.gimbal_view import GimbalView
 from calstation.gui.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
 from calstation.gui.methods.pair_view import PairCheckView, PairLeftView
 from calstation.gui.methods.positions_view import PositionsView
+from calstation.gui.methods.scrolled import scrolled
 from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.station.gimbal_picture import GimbalPicture
 from calstation.station.method_answer import MethodAnswer
@@ -34,6 +35,7 @@ class AnswerViews:
         self.applied = AppliedView() if stage == MULTI_POSITION else None
         self.gimbal = GimbalView() if stage == GIMBAL else None
         self.check = PairCheckView() if stage == CROSS_CALIBRATION else None
+        self._checking = None if self.check is None else scrolled(self.check)
         self.left = PairLeftView() if stage == CROSS_CALIBRATION else None
         self.table, self.checks = AnswerTable(), ChecksTable()
 
@@ -44,7 +46,7 @@ class AnswerViews:
             (lambda: QCoreApplication.translate("method_views", "Rests and motions"), self.positions),
             (lambda: QCoreApplication.translate("method_views", "Before and after"), self.applied),
             (lambda: QCoreApplication.translate("method_views", "Convergence"), self.gimbal),
-            (lambda: QCoreApplication.translate("method_views", "Check and watch"), self.check),
+            (lambda: QCoreApplication.translate("method_views", "Check and watch"), self._checking),
             (lambda: QCoreApplication.translate("method_views", "What is left"), self.left),
             (lambda: QCoreApplication.translate("method_views", "Parameters"), self.table),
             (lambda: QCoreApplication.translate("method_views", "Checks"), self.checks),

@@ -8,10 +8,15 @@ from calstation.gui import theme
 from calstation.gui.methods.figures import three_digits
 from calstation.gui.methods.gain_bar import GainBar
 from calstation.gui.methods.plots import MethodPlot
+from calstation.gui.methods.scrolled import scrolled
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.elided import ElidedLabel
+from calstation.physics.arrays import FloatArray
 from calstation.physics.units import ARCSECOND
 from calstation.station.gimbal_picture import GimbalAxis, GimbalPicture
+
+_FAINT = 0.2
+"""A promise smaller than this part of the smallest drift measured is not drawn."""
 
 
 class _AxisPanel(QFrame):
@@ -40,7 +45,7 @@ class _AxisPanel(QFrame):
             else self.tr("Axis {0}: not below the threshold").format(axis.axis),
         )
         self._text.setText(
-            self.tr("{0} turns by {1}°: drift {2} → {3}″, {4} % left by each").format(
+            self.tr("{0} turns by {1}°: {2} → {3}″, {4} % left by each").format(
                 len(axis.drift),
                 three_digits(float(np.rad2deg(axis.angle))),
                 first,
@@ -60,14 +65,16 @@ class GimbalView(QWidget):
         self.plot = MethodPlot(log=True)
         self.plot.getAxis("bottom").setTickSpacing(1.0, 1.0)
         self._panels: list[_AxisPanel] = []
-        self._right = QVBoxLayout()
+        side = QWidget()
+        self._right = QVBoxLayout(side)
+        self._right.setContentsMargins(0, 0, 0, 0)
         self._right.setSpacing(theme.GRID)
         self._right.addStretch(1)
         row = QHBoxLayout(self)
         row.setContentsMargins(0, theme.GRID, 0, 0)
         row.setSpacing(2 * theme.GRID)
         row.addWidget(self.plot, 11)
-        row.addLayout(self._right, 8)
+        row.addWidget(scrolled(side), 8)
 
     def show_picture(self, picture: GimbalPicture) -> None:
         """Draw it."""
@@ -92,7 +99,7 @@ class GimbalView(QWidget):
             panel.show_axis(axis)
             colour = theme.AXIS_COLOURS[axis.axis]
             turn = np.arange(1.0, len(axis.drift) + 1.0)
-            self.plot.line(turn, axis.predicted / ARCSECOND, colour)
+            self.plot.line(turn, _worth_drawing(axis) / ARCSECOND, colour)
             self.plot.dots(turn, axis.drift / ARCSECOND, colour)
             parts.append(("● " + axis.axis, colour))
         if p.threshold > 0.0:
@@ -108,3 +115,8 @@ class GimbalView(QWidget):
         if event.type() in (QEvent.Type.LanguageChange, QEvent.Type.PaletteChange):
             self.retranslate()
         super().changeEvent(event)
+
+
+def _worth_drawing(axis: GimbalAxis) -> FloatArray:
+    """What the gain promises, rad, as long as it is of the size of what was measured: noise ends all promises."""
+    return np.where(axis.predicted > _FAINT * axis.drift.min(), axis.predicted, np.nan)

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from PySide6.QtCore import QEvent, Signal
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtCore import QEvent, QSignalBlocker, Signal
+from PySide6.QtWidgets import QComboBox, QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from calstation.gui import theme
 from calstation.gui.methods.check_bars import CheckBar, CheckBars
@@ -17,7 +17,7 @@ from calstation.physics.parameters import pair_name
 from calstation.physics.units import DEGREE, display, number
 from calstation.station.method_answer import MethodAnswer
 from calstation.station.pair_check import Followed, PairChecked
-from calstation.station.pair_picture import Kept, Left, PairPicture
+from calstation.station.pair_picture import Kept, Left, PairPicture, SecondaryPicture
 
 _RATE, _FORCE = DEGREE, 1.0
 """What is left is drawn in °/s and m/s²: it is mostly that of motion."""
@@ -204,15 +204,20 @@ class PairLeftView(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._answer: MethodAnswer | None = None
+        self._calibrated: list[SecondaryPicture] = []
         self.figures = [Figure() for _ in range(4)]
         self.gyro_plot, self.accel_plot = MethodPlot(log=True), MethodPlot(log=True)
         self.accel_plot.setXLink(self.gyro_plot)
+        self.secondary_combo = QComboBox()
+        self.secondary_combo.setObjectName("secondary_combo")
+        self.secondary_combo.currentIndexChanged.connect(lambda _: self.retranslate())
         row = QHBoxLayout()
         row.setSpacing(4 * theme.GRID)
         for figure in self.figures:
             figure.number.setFont(theme.font(theme.SECTION, bold=True))
             row.addWidget(figure)
         row.addStretch(1)
+        row.addWidget(self.secondary_combo)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, theme.GRID, 0, 0)
         column.setSpacing(theme.GRID)
@@ -221,8 +226,15 @@ class PairLeftView(QWidget):
         column.addWidget(self.accel_plot, 1)
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Draw it: of several secondaries the first that was calibrated."""
+        """Draw it, the first secondary that was calibrated; the others can be chosen."""
         self._answer = answer
+        picture = answer.picture
+        assert isinstance(picture, PairPicture)
+        self._calibrated = [s for s in picture.secondaries if s.left]
+        with QSignalBlocker(self.secondary_combo):
+            self.secondary_combo.clear()
+            self.secondary_combo.addItems([f"{s.number}: {s.serial}" for s in self._calibrated])
+        self.secondary_combo.setVisible(len(self._calibrated) > 1)
         self.retranslate()
 
     def retranslate(self) -> None:
@@ -230,9 +242,9 @@ class PairLeftView(QWidget):
         answer = self._answer
         if answer is None:
             return
-        picture = answer.picture
-        assert isinstance(picture, PairPicture)
-        of = next((s for s in picture.secondaries if s.left), None)
+        self.secondary_combo.setAccessibleName(self.tr("Secondary shown"))
+        index = max(self.secondary_combo.currentIndex(), 0)
+        of = self._calibrated[index] if self._calibrated else None
         for plot in (self.gyro_plot, self.accel_plot):
             plot.empty()
         if of is None:

@@ -69,6 +69,10 @@
         <translation>工程师</translation>
     </message>
     <message>
+        <source>None of this product&apos;s stages can run on this station&apos;s rig.</source>
+        <translation>该产品的标定阶段都不能在本工位的工装上运行。</translation>
+    </message>
+    <message>
         <source>Save the schedule of {0} to the product {1}?</source>
         <translation>把“{0}”的流程参数存入产品“{1}”吗？</translation>
     </message>

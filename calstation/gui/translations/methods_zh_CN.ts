@@ -395,6 +395,10 @@
 <context>
     <name>PairLeftView</name>
     <message>
+        <source>Secondary shown</source>
+        <translation>所示从惯组</translation>
+    </message>
+    <message>
         <source>Nothing was calibrated in this recording</source>
         <translation>这段数据中没有标定</translation>
     </message>
@@ -489,8 +493,8 @@
         <translation>{0} 轴：未小于阈值</translation>
     </message>
     <message>
-        <source>{0} turns by {1}°: drift {2} → {3}″, {4} % left by each</source>
-        <translation>转 {0} 次，每次 {1}°：漂移 {2} → {3}″，每次剩 {4} %</translation>
+        <source>{0} turns by {1}°: {2} → {3}″, {4} % left by each</source>
+        <translation>转 {0} 次，每次 {1}°：{2} → {3}″，每次剩 {4} %</translation>
     </message>
 </context>
 <context>
