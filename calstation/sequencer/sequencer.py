@@ -36,7 +36,7 @@ from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
-from calstation.sequencer.task import Ended, StagePlan, Task
+from calstation.sequencer.task import Concluded, Ended, StagePlan, Task
 
 _LOOK = 0.05
 """Host time between looks while something else is done, s."""
@@ -51,8 +51,9 @@ class Sequencer:
     """One run. `run` returns when it is over; `control` takes the operator's commands from any thread.
 
     `verify(solution)` says after each stage whether to go on. `conclude(solutions, aside)`, called with the table at
-    rest, checks the limits, writes the registers and says whether the unit passed; `prove(data, aside)` then judges
-    the restarted unit's fresh data. Both do what talks to the unit by `aside`, during which a stop waits.
+    rest, checks the limits, writes the registers and says whether the unit passed; where registers were written
+    `prove(data, aside)` then judges the restarted unit's fresh data. Both do what talks to the unit by `aside`, during
+    which a stop waits.
 
     A resumed run begins with what was `solved` before and carries on behind the last sample, `after`.
     """
@@ -68,7 +69,7 @@ class Sequencer:
         emit: Emit,
         *,
         verify: Callable[[Solution], bool],
-        conclude: Callable[[tuple[Solution, ...], Aside], bool],
+        conclude: Callable[[tuple[Solution, ...], Aside], Concluded],
         prove: Callable[[FreshData, Aside], None],
         control: Control | None = None,
         solved: tuple[Solution, ...] = (),
@@ -146,8 +147,8 @@ class Sequencer:
             if not self._run_stage(stage, index):
                 break
         self._pulse.hear()
-        passed = self._conclude(tuple(self._solutions), self._aside)
-        if passed:
+        concluded = self._conclude(tuple(self._solutions), self._aside)
+        if concluded.written:
             self.emit(Message("verifying"))
             self._aside(self._imu.start)
             scale = to_si(self._task.imu)
@@ -156,7 +157,7 @@ class Sequencer:
             self._prove(data, self._aside)
         if not self._task.by_hand:
             self._finish()
-        return passed
+        return concluded.passed
 
     def emit(self, event: Event) -> None:
         """Tell the listener, and the journal unless the event only refreshes a display."""

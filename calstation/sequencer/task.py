@@ -61,6 +61,14 @@ class Task:
 
 
 @dataclass(frozen=True)
+class Concluded:
+    """Whether the unit passed, and whether registers were written, which fresh data must then prove."""
+
+    passed: bool
+    written: bool
+
+
+@dataclass(frozen=True)
 class Ended:
     """How a run ended: final state, what was solved, and the error of a fault."""
 

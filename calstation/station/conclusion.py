@@ -16,6 +16,7 @@ from calstation.sequencer.control import StopRequested
 from calstation.sequencer.events import Event, Message
 from calstation.sequencer.fresh_data import FreshData
 from calstation.sequencer.sequencer import Aside
+from calstation.sequencer.task import Concluded
 from calstation.station import register_journal
 from calstation.station.compose import compose
 from calstation.station.proof import prove, refuted
@@ -45,7 +46,7 @@ class Conclusion:
     hear: Callable[[], None]
     _done: Transferred | None = None
 
-    def conclude(self, solutions: tuple[Solution, ...], aside: Aside) -> bool:
+    def conclude(self, solutions: tuple[Solution, ...], aside: Aside) -> Concluded:
         """Check the limits; write the registers of a unit inside them.
 
         A stop before the first register is a stop at once; one that comes later waits until the transfer is done.
@@ -53,7 +54,7 @@ class Conclusion:
         """
         if not judge(self.meta, self.chain.prior, solutions).passed:
             self.tell(Message("registers_kept"))
-            return False
+            return Concluded(passed=False, written=False)
         found = dict(zip(NAMES, solutions[-1].belief.mean.tolist(), strict=True))
         if self.setup.after_registers:
             wanted = compose(self.meta.registers, found)
@@ -61,7 +62,7 @@ class Conclusion:
             wanted = {name: found[name] for name in estimated_stage(solutions)}
         entries = RegisterMap(tuple(self.setup.imu.registers))
         if not entries.parameters:
-            return True
+            return Concluded(passed=True, written=False)
         # The log belongs to this thread, so what the unit holds is read and kept before the transfer begins.
         self._keep(aside(self.imu.read_registers))
         self.hear()
@@ -74,15 +75,14 @@ class Conclusion:
         except StopRequested:
             self.tell(Message("transfer_finished"))
             raise
-        return True
+        return Concluded(passed=True, written=True)
 
     def prove(self, fresh: FreshData, aside: Aside) -> None:
         """Judge the restarted unit's data; one whose corrected output is wrong gets its old registers back.
 
         Raises DeviceFaultError.
         """
-        if self._done is None:
-            return
+        assert self._done is not None
         entry, entries = self._done.entry, RegisterMap(tuple(self.setup.imu.registers))
         checks = prove(
             fresh,

@@ -1,5 +1,6 @@
-"""Is a unit's corrected output right? Its size at rest against gravity and earth rate, short turns against encoders or, carried, against
-gravity.
+"""Is a unit's corrected output right? Its size at rest against gravity and earth rate, short turns against encoders.
+
+Where nothing measures a turn, gravity at its end is seen where the gyros carried it.
 
 The registers are those read from the restarted unit. Where its stream follows them it is the corrected output;
 where it precedes them it is corrected here as the unit would.

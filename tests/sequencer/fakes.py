@@ -27,7 +27,7 @@ from calstation.sequencer.events import Event
 from calstation.sequencer.preflight import PreflightLimits
 from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.stop_rule import StopRule
-from calstation.sequencer.task import StagePlan, Task
+from calstation.sequencer.task import Concluded, StagePlan, Task
 
 GRAVITY = 9.8
 RATE = 100.0
@@ -287,6 +287,7 @@ class Scene:
         self.control = Control()
         self.events: list[Event] = []
         self.passes = True
+        self.writes = True
         self.concluded = 0
         self.proved: list[Any] = []
         limits = PreflightLimits(serial, r"SN-\d+", GRAVITY, **preflight)
@@ -318,10 +319,10 @@ class Scene:
         )
         return self.sequencer.run()
 
-    def _conclude(self, solutions: Any, aside: Any) -> bool:
+    def _conclude(self, solutions: Any, aside: Any) -> Concluded:
         self.concluded += 1
         self.solutions = solutions
-        return self.passes
+        return Concluded(self.passes, self.passes and self.writes)
 
     def told(self, kind: type) -> list[Any]:
         """Events of a kind."""

@@ -24,7 +24,7 @@ from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.sequencer import Aside
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
-from calstation.sequencer.task import StagePlan
+from calstation.sequencer.task import Concluded, StagePlan
 from tests.sequencer.fakes import GRAVITY, MODEL, RATE, Scene, repeated
 
 
@@ -348,7 +348,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -
     scene = Scene()
     transferred: list[bool] = []
 
-    def conclude(solutions: object, aside: Aside) -> bool:
+    def conclude(solutions: object, aside: Aside) -> Concluded:
         def transfer() -> None:
             scene.control.send(Command.STOP)
             while not scene.control.stopping:
@@ -356,7 +356,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -
             transferred.append(True)
 
         aside(transfer)
-        return True
+        return Concluded(passed=True, written=True)
 
     scene._conclude = conclude  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
@@ -375,6 +375,15 @@ def test_the_restarted_unit_is_looked_at_on_fresh_data_that_no_log_holds() -> No
         assert np.allclose(turn.rate * turn.seconds, turn.expected, atol=0.01)
     logged = sum(len(block) for block in scene.journal.blocks)
     assert scene.clock.time * RATE - logged > 20.0 * RATE
+
+
+def test_a_unit_without_registers_has_passed_when_it_is_inside_the_limits() -> None:
+    scene = Scene()
+    scene.writes = False
+    assert scene.run().state is State.PASSED
+    assert scene.proved == []
+    assert "verifying" not in [m.id for m in scene.told(Message)]
+    assert ("verify",) not in [e.label for e in scene.told(StepStarted)]
 
 
 def test_a_stop_that_nobody_pressed_says_why() -> None:
