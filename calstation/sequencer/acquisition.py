@@ -189,14 +189,16 @@ class Acquisition:
         if not self.aside:
             self._sink(block)
         seen = int(np.bitwise_or.reduce(batch.status))
+        ready = self._masks.ready == 0 or bool(batch.status[-1] & self._masks.ready)
+        judged = ready and not saturated.any()  # until it is ready a unit may well show nothing but zeros
         return Flow(
             count,
             missing,
-            ready=self._masks.ready == 0 or bool(batch.status[-1] & self._masks.ready),
+            ready,
             saturated=bool(saturated.any()),
             failed=bool(seen & self._masks.failed),
             invalid=not finite.all(),
-            stuck="" if saturated.any() else self._stuck(batch.counts),
+            stuck=self._stuck(batch.counts) if judged else "",
         )
 
     @property

@@ -416,6 +416,15 @@ def test_a_channel_without_its_noise_is_told_as_stuck() -> None:
     assert scene.table.told[-1] == "disable"
 
 
+def test_a_unit_that_is_not_ready_yet_may_show_nothing_but_zeros() -> None:
+    scene = Scene()
+    scene.task = replace(scene.task, imu=replace(MODEL, gyro_arw=1e-7))
+    scene.imu.ready_at = 1e9
+    assert scene.run().state is State.FAULT
+    (fault,) = scene.told(Fault)
+    assert "not ready after" in fault.text
+
+
 def test_a_channel_of_floats_is_stuck_however_small_its_noise_is_in_counts() -> None:
     scene = Scene()
     scene.task = replace(scene.task, span=Span(step=np.zeros(6)))
