@@ -42,6 +42,7 @@ STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("garble_imu", 0.3),
     ("garble_imu", 600),
     ("saturate_imu", 0.3),
+    ("invalid_imu", 0.3),
     ("freeze_channel", 4),
     ("reset_imu", None),
     ("hang_up_imu", None),
@@ -73,6 +74,7 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("wrong_gravity", None),
     ("watchdog_off", None),
     ("interlock_open", None),
+    ("never_ready", None),
     ("operator_stop", None),
     ("window_killed", None),
 )
