@@ -174,6 +174,8 @@ class Acquisition:
         self._delays.append(now - self.newest)
         finite = np.isfinite(batch.counts).all(axis=1)
         saturated = self._saturated(batch)
+        # What comes behind a spoilt sample belongs to a step that is about to be repeated.
+        sound = np.logical_and.accumulate(finite & ~saturated)
         block = SampleBlock(
             stage=self.stage,
             seq=batch.seq,
@@ -181,7 +183,7 @@ class Acquisition:
             counts=batch.counts,
             angles=self._angles(batch),
             step=np.full(count, self.step, np.int64),
-            valid=self.valid & finite & ~saturated,
+            valid=self.valid & sound,
             temperature=batch.temperature,
         )
         for tap in self._taps:

@@ -119,10 +119,12 @@ def test_a_channel_at_its_end_spoils_its_sample_whatever_the_status_says() -> No
 def test_what_is_shown_is_the_mean_of_what_is_a_number() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock))
-    acquisition = Acquisition(imu, MODEL, clock, lambda block: None)
+    blocks: list[SampleBlock] = []
+    acquisition = Acquisition(imu, MODEL, clock, blocks.append)
     imu.nan = True
     clock.sleep(0.1)
     assert acquisition.drain().invalid
+    assert not blocks[0].valid.any(), "the first sample is none, what follows belongs to a spoilt step"
     assert acquisition.recent is not None
     assert acquisition.recent[0][5] == pytest.approx(9.8, abs=1e-4)
     imu.nan = True
