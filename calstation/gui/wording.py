@@ -158,6 +158,7 @@ _STATES = {
     "passed": QT_TRANSLATE_NOOP("wording", "PASS"),
     "failed": QT_TRANSLATE_NOOP("wording", "FAIL"),
     "incomplete": QT_TRANSLATE_NOOP("wording", "INCOMPLETE"),
+    "resolved": QT_TRANSLATE_NOOP("wording", "SOLVED OFFLINE"),
 }
 """A run's states and outcomes as they stand on the screen."""
 

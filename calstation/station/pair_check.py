@@ -12,21 +12,8 @@ from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import row_count
-from calstation.station.pair_picture import Kept, kept_pairs
+from calstation.station.pair_picture import Happening, Kept, kept_pairs
 from calstation.station.pair_run import pair_folder, watch_log
-
-
-@dataclass(frozen=True)
-class Happening:
-    """What happened at `time`, s from the recording's start; kind and values as `estimation.pair_watch.WatchEvent`.
-
-    number : of the secondary, 0 for all
-    """
-
-    kind: str
-    time: float
-    number: int
-    values: Mapping[str, Any]
 
 
 @dataclass(frozen=True)

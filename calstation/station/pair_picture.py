@@ -58,21 +58,41 @@ class SecondaryPicture:
     """One secondary: its place among the IMUs, what is left of both sensors, and its check at rest.
 
     check : as `estimation.pair_watch.check_values` tells it; None where the body never rested
+    static : what gyro (rad/s) and accel (m/s²) show at rest with what was found, None where unknown
     """
 
     number: int
     serial: str
     left: Mapping[str, Left]
     check: Mapping[str, Any] | None
+    static: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class Happening:
+    """What happened at `time`, s from the recording's start; kind and values as `estimation.pair_watch.WatchEvent`.
+
+    number : of the secondary, 0 for all
+    """
+
+    kind: str
+    time: float
+    number: int
+    values: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class PairPicture:
-    """All secondaries of a recording, and what the site keeps of them."""
+    """All secondaries of a recording, and what the site keeps of them.
+
+    happened : where the schedule leaves the calibration to its triggers, what they led to; duration : s
+    """
 
     primary: str
     secondaries: tuple[SecondaryPicture, ...]
     kept: tuple[Kept, ...]
+    happened: tuple[Happening, ...]
+    duration: float
 
 
 def pair_picture(
@@ -85,8 +105,22 @@ def pair_picture(
         pair = pair_data(data, place, secondary.imu)
         found = StoredPair(told["stored"]["values"])
         left = _left(pair, c, pair_vector(secondary.stored), pair_vector(found)) if "fit" in told else {}
-        shown.append(SecondaryPicture(secondary.number, secondary.imu.serial, left, told["check"]))
-    return PairPicture(context.imu.serial, tuple(shown), kept_pairs(context, pair_folder()))
+        static = {sensor: told["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
+        shown.append(SecondaryPicture(secondary.number, secondary.imu.serial, left, told["check"], static))
+    begin = float(data.time[0])
+    happened = tuple(_happening(told, begin) for told in details["events"])
+    return PairPicture(
+        context.imu.serial,
+        tuple(shown),
+        kept_pairs(context, pair_folder()),
+        happened,
+        float(data.time[-1]) - begin,
+    )
+
+
+def _happening(told: Mapping[str, Any], begin: float) -> Happening:
+    values = {key: value for key, value in told.items() if key not in ("kind", "time", "number")}
+    return Happening(told["kind"], told["time"] - begin, told["number"], values)
 
 
 def stored_values(context: SolveContext) -> dict[str, float]:

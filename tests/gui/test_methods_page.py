@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tomli_w
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLabel, QPushButton, QTableView
 from pytestqt.qtbot import QtBot
@@ -24,13 +23,15 @@ from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.offline.recording_wording import RECORDINGS
 from calstation.gui.operator import advice
 from calstation.gui.widgets.checks_table import ChecksTable
+from calstation.records.convert import export_csv
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.records.pair_store import load_pair
+from calstation.station import library
 from calstation.station.pair_run import pair_folder
 from calstation.station.recordings import record_on_bench
 from procedures import method
-from tests.gui.conftest import PRODUCT, STATION, Place
+from tests.gui.conftest import Operator, Place
 
 pytestmark = pytest.mark.timeout(120)
 WAIT = 60_000
@@ -211,22 +212,15 @@ def test_what_gives_no_answer_is_said_where_it_was_opened_and_the_work_can_be_gi
 
 
 def test_guiding_live_needs_a_hand_rig_and_then_leads_to_the_operator(
-    chosen: Callable[[str], MethodPanel], window: MainWindow, place: Place, qtbot: QtBot
+    chosen: Callable[[str], MethodPanel], window: MainWindow, operator: Operator, qtbot: QtBot
 ) -> None:
-    product = place.home / "products" / "mems_hand.toml"
-    product.write_text(tomli_w.dumps({**PRODUCT, "stages": ["six_position"]}), encoding="utf-8")
     panel = chosen("multi_position")
     assert not panel.live_button.isEnabled()
     assert "virtual_hand" in panel.live_button.toolTip()
-    table = place.home / "tables" / "rails.toml"
-    table.parent.mkdir()
-    table.write_text('protocol = "hand"\n', encoding="utf-8")
-    station = place.home / "stations" / "by_hand.toml"
-    station.write_text(
-        tomli_w.dumps({**STATION, "table": {"profile": "rails"}, "bench": {}}), encoding="utf-8"
-    )
-    window.app.set_station(station)
+    window.app.set_station(library.find("stations", "virtual_hand"))
     qtbot.waitUntil(panel.live_button.isEnabled)
+    # the product at hand is calibrated on a table: the engineer can choose none of its stages here
+    assert "station's rig" in window.findChild(QPushButton, "engineer_start_button").toolTip()
     qtbot.mouseClick(panel.live_button, Qt.MouseButton.LeftButton)
     assert window.page_tabs.currentWidget().objectName() == "operator_page"
     assert window.findChild(QComboBox, "product_combo").currentText() == "mems_hand"
@@ -345,3 +339,23 @@ def test_the_operators_verdict_holds_the_products_checks() -> None:
         "failed", result
     )
     assert "1 near its limit" in advice.reason("passed", {**result, "checks": checks[:1]})
+
+
+def test_what_triggers_led_to_stands_on_the_line_of_time(
+    chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], tmp_path: Path, qtbot: QtBot
+) -> None:
+    path = tmp_path / "triggered.csv"
+    export_csv(recordings["cross_calibration"], path)
+    told = path.with_suffix(".toml").read_text("utf-8")
+    section = "[schedule.cross_calibration]\n"
+    assert section in told
+    path.with_suffix(".toml").write_text(told.replace(section, f'{section}trigger = "start_up"\n'), "utf-8")
+    panel = chosen("cross_calibration")
+    solved(panel, path, qtbot)
+    view = panel.answers.check
+    assert view is not None
+    assert view.timeline.followed is not None
+    assert [h.kind for h in view.timeline.followed.happened][-1] == "calibrated"
+    assert "Checked at start-up" in view.schedule_label.text()
+    assert view.bars.bars[0].verdict.startswith("calibrated: now")
+    assert "nothing is kept" in panel.findChild(QLabel, "pair_kept_label").text()

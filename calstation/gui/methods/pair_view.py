@@ -83,9 +83,12 @@ class PairCheckView(QWidget):
         self.retranslate()
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Show what a solved recording says at rest; nobody has watched it yet."""
+        """Show what a solved recording says at rest, and what its triggers led to where it has any."""
         self._answer, self._checked = answer, None
-        self.timeline.show_followed(None)
+        picture = answer.picture
+        assert isinstance(picture, PairPicture)
+        end = Followed(picture.duration, picture.duration, "waiting", 0.0, picture.happened)
+        self.timeline.show_followed(end if picture.happened else None)
         self.retranslate()
 
     def show_followed(self, followed: Followed | None) -> None:
@@ -146,11 +149,14 @@ class PairCheckView(QWidget):
         picture = self._answer.picture
         assert isinstance(picture, PairPicture)
         bars: list[CheckBar] = []
+        by_trigger = {h.number for h in picture.happened if h.kind == "calibrated"}
         for place, secondary in enumerate(picture.secondaries):
             check: Mapping[str, Any] | None = secondary.check
             calibrated: Mapping[str, float | None] = {}
+            if secondary.number in by_trigger:
+                calibrated = secondary.static
             if self._checked is not None:
-                check = self._checked.checks.get(secondary.number, check)
+                check, calibrated = self._checked.checks.get(secondary.number, check), {}
                 if secondary.number in self._checked.calibrated:
                     calibrated = self._checked.kept[place].static
             name = self.tr("IMU {0}").format(secondary.number)

@@ -8,7 +8,8 @@ from PySide6.QtCore import QCoreApplication
 from calstation.gui.methods.figures import three_digits
 from calstation.gui.offline.log_wording import word_log_error
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
-from calstation.station.pair_check import Followed, Happening
+from calstation.station.pair_check import Followed
+from calstation.station.pair_picture import Happening
 
 SENSORS = ("gyro", "accel")
 _UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
@@ -67,8 +68,8 @@ def word_schedule(schedule: Mapping[str, Any]) -> str:
     when = {
         "command": QCoreApplication.translate("pairs", "Checked by command"),
         "start_up": QCoreApplication.translate("pairs", "Checked at start-up"),
-        "period": QCoreApplication.translate("pairs", "Checked at start-up and every {0} min").format(
-            three_digits(schedule["period_s"] / 60.0)
+        "period": QCoreApplication.translate("pairs", "Checked at start-up and every {0} s").format(
+            f"{schedule['period_s']:g}"
         ),
     }[schedule["trigger"]]
     which = {

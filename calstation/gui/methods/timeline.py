@@ -15,12 +15,12 @@ _LANES = 2
 _STATES = {
     "triggered": "waiting",
     "checked": "none",
-    "primary_off": "caution",
     "calibrating": "active",
+    "primary_off": "caution",
     "calibrated": "good",
     "given_up": "bad",
 }
-"""The shape of each happening (`badge.KINDS`)."""
+"""The shape of each happening (`badge.KINDS`); what tells more comes later."""
 
 
 class Timeline(QWidget):
@@ -100,12 +100,13 @@ class Timeline(QWidget):
 
 
 def _gathered(marks: list[tuple[float, str, str]]) -> list[tuple[float, str, str]]:
-    """Marks that would touch as one, in the shape of the last of them: place, kind, words."""
+    """Marks that would touch as one, in the shape of what tells most: place, kind, words."""
     gathered: list[tuple[float, str, str]] = []
     for x, kind, text in marks:
         if gathered and x - gathered[-1][0] < 1.5 * _MARK:
-            text = f"{gathered[-1][2]}  ·  {text}"
-            gathered[-1] = (gathered[-1][0], kind, text)
+            first, before, said = gathered[-1]
+            tells = max((before, kind), key=list(_STATES).index)
+            gathered[-1] = (first, tells, f"{said}  ·  {text}")
         else:
             gathered.append((x, kind, text))
     return gathered

@@ -729,8 +729,8 @@
         <translation>启动时检查</translation>
     </message>
     <message>
-        <source>Checked at start-up and every {0} min</source>
-        <translation>启动时及每 {0} min 检查一次</translation>
+        <source>Checked at start-up and every {0} s</source>
+        <translation>启动时及每 {0} s 检查一次</translation>
     </message>
     <message>
         <source>then all of a secondary that is off is calibrated</source>

@@ -901,6 +901,10 @@
         <translation>未完成</translation>
     </message>
     <message>
+        <source>SOLVED OFFLINE</source>
+        <translation>离线解算</translation>
+    </message>
+    <message>
         <source>To the start of the stage</source>
         <translation>转到本阶段起点</translation>
     </message>
