@@ -68,15 +68,15 @@ class PositionGuide:
 
     Parameters
     ----------
-    imu : its stream; wanted : rest at each position, s; first : rest at the first one, s
+    imu : its stream; wanted : rest at each position, s
     """
 
-    def __init__(self, imu: ImuModel, wanted: float, first: float) -> None:
+    def __init__(self, imu: ImuModel, wanted: float) -> None:
         per_count = imu.sample_rate if imu.output == "increment" else 1.0
         self._scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
         self._width = max(round(WINDOW * imu.sample_rate), 4)
         self._seconds = self._width / imu.sample_rate
-        self._wanted, self._first = _with_margin(wanted), _with_margin(first)
+        self.ask(wanted)
         self._waiting: list[SampleBlock] = []
         self._noise: list[float] = []
         self._rates: list[FloatArray] = []
@@ -91,7 +91,8 @@ class PositionGuide:
 
     def ask(self, rest: float) -> None:
         """From now on positions are to rest so long, s."""
-        self._wanted = self._first = _with_margin(rest)
+        # the solver judges in windows of its own and cuts both ends of what it finds
+        self._wanted = rest + 2.0 * REST_MARGIN + REST_WINDOW
 
     @property
     def now(self) -> Guidance:
@@ -99,15 +100,11 @@ class PositionGuide:
         return Guidance(
             self._state,
             self._here.windows * self._seconds,
-            self._target,
+            self._wanted,
             self._up,
             np.array(self._done).reshape(-1, 3),
             self._suffices,
         )
-
-    @property
-    def _target(self) -> float:
-        return self._wanted if self._done else self._first
 
     def feed(self, block: SampleBlock) -> Guidance:
         """Take further samples; blocks may come in any size."""
@@ -161,7 +158,7 @@ class PositionGuide:
         self._here.force = self._here.force + force
         if self._state == "enough" or self._still_there():
             self._state = "enough"
-        elif self._here.windows * self._seconds >= self._target:
+        elif self._here.windows * self._seconds >= self._wanted:
             self._count()
         else:
             self._state = "still"
@@ -211,8 +208,3 @@ def spread(up: FloatArray) -> float:
     if len(shown) < shown.shape[1]:
         return 0.0
     return float(np.linalg.svd(shown, compute_uv=False)[-1] / np.sqrt(len(shown)))
-
-
-def _with_margin(rest: float) -> float:
-    """The solver judges in windows of its own and cuts both ends of what it finds."""
-    return rest + 2.0 * REST_MARGIN + REST_WINDOW

@@ -45,7 +45,7 @@ class Guiding:
 
     def begin(self) -> None:
         """No position is done yet."""
-        self._guide = PositionGuide(self._model, 0.0, 0.0)
+        self._guide = PositionGuide(self._model, 0.0)
 
     @property
     def done(self) -> bool:

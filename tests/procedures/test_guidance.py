@@ -16,13 +16,15 @@ def mems():
     return imu, recording(imu, 3)
 
 
-def followed(block, imu, wanted=1.0, first=5.0, size=17):
-    guide = PositionGuide(context_of(imu).imu, wanted, first)
+def followed(block, imu, wanted=1.0, size=17):
+    guide = PositionGuide(context_of(imu).imu, 5.0)
     told = []
     for k in range(0, len(block), size):
         now = guide.feed(block.part(k, min(k + size, len(block))))
         if not told or told[-1] != now.state:
             told.append(now.state)
+        if len(now.positions) == 1:
+            guide.ask(wanted)
     return guide, told
 
 
@@ -83,7 +85,7 @@ def test_a_knock_makes_no_position_and_neither_does_a_pause_in_the_data(mems):
 
 def test_positions_suffice_once_they_lie_all_around_and_every_axis_was_turned_about(mems):
     imu, block = mems
-    guide = PositionGuide(context_of(imu).imu, 1.0, 5.0)
+    guide = PositionGuide(context_of(imu).imu, 1.0)
     begun = []
     for k in range(0, len(block), 500):
         now = guide.feed(block.part(k, min(k + 500, len(block))))
