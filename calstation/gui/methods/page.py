@@ -1,5 +1,7 @@
 """The methods page: three methods as cards, and beside them the one chosen with its guidance, work and pictures."""
 
+from typing import TYPE_CHECKING
+
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QStackedWidget
@@ -8,8 +10,10 @@ from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.methods.cards import MethodCards
 from calstation.gui.methods.kinds import STAGES
-from calstation.gui.methods.panel import MethodPanel
 from calstation.gui.page import Page
+
+if TYPE_CHECKING:
+    from calstation.gui.methods.panel import MethodPanel
 
 
 class MethodsPage(Page):
@@ -22,6 +26,7 @@ class MethodsPage(Page):
         self.setObjectName("methods_page")
         self.cards = MethodCards()
         self._panels: dict[str, MethodPanel] = {}
+        self._chosen = STAGES[0]
         self._stack = QStackedWidget()
         self.cards.chosen.connect(self._show)
         row = QHBoxLayout(self)
@@ -33,10 +38,9 @@ class MethodsPage(Page):
         opener.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
     @property
-    def panel(self) -> MethodPanel:
+    def panel(self) -> "MethodPanel":
         """The panel of the method chosen."""
-        panel = self._stack.currentWidget()
-        return panel if isinstance(panel, MethodPanel) else self._show(STAGES[0])
+        return self._show(self._chosen)
 
     def choose(self, stage: str) -> None:
         """Choose a method as a click on its card does."""
@@ -47,8 +51,11 @@ class MethodsPage(Page):
         super().showEvent(event)
         _ = self.panel
 
-    def _show(self, stage: str) -> MethodPanel:
+    def _show(self, stage: str) -> "MethodPanel":
         """Show a method's panel, made the first time."""
+        from calstation.gui.methods.panel import MethodPanel  # its solvers take long to import
+
+        self._chosen = stage
         panel = self._panels.get(stage)
         if panel is None:
             panel = self._panels[stage] = MethodPanel(self.app, stage)

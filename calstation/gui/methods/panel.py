@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 
 from calstation.gui import theme
 from calstation.gui.context import AppContext
+from calstation.gui.methods.answer_head import AnswerHead
 from calstation.gui.methods.answer_views import AnswerViews
 from calstation.gui.methods.bench_box import BenchBox
 from calstation.gui.methods.guidance import Guidance
@@ -26,11 +27,9 @@ from calstation.gui.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.offline.exports import Exports
 from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.offline.source_bar import SourceBar
-from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.gui.wording import word_message, word_time
 from calstation.physics.parameters import NAMES
 from calstation.station.applied_picture import apply_to_recording
 from calstation.station.live_guidance import STATION, guided_product, hand_rig
@@ -180,11 +179,7 @@ class MethodPanel(QWidget):
         self._action.setFixedHeight(theme.BUTTON)
         self._action.addWidget(idle)
         self._action.addWidget(at_work)
-        self.badge, self._about = StateBadge(theme.BODY), QLabel()
-        self._about.setProperty("kind", "muted")
-        self._remarks = QLabel()
-        self._remarks.setProperty("kind", "caution")
-        self._remarks.setWordWrap(True)
+        self.head = AnswerHead()
         self.tabs, self._stack = QTabBar(), QStackedWidget()
         self.tabs.setObjectName(f"{self.stage}_tabs")
         self.tabs.setProperty("kind", "views")
@@ -195,24 +190,19 @@ class MethodPanel(QWidget):
         for view in self.answers.views:
             self.tabs.addTab("")
             self._stack.addWidget(view.widget)
-        head = QHBoxLayout()
-        head.setSpacing(2 * theme.GRID)
-        head.addWidget(self.tabs)
-        head.addStretch(1)
-        head.addWidget(self.export_button)
-        state = QHBoxLayout()
-        state.setSpacing(2 * theme.GRID)
-        state.addWidget(self.badge)
-        state.addWidget(self._about, 1)
+        top = QHBoxLayout()
+        top.setSpacing(2 * theme.GRID)
+        top.addWidget(self.tabs)
+        top.addStretch(1)
+        top.addWidget(self.export_button)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(theme.GRID)
         column.addWidget(self.source)
         column.addWidget(self._action)
         column.addWidget(self.notice)
-        column.addLayout(head)
-        column.addLayout(state)
-        column.addWidget(self._remarks)
+        column.addLayout(top)
+        column.addWidget(self.head)
         column.addWidget(self._stack, 1)
 
     def _connect(self) -> None:
@@ -263,7 +253,7 @@ class MethodPanel(QWidget):
         self.notice.dismiss()
         self.answer = None
         self.tabs.setCurrentIndex(_GUIDANCE)
-        self._say_answer()
+        self.head.show_answer(self.answer)
 
     def _made(self, path: Path) -> None:
         self._allow()
@@ -274,7 +264,7 @@ class MethodPanel(QWidget):
         self.source.remember(answer.recording.path)
         self.answers.show_answer(answer)
         self._allow()
-        self._say_answer()
+        self.head.show_answer(self.answer)
         self.tabs.setCurrentIndex(_GUIDANCE + 1)
         if self.answers.applied is not None:
             self.apply(answer.recording.path)
@@ -363,7 +353,7 @@ class MethodPanel(QWidget):
         for index, view in enumerate(self.answers.views, start=1):
             self.tabs.setTabText(index, view.words())
         self._allow()
-        self._say_answer()
+        self.head.show_answer(self.answer)
 
     def _say_work(self, *_: object) -> None:
         if self.maker.busy:
@@ -379,38 +369,6 @@ class MethodPanel(QWidget):
             self._work_label.setText(words.get(self.solver.job.note, self.tr("Reading the recording")))
         elif self.exports.watch.busy:
             self._work_label.setText(self.tr("Writing the result"))
-
-    def _say_answer(self) -> None:
-        answer = self.answer
-        self.badge.setVisible(answer is not None)
-        self._about.setVisible(answer is not None)
-        remarks = "" if answer is None else "\n".join(word_message(k, v) for k, v in answer.resolved.messages)
-        self._remarks.setText(remarks)
-        self._remarks.setVisible(bool(remarks))
-        if answer is None:
-            return
-        result, recording = answer.resolved.result, answer.recording
-        failed = [c for c in result["checks"] if not c["passed"]]
-        near = [c for c in result["checks"] if c.get("near_miss")]
-        if failed:
-            self.badge.show_state(
-                "bad" if result["passed"] is False else "caution",
-                self.tr("{0} of {1} checks failed").format(len(failed), len(result["checks"])),
-            )
-        elif result["passed"] is None:
-            self.badge.show_state("good", self.tr("Solved; the recording names no limits"))
-        elif near:
-            self.badge.show_state("caution", self.tr("Passed, {0} near-misses").format(len(near)))
-        else:
-            self.badge.show_state("good", self.tr("Inside every limit"))
-        about = [
-            recording.serial,
-            self.tr("{0} at {1:g} Hz").format(word_time(recording.duration), recording.rate),
-        ]
-        lost = result["unobservable"]
-        if lost:
-            about.append(self.tr("not determined: {0} of {1}").format(len(lost), len(result["parameters"])))
-        self._about.setText("  ·  ".join(about))
 
     def changeEvent(self, event: QEvent) -> None:
         """Hear of a new language."""

@@ -2,6 +2,33 @@
 <!DOCTYPE TS>
 <TS version="2.1" language="zh_CN">
 <context>
+    <name>AnswerHead</name>
+    <message>
+        <source>{0} at {1:g} Hz</source>
+        <translation>{0}，{1:g} Hz</translation>
+    </message>
+    <message>
+        <source>not determined: {0} of {1}</source>
+        <translation>无法确定：{1} 个中的 {0} 个</translation>
+    </message>
+    <message>
+        <source>{0} of {1} checks failed</source>
+        <translation>{1} 项检验中 {0} 项不通过</translation>
+    </message>
+    <message>
+        <source>Solved; the recording names no limits</source>
+        <translation>已解算；数据未给出限差</translation>
+    </message>
+    <message>
+        <source>Passed, {0} near-misses</source>
+        <translation>通过，{0} 项临界</translation>
+    </message>
+    <message>
+        <source>Inside every limit</source>
+        <translation>全部在限差内</translation>
+    </message>
+</context>
+<context>
     <name>AnswerTable</name>
     <message>
         <source>Parameters found</source>
@@ -284,30 +311,6 @@
     <message>
         <source>Writing the result</source>
         <translation>正在写结果</translation>
-    </message>
-    <message>
-        <source>{0} of {1} checks failed</source>
-        <translation>{1} 项检验中 {0} 项不通过</translation>
-    </message>
-    <message>
-        <source>Solved; the recording names no limits</source>
-        <translation>已解算；数据未给出限差</translation>
-    </message>
-    <message>
-        <source>Passed, {0} near-misses</source>
-        <translation>通过，{0} 项临界</translation>
-    </message>
-    <message>
-        <source>Inside every limit</source>
-        <translation>全部在限差内</translation>
-    </message>
-    <message>
-        <source>{0} at {1:g} Hz</source>
-        <translation>{0}，{1:g} Hz</translation>
-    </message>
-    <message>
-        <source>not determined: {0} of {1}</source>
-        <translation>无法确定：{1} 个中的 {0} 个</translation>
     </message>
     <message>
         <source>Close</source>
