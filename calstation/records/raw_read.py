@@ -14,7 +14,7 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock
 from calstation.records.meta import LogMeta, meta_from_json
-from calstation.records.raw_log import CHUNK_ROWS, FORMAT, STILL_WRITTEN, SUFFIX
+from calstation.records.raw_log import CHUNK_ROWS, FORMAT, STILL_WRITTEN
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
 
 _READ_ROWS = 16 * CHUNK_ROWS
@@ -111,18 +111,6 @@ def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
             np.ascontiguousarray(part["temperature"]),
             **{name: np.ascontiguousarray(part[name]) for name in ("others", "joints") if name in columns},
         )
-
-
-def find_incomplete(folder: Path) -> list[Path]:
-    """Raw logs in `folder` (searched with its subfolders) whose run did not reach its end, oldest first."""
-    found = []
-    for path in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda p: p.stat().st_mtime):
-        try:
-            if read_contents(path).outcome is None:
-                found.append(path)
-        except InputError:
-            continue
-    return found
 
 
 class _Opened:

@@ -33,12 +33,6 @@ class Settled:
     registers: Mapping[str, float]
 
 
-def open_transfers(tell: Tell, runs: Path) -> list[Transfer]:
-    """Work for the workshop: every unit's transfer that is waiting for a decision, the latest first."""
-    found = [register_journal.interrupted(runs, serial) for serial in register_journal.serials(runs)]
-    return sorted((t for t in found if t is not None), key=lambda t: t.utc, reverse=True)
-
-
 def settle(imu: Imu, clock: Clock, setup: Setup, runs: Path, emit: Emit) -> None:
     """Before a run: see whether an earlier transfer to its unit was interrupted.
 

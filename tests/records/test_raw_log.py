@@ -21,7 +21,6 @@ from calstation.records import raw_log
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.records.raw_read import find_incomplete
 
 
 def test_a_log_gives_back_what_was_written(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
@@ -41,19 +40,17 @@ def test_a_log_gives_back_what_was_written(tmp_path: Path, meta: LogMeta, blocks
     assert_same(list(log.blocks()), blocks)
     assert log.facts() == facts
     assert (facts.first_seq, facts.last_seq, facts.gaps) == (0, 4384, 1)
-    assert find_incomplete(tmp_path) == []
 
 
-def test_a_running_log_can_be_read_and_is_listed_as_incomplete(tmp_path: Path, meta: LogMeta) -> None:
+def test_a_running_log_can_be_read_and_has_no_outcome_yet(tmp_path: Path, meta: LogMeta) -> None:
     writer = RawLogWriter(tmp_path / "sub.h5", meta)
     writer.append(make_block("rate", 0, 50))
     writer.flush()
     log = open_log(tmp_path / "sub.h5")
     assert log.outcome is None
     assert sum(len(b) for b in log.blocks()) == 50
-    assert find_incomplete(tmp_path) == [tmp_path / "sub.h5"]
     writer.close("stopped")
-    assert find_incomplete(tmp_path) == []
+    assert open_log(tmp_path / "sub.h5").outcome == "stopped"
 
 
 def test_a_log_of_a_run_that_waits_stays_young(
@@ -184,7 +181,6 @@ def test_a_kill_costs_less_than_half_a_second(tmp_path: Path, meta: LogMeta, aft
     assert produced - len(columns["seq"]) <= 500
     assert log.events[-1]["at"] >= produced - 500
     assert log.outcome is None
-    assert find_incomplete(tmp_path) == [path]
 
 
 def test_a_power_cut_costs_less_than_two_seconds(

@@ -13,7 +13,6 @@ import pytest
 
 from calstation.errors import DeviceFaultError
 from calstation.records.log import open_log
-from calstation.records.raw_read import find_incomplete
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Fault, StageStarted, StateChanged, StepStarted, Verdict
 from calstation.station.engine import Engine
@@ -44,7 +43,7 @@ def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(place: Place) -> 
         pytest.raises(DeviceFaultError, match="ended unexpectedly"),
     ):
         kill_in_the_middle(engine)
-    (path,) = find_incomplete(place.folder / "runs")
+    (path,) = (place.folder / "runs").glob("*.h5")
     log = open_log(path)
     assert log.outcome is None
     samples = sum(len(block) for block in log.blocks())
