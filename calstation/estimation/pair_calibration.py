@@ -41,13 +41,12 @@ class PairRules:
     choice: PairChoice = field(default_factory=PairChoice)
     only_triggering: bool = False
 
-    def chosen(self, off: tuple[str, ...]) -> PairChoice:
-        """What is fitted where the sensors `off` triggered it."""
+    def chosen(self, check: StaticCheck) -> PairChoice:
+        """What is fitted after a check that found a sensor off: nothing against one of the primary that is off."""
         c = self.choice
-        if not self.only_triggering or not off:
-            return c
+        fitted = check.off if self.only_triggering else [s for s in SENSORS if s not in check.doubtful]
         return PairChoice(
-            c.gyro if "gyro" in off else None, c.accel if "accel" in off else None, c.lever, c.offset
+            c.gyro if "gyro" in fitted else None, c.accel if "accel" in fitted else None, c.lever, c.offset
         )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.context import ImuModel, Secondary, StoredPair
 from calstation.estimation.pair_calibration import Calibrated, PairCalibration
-from calstation.estimation.pair_static import SENSORS, StaticCheck
+from calstation.estimation.pair_static import StaticCheck
 from calstation.estimation.samples import SampleBlock, joined
 from calstation.estimation.stage_data import stage_data
 
@@ -81,7 +81,7 @@ class PairWatch:
         self.stored = {s.number: s.stored for s in secondaries}
         self.checks: dict[int, StaticCheck] = {}
         self.calibrated: dict[int, Calibrated] = {}
-        self._off: dict[int, tuple[str, ...]] = {}
+        self._off: dict[int, StaticCheck] = {}
         self._waiting: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []
         self._due = triggers.start_up
@@ -154,11 +154,10 @@ class PairWatch:
                 continue
             self.checks[number] = check
             events.append(WatchEvent("checked", now, number, check_values(check)))
-            wrong = [s for s in SENSORS if not check.secondary[s].within]
-            if any(s in check.doubtful for s in wrong):
+            if check.doubtful and not all(shown.within for shown in check.secondary.values()):
                 events.append(WatchEvent("primary_off", now, number, {"sensors": list(check.doubtful)}))
             if check.off:
-                self._off[number] = check.off
+                self._off[number] = check
         self.state = "calibrating" if self._off else "waiting"
         if self._off:
             events.append(WatchEvent("calibrating", now, 0, {"secondaries": list(self._off)}))

@@ -192,12 +192,14 @@ def test_a_primary_that_is_off_calibrates_nothing(mems):
     watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_accel={"fixed": 1e-6})
     assert [e.kind for e in run(watch, block)] == ["triggered", "checked", "primary_off"]
     # each sensor is judged by itself: with gyros alone in doubt the accelerometer is still calibrated
-    watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, sensors="triggering")
-    assert [e.kind for e in run(watch, block)][-1] == "calibrated"
-    assert watch.checks[2].doubtful == ("gyro",)
-    fitted = watch.calibrated[2].fit.fitted
-    assert not fitted[:12].any()
-    assert fitted[12:24].all()
+    for sensors in ("triggering", "all"):
+        watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, sensors=sensors)
+        told = [e.kind for e in run(watch, block)]
+        assert told == ["triggered", "checked", "primary_off", "calibrating", "calibrated"]
+        assert watch.checks[2].doubtful == ("gyro",)
+        fitted = watch.calibrated[2].fit.fitted
+        assert not fitted[:12].any()
+        assert fitted[12:24].all()
 
 
 def test_only_what_triggered_is_calibrated_where_so_configured(mems):
