@@ -5,6 +5,7 @@ much louder, or whose mean rate is not the one at rest, moves. Whatever the solv
 A rest counts as another position only where the unit has turned since the last one: a knock makes no position.
 """
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -25,6 +26,8 @@ RATE = np.deg2rad(0.3)
 """A mean rate further from that at rest moves, rad/s."""
 LEARNING = 8
 """Windows before anything is said to rest."""
+REMEMBERED = 4800
+"""Windows that noise and rate at rest are taken from, 20 minutes: nobody is hurried, and a night must not slow a run."""
 
 SAME = np.deg2rad(10.0)
 """A unit that has turned by less since its last rest still lies at the same position, rad."""
@@ -78,8 +81,8 @@ class PositionGuide:
         self._seconds = self._width / imu.sample_rate
         self.ask(wanted)
         self._waiting: list[SampleBlock] = []
-        self._noise: list[float] = []
-        self._rates: list[FloatArray] = []
+        self._noise: deque[float] = deque(maxlen=REMEMBERED)
+        self._rates: deque[FloatArray] = deque(maxlen=REMEMBERED)
         self._here = _Position()
         self._done: list[FloatArray] = []
         self._state: State = "waiting"
