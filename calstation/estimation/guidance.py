@@ -27,7 +27,7 @@ RATE = np.deg2rad(0.3)
 LEARNING = 8
 """Windows before anything is said to rest."""
 REMEMBERED = 4800
-"""Windows that noise and rate at rest are taken from, 20 minutes: nobody is hurried, and a night must not slow a run."""
+"""Windows, 20 minutes of them, that tell noise and rate at rest: a night at one position must not slow a run."""
 
 SAME = np.deg2rad(10.0)
 """A unit that has turned by less since its last rest still lies at the same position, rad."""
