@@ -156,7 +156,7 @@ class ResultView(QWidget):
     def _verdict(self, name: str) -> str:
         return {
             "good": self.tr("inside"),
-            "near": self.tr("inside, near-miss"),
+            "near": self.tr("near-miss"),
             "value": self.tr("value outside"),
             "sigma": self.tr("σ too large"),
             "both": self.tr("value outside, σ too large"),

@@ -32,6 +32,7 @@ class Trend(QWidget):
         self._label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.combo = QComboBox()
         self.combo.setObjectName("trend_combo")
+        self.combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.combo.currentIndexChanged.connect(lambda _: self.draw())
         self._label.setBuddy(self.combo)
         self._plot = ThemedPlot()

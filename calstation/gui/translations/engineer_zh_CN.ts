@@ -670,8 +670,8 @@
         <translation>在限内</translation>
     </message>
     <message>
-        <source>inside, near-miss</source>
-        <translation>合格，临界</translation>
+        <source>near-miss</source>
+        <translation>临界</translation>
     </message>
     <message>
         <source>value outside</source>
