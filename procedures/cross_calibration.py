@@ -246,4 +246,4 @@ def _details(
     return details
 
 
-METHOD = Method("cross_calibration", Schedule, plan, PairStage, estimates, by_hand=True)
+METHOD = Method("cross_calibration", Schedule, plan, PairStage, estimates, needs_no_table=True)

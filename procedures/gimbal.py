@@ -301,4 +301,4 @@ def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str
     return tuple(messages)
 
 
-METHOD = Method("gimbal", Schedule, plan, solver, estimates, by_hand=True)
+METHOD = Method("gimbal", Schedule, plan, solver, estimates, needs_no_table=True)

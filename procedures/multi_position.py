@@ -192,4 +192,4 @@ def _messages(
     return tuple(messages)
 
 
-METHOD = Method("multi_position", Schedule, plan, solver, estimates, by_hand=True)
+METHOD = Method("multi_position", Schedule, plan, solver, estimates, needs_no_table=True)

@@ -39,6 +39,8 @@ MESSAGES: dict[str, str] = {
     "transfer_open": "An earlier transfer to {serial} was interrupted ({utc}); the unit holds {holds} registers.",
     "transfer_settled": "The interrupted transfer to {serial} is settled: {closing}.",
     "resumed": "Carrying on {log} behind its finished stages: {stages}.",
+    "transfer_unproved": "The registers are written but not verified: the next start with this unit asks whether to "
+    "finish or to put the old ones back.",
     "transfer_finished": "Stop came while the registers were written: the transfer was finished first.",
     "handover_waiting": "Hand-over: {count} waiting, {folder} cannot be reached ({reason}).",
     "handover_done": "Hand-over: {count} results went to {folder}.",

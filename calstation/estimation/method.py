@@ -136,7 +136,7 @@ class Method:
         endless and marks each round with `RoundEnd`
     solver : (context, prior, schedule) -> solver
     estimates : (context) -> names of the parameters that the stage estimates
-    by_hand : it needs no table and finds its steps in the data, so a recording whose column 'stage' does not name it
+    needs_no_table : it finds its steps in the data, so a recording whose column 'stage' does not name it
         is solved as a whole where it is asked for
     """
 
@@ -145,4 +145,4 @@ class Method:
     plan: Callable[[TableGeometry, Any], Iterator[Step]]
     solver: Callable[[SolveContext, Belief, Any], StageSolver]
     estimates: Callable[[SolveContext], tuple[str, ...]]
-    by_hand: bool = False
+    needs_no_table: bool = False

@@ -34,6 +34,7 @@ _REMARKS = (
     "not_settled",
     "turns_assumed_whole",
     "transfer_finished",
+    "transfer_unproved",
     "stopped_because",
     "stopped_early",
     "handover_waiting",

@@ -94,6 +94,11 @@ _MESSAGES = {
         "{stage}: no turns about {axes}; misalignments of those columns are not determined.",
     ),
     "registers_transfer": QT_TRANSLATE_NOOP("wording", "Inside the limits: writing the registers."),
+    "transfer_unproved": QT_TRANSLATE_NOOP(
+        "wording",
+        "The registers are written but not verified: the next start with this unit asks whether to finish or to put"
+        " the old ones back.",
+    ),
     "transfer_finished": QT_TRANSLATE_NOOP(
         "wording", "The stop came while the registers were written: the transfer was finished first."
     ),

@@ -150,14 +150,22 @@ class Sequencer:
         concluded = self._conclude(tuple(self._solutions), self._aside)
         if concluded.written:
             self.emit(Message("verifying"))
-            self._aside(self._imu.start)
-            scale = to_si(self._task.imu)
-            take = carried_data if self._task.by_hand else fresh_data
-            data = take(self._pulse, self._acquisition, self._runner, self._task.geometry, scale)
+            try:
+                data = self._fresh_data()
+            except (StopRequested, CalstationError):
+                self.emit(Message("transfer_unproved"))
+                raise
             self._prove(data, self._aside)
         if not self._task.by_hand:
             self._finish()
         return concluded.passed
+
+    def _fresh_data(self) -> FreshData:
+        """Output of the restarted unit, to be judged."""
+        self._aside(self._imu.start)
+        take = carried_data if self._task.by_hand else fresh_data
+        scale = to_si(self._task.imu)
+        return take(self._pulse, self._acquisition, self._runner, self._task.geometry, scale)
 
     def emit(self, event: Event) -> None:
         """Tell the listener, and the journal unless the event only refreshes a display."""

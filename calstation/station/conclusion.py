@@ -74,6 +74,7 @@ class Conclusion:
             self.hear()
         except StopRequested:
             self.tell(Message("transfer_finished"))
+            self.tell(Message("transfer_unproved"))
             raise
         return Concluded(passed=True, written=True)
 

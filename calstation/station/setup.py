@@ -221,7 +221,7 @@ def prepare(request: RunRequest) -> Setup:
     check_hands(setup, product_path)
     for stage in setup.stages:
         chosen = method(stage)
-        if chosen.by_hand:  # some of these no table can drive at all
+        if chosen.needs_no_table:  # some of these no table can drive at all
             next(chosen.plan(setup.table.geometry(), setup.schedules[stage]), None)
     return setup
 

@@ -205,7 +205,7 @@ def _solve_chosen(
         if stage:
             _finish(chain, stage, source, progress, seq)
             waiting.pop(0)
-        if len(waiting) == before and method(waiting[0]).by_hand:
+        if len(waiting) == before and method(waiting[0]).needs_no_table:
             _solve_whole(blocks, chain, waiting.pop(0), source, progress)
         elif len(waiting) == before:
             there = ", ".join(held) or "no stage"

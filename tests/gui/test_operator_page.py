@@ -14,7 +14,6 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, Q
 
 from calstation.gui.app import create_window
 from calstation.gui.main_window import MainWindow
-from calstation.sequencer.events import Message, StepStarted
 from tests.gui.conftest import SERIAL, STATION, Operator, Place
 
 ONE_STAGE = {"stages": ["six_position"]}

@@ -362,6 +362,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -
     assert scene.run().state is State.STOPPED
     assert transferred == [True]
     assert scene.proved == []
+    assert "transfer_unproved" in [message.id for message in scene.told(Message)]
     assert scene.table.told[-2:] == ["stop", "disable"]
 
 
@@ -375,6 +376,20 @@ def test_the_restarted_unit_is_looked_at_on_fresh_data_that_no_log_holds() -> No
         assert np.allclose(turn.rate * turn.seconds, turn.expected, atol=0.01)
     logged = sum(len(block) for block in scene.journal.blocks)
     assert scene.clock.time * RATE - logged > 20.0 * RATE
+
+
+def test_a_stop_while_the_restarted_unit_is_looked_at_says_that_nothing_is_proved_yet() -> None:
+    scene = Scene()
+
+    def conclude(solutions: object, aside: Aside) -> Concluded:
+        scene.clock.scripts.append((scene.clock.time + 3.0, lambda: scene.control.send(Command.STOP)))
+        return Concluded(passed=True, written=True)
+
+    scene._conclude = conclude  # type: ignore[method-assign]
+    assert scene.run().state is State.STOPPED
+    assert scene.proved == []
+    told = [message.id for message in scene.told(Message)]
+    assert told[-2:] == ["verifying", "transfer_unproved"]
 
 
 def test_a_unit_without_registers_has_passed_when_it_is_inside_the_limits() -> None:

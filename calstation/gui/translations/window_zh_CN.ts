@@ -753,6 +753,10 @@
         <translation>在限差之内：正在写寄存器。</translation>
     </message>
     <message>
+        <source>The registers are written but not verified: the next start with this unit asks whether to finish or to put the old ones back.</source>
+        <translation>寄存器已写入但尚未验证：下次对该产品开始标定时，会询问是完成验证还是恢复原值。</translation>
+    </message>
+    <message>
         <source>The stop came while the registers were written: the transfer was finished first.</source>
         <translation>停止时正在写寄存器：先写完才停止。</translation>
     </message>
