@@ -1,20 +1,31 @@
 """What a virtual bench is told at its start: unit, site, table, transports, faults to come."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from calstation.bench.grades import GradeName
 from calstation.bench.hand_rig import HandRig
 from calstation.bench.table_machine import TableLimits
 from calstation.bench.truth import ARCSECOND, BenchTruth
+from calstation.physics.parameters import INDEX
 
 Vector = tuple[float, float, float]
 Pair = tuple[float, float]
 NonNegative = Annotated[float, Field(ge=0.0)]
 Positive = Annotated[float, Field(gt=0.0)]
+
+
+def _known(name: str) -> str:
+    if name not in INDEX:
+        raise ValueError(f"'{name}' is no parameter")
+    return name
+
+
+ParameterName = Annotated[str, AfterValidator(_known)]
 
 OrderName = Literal[
     "interlock",
@@ -80,6 +91,7 @@ class BenchConfig(BaseModel):
     Attributes
     ----------
     grade, seed : of the unit; the seed draws table, mount and noise as well
+    parameters : of the unit by name, SI, in place of those drawn
     serial, table_serial : what unit and table answer
     speed : multiple of host time, 0 where time moves by the clock's `advance` alone
     sample_rate_hz, output, outer_lever, instability, out_of_limits : see `grades.draw_imu`
@@ -105,6 +117,7 @@ class BenchConfig(BaseModel):
 
     grade: GradeName = "nav"
     seed: Annotated[int, Field(ge=0)] = 1
+    parameters: dict[ParameterName, float] = Field(default_factory=dict)
     serial: str = "SN-000001"
     table_serial: str = "T-0001"
     speed: NonNegative = 0.0
@@ -157,7 +170,7 @@ class BenchConfig(BaseModel):
 
     def truth(self) -> BenchTruth:
         """The bench that this configuration and its seed draw."""
-        return BenchTruth.draw(
+        drawn = BenchTruth.draw(
             self.grade,
             self.seed,
             latitude=np.deg2rad(self.latitude_deg),
@@ -181,6 +194,10 @@ class BenchConfig(BaseModel):
             instability=self.instability,
             out_of_limits=self.out_of_limits,
         )
+        parameters = drawn.parameters.copy()
+        for name, value in self.parameters.items():
+            parameters[INDEX[name]] = value
+        return replace(drawn, imu=replace(drawn.imu, parameters=parameters))
 
     def rig(self) -> HandRig:
         """The rails at this place."""

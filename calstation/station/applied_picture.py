@@ -1,4 +1,4 @@
-"""Work for the workshop: an answer applied to a recording, before and after over its time and at its rests."""
+"""An answer applied to samples, before and after over their time and at rest; for the workshop, to a recording."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +8,8 @@ import numpy as np
 
 from calstation.errors import InsufficientDataError
 from calstation.estimation.applied import before_after
-from calstation.estimation.samples import joined
+from calstation.estimation.context import SolveContext
+from calstation.estimation.samples import SampleBlock, joined
 from calstation.estimation.stage_data import stage_data
 from calstation.estimation.stillness import find_stillness
 from calstation.physics.arrays import FloatArray
@@ -24,11 +25,12 @@ _SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class Applied:
-    """A recording with the parameters before and with those found.
+    """Samples with the parameters before and with those found.
 
     Attributes
     ----------
-    serial : of the unit that made the recording
+    path : of the recording; None where they came from the unit just now
+    serial : of the unit that they are of
     time : s from its start, shape (k,)
     length_before, length_after : of the force less gravity, means over the time between, m/s², shape (k,)
     rate_before, rate_after : size of the mean rate, rad/s, shape (k,)
@@ -36,9 +38,11 @@ class Applied:
     rest_length, rest_rate : means of each rest before and after, m/s² and rad/s, shape (r, 2)
     length_rms, rate_rms : over the means of all rests, before and after, m/s² and rad/s; the rate holds the earth's
     earth : its rate, rad/s
+    corrected : the unit has corrected them by its registers; before and after are the same, both as they came
+    named : the unit said its serial number itself
     """
 
-    path: Path
+    path: Path | None
     serial: str
     time: FloatArray
     length_before: FloatArray
@@ -51,6 +55,8 @@ class Applied:
     length_rms: tuple[float, float]
     rate_rms: tuple[float, float]
     earth: float = RATE
+    corrected: bool = False
+    named: bool = True
 
 
 def apply_to_recording(
@@ -65,12 +71,27 @@ def apply_to_recording(
     context = context_from_meta(log.meta)
     blocks = list(log.blocks())
     tell(0.5)
+    return applied(blocks, context, before, found, path)
+
+
+def applied(
+    blocks: list[SampleBlock],
+    context: SolveContext,
+    before: FloatArray,
+    found: FloatArray,
+    path: Path | None = None,
+) -> Applied:
+    """Apply parameters (SI, shape (30,) each) to all valid samples.
+
+    Raises InsufficientDataError where they never rest.
+    """
     data = stage_data(blocks, context.imu)
     whole = joined(blocks)
     rests = find_stillness(data, context.imu, _SHORTEST_REST).rests
     if not rests:
+        name = "" if path is None else f"{path}: "
         raise InsufficientDataError(
-            f"{path}: no rest of {_SHORTEST_REST:g} s or more in {len(data) * data.dt:.1f} s of samples; "
+            f"{name}no rest of {_SHORTEST_REST:g} s or more in {len(data) * data.dt:.1f} s of samples; "
             "lay the unit still at every position"
         )
     site = context.site
@@ -78,7 +99,6 @@ def apply_to_recording(
     stride = max(1, round(_MEAN_OVER * context.imu.sample_rate), len(whole) // _COLUMNS)
     shown = before_after(whole, context.imu, before, found, gravity, stride)
     start = float(data.time[0])
-    tell(0.8)
     lengths, rates = [], []
     for a, b in rests:
         first, last = int(whole.seq.searchsorted(data.seq[a])), int(whole.seq.searchsorted(data.seq[b - 1]))

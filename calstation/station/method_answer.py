@@ -3,7 +3,6 @@
 What is drawn is computed from the same samples and answer, so a picture never tells more than the result does.
 """
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,7 @@ from calstation.records.raw_read import row_count
 from calstation.station.gimbal_picture import GimbalPicture, gimbal_picture
 from calstation.station.pair_picture import PairPicture, pair_picture, stored_values
 from calstation.station.position_picture import PositionPicture, position_picture
-from calstation.station.recordings import truth_path
+from calstation.station.recordings import read_truth
 from calstation.station.resolve import Resolved, resolve
 from procedures import method
 
@@ -146,13 +145,4 @@ def _recording(log: Log, resolved: Resolved) -> Recording:
     rate = log.meta.imu.sample_rate_hz
     found = resolved.result["log"]
     duration = (found["last_seq"] - found["first_seq"] + 1) / rate
-    return Recording(log.path, log.meta.imu.serial, rate, duration, _truth(log.path))
-
-
-def _truth(path: Path) -> dict[str, float]:
-    """What drew a recording of the virtual bench, from the file beside it; nothing where there is none."""
-    try:
-        found = json.loads(truth_path(path).read_text(encoding="utf-8"))
-        return {str(name): float(value) for name, value in found.items()}
-    except (OSError, ValueError, AttributeError, TypeError):
-        return {}
+    return Recording(log.path, log.meta.imu.serial, rate, duration, read_truth(log.path))

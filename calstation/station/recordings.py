@@ -45,3 +45,12 @@ def record_on_bench(tell: Tell, kind: str, path: Path, grade: str, seed: int) ->
 def truth_path(path: Path) -> Path:
     """Where the truth of a recording lies."""
     return path.with_suffix(".truth.json")
+
+
+def read_truth(path: Path) -> dict[str, float]:
+    """What drew a recording of the virtual bench, from the file beside it; nothing where there is none."""
+    try:
+        found = json.loads(truth_path(path).read_text(encoding="utf-8"))
+        return {str(name): float(value) for name, value in found.items()}
+    except (OSError, ValueError, AttributeError, TypeError):
+        return {}

@@ -1,6 +1,6 @@
 """The unit in the fixture without the table: open and named, its output at rest taken where that is asked for."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -78,14 +78,29 @@ def _checks(imu: Imu, clock: Clock, setup: Setup, done: Transferred) -> tuple[Pr
 
 def _rest(imu: Imu, clock: Clock, ready: int, count: int) -> FloatArray:
     """Mean counts of `count` samples in a row of a unit that is ready, shape (6,). Raises DeviceFaultError."""
+    parts = samples_in_a_row(imu, clock, ready, count)
+    if parts is None:
+        raise DeviceFaultError(
+            f"IMU: no rest without a gap within {_WITHIN:g} s of its restart; check cable, power and port"
+        )
+    mean: FloatArray = np.concatenate([part.counts for part in parts]).mean(axis=0)
+    return mean
+
+
+def samples_in_a_row(
+    imu: Imu, clock: Clock, ready: int, count: int, hear: Callable[[int], None] = lambda taken: None
+) -> list[SampleBatch] | None:
+    """`count` samples or a few more of a unit that is ready, none missing; None where they do not come within 60 s.
+
+    hear : told how many there are, from time to time
+    """
     imu.start()
     deadline = clock.now() + _WITHIN
     parts: list[SampleBatch] = []
-    while sum(map(len, parts)) < count:
+    while (taken := sum(map(len, parts))) < count:
+        hear(taken)
         if clock.now() > deadline:
-            raise DeviceFaultError(
-                f"IMU: no rest without a gap within {_WITHIN:g} s of its restart; check cable, power and port"
-            )
+            return None
         clock.sleep(_TICK)
         batch = imu.read()
         if not len(batch):
@@ -95,5 +110,4 @@ def _rest(imu: Imu, clock: Clock, ready: int, count: int) -> FloatArray:
             parts.clear()
         else:
             parts.append(batch)
-    mean: FloatArray = np.concatenate([part.counts for part in parts]).mean(axis=0)
-    return mean
+    return parts

@@ -30,6 +30,7 @@ from calstation.records.pair_store import load_pair
 from calstation.station import library
 from calstation.station.pair_run import pair_folder
 from calstation.station.recordings import record_on_bench
+from calstation.station.request import RunRequest
 from procedures import method
 from tests.gui.conftest import Operator, Place
 
@@ -108,9 +109,10 @@ def test_a_hand_recording_is_solved_drawn_applied_and_exported(
     assert applied.applied.rate_rms[1] < 0.5 * applied.applied.rate_rms[0]
     other = tmp_path / "other.h5"
     shutil.copy(recordings["cross_calibration"], other)
-    panel.apply(other)
+    assert panel.applying is not None
+    panel.applying.apply(other)
     qtbot.waitUntil(lambda: applied.applied is not None and applied.applied.path == other, timeout=WAIT)
-    panel.apply(tmp_path / "nothing.h5")
+    panel.applying.apply(tmp_path / "nothing.h5")
     qtbot.waitUntil(lambda: "No such file" in panel.notice.text_label.text(), timeout=WAIT)
     qtbot.mouseClick(panel.export_button, Qt.MouseButton.LeftButton)
     dialog = panel.findChild(QFileDialog)
@@ -120,6 +122,68 @@ def test_a_hand_recording_is_solved_drawn_applied_and_exported(
     dialog.close()
     qtbot.waitUntil(lambda: target.exists() and not panel.busy, timeout=WAIT)
     assert json.loads(target.read_text("utf-8"))["stages"] == ["multi_position"]
+
+
+def test_the_unit_in_the_fixture_is_shown_before_and_after(
+    chosen: Callable[[str], MethodPanel],
+    recordings: dict[str, Path],
+    place: Place,
+    qtbot: QtBot,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    panel = chosen("multi_position")
+    solved(panel, recordings["multi_position"], qtbot)
+    view = panel.answers.applied
+    assert view is not None
+    panel.tabs.setCurrentIndex(2)
+    button, said = view.unit_button, panel.findChild(QLabel, "applied_unit_label")
+
+    def listen() -> None:
+        qtbot.waitUntil(lambda: not view.watch.busy, timeout=WAIT)
+        qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+        assert not button.isEnabled()
+        assert not view.choose_button.isEnabled()
+        view.watch.cancel()
+        assert view.watch.busy, "a device that is talked to is not given up"
+        qtbot.waitUntil(lambda: not view.watch.busy, timeout=WAIT)
+        assert not panel.notice.isVisible(), panel.notice.text_label.text()
+        assert button.isEnabled()
+
+    listen()
+    now = view.applied
+    assert now is not None
+    assert now.path is None
+    assert now.serial == "BENCH-mems"
+    assert now.time[-1] > 9.0
+    assert now.length_rms[1] < 0.5 * now.length_rms[0]
+    assert abs(now.rate_rms[1] - now.earth) < 0.2 * now.earth < now.rate_rms[0]
+    before, after = re.findall(r"[\d.]+", view.force_figure.number.text())
+    assert float(after) < 0.5 * float(before)
+    assert "BENCH-mems, 10 s" in view.name_label.text()
+    assert said.text() == ""
+    # a unit that corrects itself is not corrected twice
+    corrected = library.find("imus", "bench_mems").read_text("utf-8").replace("before_reg", "after_reg")
+    (place.home / "imus").mkdir()
+    (place.home / "imus" / "bench_mems.toml").write_text(corrected, "utf-8")
+    listen()
+    assert "not applied a second time" in said.text()
+    assert "→" not in view.force_figure.number.text()
+    # nothing tells which unit that recording is of: the bench has one of its own in the fixture
+    (recordings["multi_position"].with_suffix(".truth.json")).rename(place.folder / "truth.json")
+    try:
+        listen()
+    finally:
+        (place.folder / "truth.json").rename(recordings["multi_position"].with_suffix(".truth.json"))
+    assert "is SN-000001, the answer was found for BENCH-mems" in said.text()
+    assert view.applied is None
+    assert not view.force_figure.isVisible()
+    link = panel.app.engine_link
+    with monkeypatch.context() as going_on:
+        going_on.setattr(type(link), "running", property(lambda _: True))
+        going_on.setattr(link, "request", RunRequest("SN-000042"))
+        link.running_changed.emit(True)
+        assert not button.isEnabled()
+        assert "STOP" in button.toolTip()
 
 
 def test_a_gimbal_recording_is_made_on_the_bench_and_both_answers_stand_side_by_side(

@@ -58,8 +58,6 @@ class AnswerViews:
         picture = answer.picture
         if self.positions is not None and isinstance(picture, PositionPicture):
             self.positions.show_picture(picture)
-        if self.applied is not None:
-            self.applied.clear(answer.recording.serial)
         if self.gimbal is not None and isinstance(picture, GimbalPicture):
             self.gimbal.show_picture(picture)
         if self.check is not None and self.left is not None:

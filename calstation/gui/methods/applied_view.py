@@ -1,13 +1,11 @@
-"""An answer applied to a recording: what the force and the rate say before and after, over its whole time."""
-
-from pathlib import Path
+"""An answer applied to a recording or to the unit's stream: what force and rate say before and after, over time."""
 
 import numpy as np
-from PySide6.QtCore import QEvent, Signal
+from PySide6.QtCore import QEvent, Qt, QTime, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
 from calstation.gui import theme
-from calstation.gui.methods.figures import Figure
+from calstation.gui.methods.figures import Figure, three_digits
 from calstation.gui.methods.plots import MethodPlot
 from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.empty_state import EmptyState
@@ -15,26 +13,37 @@ from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
 from calstation.station.applied_picture import Applied
+from calstation.station.unit_now import SECONDS, OtherUnit
 
 
 class AppliedView(QWidget):
-    """`wanted()`: another recording is to be chosen. `watch` follows the work that computes what is shown."""
+    """`wanted()`: another recording is to be chosen; `unit_wanted()`: the unit is to be listened to.
+
+    `watch` follows the work that computes what is shown.
+    """
 
     wanted = Signal()
+    unit_wanted = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.applied: Applied | None = None
-        self._serial = ""
+        self.other: OtherUnit | None = None
+        self._serial, self._taken = "", ""
+        self._at_device = self._running = False
         self.watch = JobWatch(self)
         self.force_figure, self.rate_figure = Figure(), Figure()
         self.choose_button = QPushButton()
         self.choose_button.setObjectName("apply_button")
         self.choose_button.clicked.connect(self.wanted)
+        self.unit_button = QPushButton()
+        self.unit_button.setObjectName("apply_unit_button")
+        self.unit_button.clicked.connect(self.unit_wanted)
         self.name_label, self.unit_label = ElidedLabel(), QLabel()
         self.name_label.setProperty("kind", "muted")
         self.unit_label.setProperty("kind", "caution")
         self.unit_label.setWordWrap(True)
+        self.unit_label.setObjectName("applied_unit_label")
         self.force_plot, self.rate_plot = MethodPlot(), MethodPlot(log=True)
         self.rate_plot.setXLink(self.force_plot)
         top = QHBoxLayout()
@@ -42,7 +51,8 @@ class AppliedView(QWidget):
         top.addWidget(self.force_figure)
         top.addWidget(self.rate_figure)
         top.addStretch(1)
-        top.addWidget(self.choose_button)
+        for button in (self.unit_button, self.choose_button):
+            top.addWidget(button, 0, Qt.AlignmentFlag.AlignTop)
         shown = QWidget()
         column = QVBoxLayout(shown)
         column.setContentsMargins(0, 0, 0, 0)
@@ -74,31 +84,53 @@ class AppliedView(QWidget):
 
     def clear(self, serial: str) -> None:
         """Another answer, of the unit `serial`, is to be applied."""
-        self.applied, self._serial = None, serial
+        self.applied, self.other, self._serial = None, None, serial
         self._show()
 
-    def _done(self, applied: Applied) -> None:
-        self.applied = applied
+    def set_at_work(self, *, at_device: bool, running: bool) -> None:
+        """Whether the unit is being listened to, and whether a calibration is going on."""
+        self._at_device, self._running = at_device, running
+        self._allow()
+
+    def _done(self, result: Applied | OtherUnit) -> None:
+        self.applied, self.other = (None, result) if isinstance(result, OtherUnit) else (result, None)
+        self._taken = QTime.currentTime().toString("HH:mm:ss")
         self._show()
 
     def _show(self) -> None:
         self._stack.setCurrentIndex(0 if self.applied is None else 2)
-        for widget in (self.force_figure, self.rate_figure):
+        for widget in (self.force_figure, self.rate_figure, self.name_label):
             widget.setVisible(self.applied is not None)
         self._draw()
 
-    def show_source(self, path: Path) -> None:
-        """The recording that the answer is applied to."""
-        self.name_label.setText(str(path))
+    def _allow(self) -> None:
+        if self._running:
+            why_not = self.tr("A calibration is going on; press STOP first.")
+        elif self._at_device:
+            why_not = self.tr("The unit is being listened to.")
+        else:
+            why_not = ""
+        self.unit_button.setEnabled(not why_not)
+        self.unit_button.setToolTip(
+            why_not
+            or self.tr(
+                "Takes {0} s of the unit's stream and shows them before and after; nothing moves, nothing is written"
+            ).format(f"{SECONDS:g}")
+        )
+        self.choose_button.setEnabled(not self._at_device)
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
         self.choose_button.setText(self.tr("Apply to a recording…"))
+        self.unit_button.setText(self.tr("From the unit now"))
         self._working.say(self.tr("Applying the answer"), "")
         self._nothing.say(
-            self.tr("Before and after, over a recording's time"),
-            self.tr("Choose any recording of the unit: what it says at rest is shown before and after."),
+            self.tr("Before and after, over time"),
+            self.tr(
+                "Listen to the unit, or choose any recording of it: what it says at rest is shown before and after."
+            ),
         )
+        self._allow()
         self._draw()
 
     def changeEvent(self, event: QEvent) -> None:
@@ -109,20 +141,21 @@ class AppliedView(QWidget):
 
     def _draw(self) -> None:
         a = self.applied
-        other = a is not None and a.serial != self._serial
-        self.unit_label.setVisible(other)
+        caution = self._caution()
+        self.unit_label.setText(caution)
+        self.unit_label.setVisible(bool(caution))
         if a is None:
             return
-        if other:
-            self.unit_label.setText(
-                self.tr("This recording is of {0}; the answer was found for {1}.").format(
-                    a.serial, self._serial
-                )
-            )
-        before, after = (value / MICRO_G for value in a.length_rms)
-        self.force_figure.show_change(self.tr("| f | − g at rest, rms"), before, after, "µg")
-        before, after = (value / DEGREE_PER_HOUR for value in a.rate_rms)
-        self.rate_figure.show_change(self.tr("rate at rest, rms"), before, after, "°/h")
+        self.name_label.setText(str(a.path) if a.path is not None else self._word_stream(a))
+        force, rate = self.tr("| f | − g at rest, rms"), self.tr("rate at rest, rms")
+        for figure, caption, rms, size, unit in (
+            (self.force_figure, force, a.length_rms, MICRO_G, "µg"),
+            (self.rate_figure, rate, a.rate_rms, DEGREE_PER_HOUR, "°/h"),
+        ):
+            if a.corrected:
+                figure.show_text(caption, f"{three_digits(rms[1] / size)} {unit}")
+            else:
+                figure.show_change(caption, rms[0] / size, rms[1] / size, unit)
         c = theme.colours()
         self._fill(
             self.force_plot,
@@ -142,6 +175,41 @@ class AppliedView(QWidget):
         self.rate_plot.limit(a.earth / DEGREE_PER_HOUR, c.muted)
         self.rate_plot.fit()
 
+    def _caution(self) -> str:
+        """What must be known about whose samples these are."""
+        a = self.applied
+        if self.other is not None:
+            return self.tr(
+                "The unit that answers is {0}, the answer was found for {1}: put that unit into the fixture, or solve "
+                "a recording of this one."
+            ).format(self.other.serial, self._serial)
+        if a is None:
+            return ""
+        if a.serial != self._serial:
+            return self.tr("This recording is of {0}; the answer was found for {1}.").format(
+                a.serial, self._serial
+            )
+        said = []
+        if a.corrected:
+            said.append(
+                self.tr(
+                    "The unit's registers have corrected its stream already: it is shown as it comes, and the answer "
+                    "is not applied a second time."
+                )
+            )
+        if not a.named:
+            said.append(
+                self.tr("This unit cannot say its serial number; the answer was found for {0}.").format(
+                    self._serial
+                )
+            )
+        return " ".join(said)
+
+    def _word_stream(self, applied: Applied) -> str:
+        return self.tr("Unit {0}, {1:.0f} s of its stream, taken at {2}").format(
+            applied.serial, float(applied.time[-1]), self._taken
+        )
+
     def _fill(
         self,
         plot: MethodPlot,
@@ -155,15 +223,16 @@ class AppliedView(QWidget):
         plot.empty()
         for begin, end in applied.rests:
             plot.shade(float(begin), float(end))
-        for shown, colour in zip(values, (c.caution, c.accent), strict=True):
-            plot.line(applied.time, shown, colour, pale=True)
-        for k, colour in enumerate((c.caution, c.accent)):
+        before, after = (0, c.caution, self.tr("before")), (1, c.accent, self.tr("after"))
+        lines = ((1, c.accent, self.tr("as it comes")),) if applied.corrected else (before, after)
+        for k, colour, _ in lines:
+            plot.line(applied.time, values[k], colour, pale=True)
+        for k, colour, _ in lines:
             plot.line(*_steps(applied.rests, means[:, k]), colour, bold=True)
         plot.say(
             [
                 (title, c.text),
-                (self.tr("before"), c.caution),
-                (self.tr("after"), c.accent),
+                *((name, colour) for _, colour, name in lines),
                 (self.tr("shaded: rests, bold: their means; s from the start"), c.muted),
                 *more,
             ]

@@ -3,11 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 from PySide6.QtCore import QEvent, QMimeData, Signal
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
-    QFileDialog,
     QHBoxLayout,
     QLabel,
     QPushButton,
@@ -21,6 +19,7 @@ from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.methods.answer_head import AnswerHead
 from calstation.gui.methods.answer_views import AnswerViews
+from calstation.gui.methods.applied_desk import AppliedDesk
 from calstation.gui.methods.bench_box import BenchBox
 from calstation.gui.methods.guidance import Guidance
 from calstation.gui.methods.kinds import MULTI_POSITION, RECORDED_AS
@@ -30,8 +29,6 @@ from calstation.gui.offline.source_bar import SourceBar
 from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.physics.parameters import NAMES
-from calstation.station.applied_picture import apply_to_recording
 from calstation.station.live_guidance import STATION, guided_product, hand_rig
 from calstation.station.method_answer import MethodAnswer, solve_method
 from calstation.station.pair_check import PairChecked, check_pair, followed_from_note
@@ -53,13 +50,14 @@ class MethodPanel(QWidget):
         self.setAcceptDrops(True)
         self.path: Path | None = None
         self.answer: MethodAnswer | None = None
-        self._applied_to: Path | None = None
         self.maker, self.solver, self.checker = JobWatch(self), JobWatch(self), JobWatch(self)
         self.exports = Exports(app.workshop, self)
         self.source = SourceBar(app.settings, name=f"{stage}_log", key=f"methods/{stage}/recent")
         self.notice = NoticeBar()
         self.notice.setObjectName(f"{stage}_notice")
         self.answers = AnswerViews(stage)
+        applied = self.answers.applied
+        self.applying = None if applied is None else AppliedDesk(app, applied, self)
         self._build()
         self._connect()
         self.retranslate()
@@ -101,20 +99,6 @@ class MethodPanel(QWidget):
         self.notice.dismiss()
         self.checker.watch(self.app.workshop.submit(check_pair, self.path))
         self._allow()
-
-    def apply(self, path: Path) -> None:
-        """Show a recording with the answer, before and after."""
-        answer, view = self.answer, self.answers.applied
-        if answer is None or view is None:
-            return
-        self.notice.dismiss()
-        self._applied_to = path
-        before = np.array([answer.before[name][0] for name in NAMES])
-        found = np.array(
-            [answer.parameters.get(name, {"value": before[k]})["value"] for k, name in enumerate(NAMES)]
-        )
-        view.show_source(path)
-        view.watch.watch(self.app.workshop.submit(apply_to_recording, path, before, found))
 
     def guide_live(self) -> None:
         """To the operator page, with the product that is calibrated by hand."""
@@ -232,13 +216,10 @@ class MethodPanel(QWidget):
         )
         for watch in self._rows:
             watch.cancelled.connect(self._allow)
-        if self.answers.applied is not None:
-            applied = self.answers.applied
-            applied.wanted.connect(self._look_for_another)
-            applied.watch.failed.connect(
-                lambda error: self._complain(
-                    lambda: self.tr("The answer cannot be applied"), error, self._applied_to
-                )
+        if self.applying is not None:
+            self.applying.began.connect(self.notice.dismiss)
+            self.applying.failed.connect(
+                lambda say: self._tell("bad", lambda: self.tr("The answer cannot be applied"), say)
             )
         if self.answers.check is not None:
             self.answers.check.check_wanted.connect(self.check)
@@ -266,8 +247,8 @@ class MethodPanel(QWidget):
         self._allow()
         self.head.show_answer(self.answer)
         self.tabs.setCurrentIndex(_GUIDANCE + 1)
-        if self.answers.applied is not None:
-            self.apply(answer.recording.path)
+        if self.applying is not None:
+            self.applying.take(answer)
 
     def _follow(self, *_: object) -> None:
         job = self.checker.job
@@ -283,16 +264,6 @@ class MethodPanel(QWidget):
         if self.answers.check is not None:
             self.answers.check.show_checked(checked)
         self._allow()
-
-    def _look_for_another(self) -> None:
-        dialog = QFileDialog(self, self.tr("Apply to a recording"))
-        dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
-        dialog.setNameFilters([self.tr("Logs (*.h5 *.csv *.csv.gz)"), self.tr("All files (*)")])
-        if self.path is not None:
-            dialog.setDirectory(str(self.path.parent))
-        dialog.fileSelected.connect(lambda name: self.apply(Path(name)))
-        dialog.finished.connect(dialog.deleteLater)
-        dialog.open()
 
     def _export(self) -> None:
         if self.answer is not None:

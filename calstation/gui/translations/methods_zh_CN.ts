@@ -72,6 +72,21 @@
     </message>
 </context>
 <context>
+    <name>AppliedDesk</name>
+    <message>
+        <source>Apply to a recording</source>
+        <translation>应用于数据</translation>
+    </message>
+    <message>
+        <source>Logs (*.h5 *.csv *.csv.gz)</source>
+        <translation>数据 (*.h5 *.csv *.csv.gz)</translation>
+    </message>
+    <message>
+        <source>All files (*)</source>
+        <translation>所有文件 (*)</translation>
+    </message>
+</context>
+<context>
     <name>AppliedView</name>
     <message>
         <source>Apply to a recording…</source>
@@ -82,20 +97,36 @@
         <translation>正在应用结果</translation>
     </message>
     <message>
-        <source>Before and after, over a recording&apos;s time</source>
-        <translation>一段数据标定前后的对比</translation>
-    </message>
-    <message>
-        <source>Choose any recording of the unit: what it says at rest is shown before and after.</source>
-        <translation>任选该产品的一段数据，显示其静止时标定前后的输出。</translation>
-    </message>
-    <message>
         <source>This recording is of {0}; the answer was found for {1}.</source>
         <translation>这段数据属于 {0}，而结果是由 {1} 求得的。</translation>
     </message>
     <message>
         <source>| f | − g at rest, rms</source>
         <translation>静止时 | f | − g，均方根</translation>
+    </message>
+    <message>
+        <source>A calibration is going on; press STOP first.</source>
+        <translation>标定正在进行，请先按停止。</translation>
+    </message>
+    <message>
+        <source>The unit is being listened to.</source>
+        <translation>正在接收产品的数据。</translation>
+    </message>
+    <message>
+        <source>Takes {0} s of the unit&apos;s stream and shows them before and after; nothing moves, nothing is written</source>
+        <translation>接收产品 {0} s 的实时数据，显示标定前后的对比；转台不动，也不写入任何内容</translation>
+    </message>
+    <message>
+        <source>From the unit now</source>
+        <translation>接收产品实时数据</translation>
+    </message>
+    <message>
+        <source>Before and after, over time</source>
+        <translation>标定前后随时间的对比</translation>
+    </message>
+    <message>
+        <source>Listen to the unit, or choose any recording of it: what it says at rest is shown before and after.</source>
+        <translation>接收产品的实时数据，或任选该产品的一段数据，显示其静止时标定前后的输出。</translation>
     </message>
     <message>
         <source>rate at rest, rms</source>
@@ -114,12 +145,32 @@
         <translation>- - 地球 {0:.1f}</translation>
     </message>
     <message>
+        <source>The unit that answers is {0}, the answer was found for {1}: put that unit into the fixture, or solve a recording of this one.</source>
+        <translation>当前应答的产品是 {0}，而结果是由 {1} 求得的：请装上 {1}，或解算 {0} 的数据。</translation>
+    </message>
+    <message>
+        <source>The unit&apos;s registers have corrected its stream already: it is shown as it comes, and the answer is not applied a second time.</source>
+        <translation>产品已用其寄存器修正了输出数据：此处按原样显示，不再重复应用结果。</translation>
+    </message>
+    <message>
+        <source>This unit cannot say its serial number; the answer was found for {0}.</source>
+        <translation>该产品无法报告编号；结果是由 {0} 求得的。</translation>
+    </message>
+    <message>
+        <source>Unit {0}, {1:.0f} s of its stream, taken at {2}</source>
+        <translation>产品 {0}，实时数据 {1:.0f} s，接收于 {2}</translation>
+    </message>
+    <message>
         <source>before</source>
         <translation>标定前</translation>
     </message>
     <message>
         <source>after</source>
         <translation>标定后</translation>
+    </message>
+    <message>
+        <source>as it comes</source>
+        <translation>原样输出</translation>
     </message>
     <message>
         <source>shaded: rests, bold: their means; s from the start</source>
@@ -231,18 +282,6 @@
     <message>
         <source>The answer cannot be applied</source>
         <translation>无法应用结果</translation>
-    </message>
-    <message>
-        <source>Apply to a recording</source>
-        <translation>应用于数据</translation>
-    </message>
-    <message>
-        <source>Logs (*.h5 *.csv *.csv.gz)</source>
-        <translation>数据 (*.h5 *.csv *.csv.gz)</translation>
-    </message>
-    <message>
-        <source>All files (*)</source>
-        <translation>所有文件 (*)</translation>
     </message>
     <message>
         <source>Written</source>

@@ -1,4 +1,4 @@
-"""How a job gets on, in one row: a bar, the time left, and Cancel."""
+"""How a job gets on, in one row: a bar, the time left, and Cancel where it may be given up."""
 
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QWidget
@@ -55,6 +55,7 @@ class JobRow(QWidget):
 
     def _say(self) -> None:
         job = self._watch.job
+        self.cancel_button.setVisible(job is None or job.cancellable)
         self.bar.setValue(round(_STEPS * self._fraction))
         percent = f"{100 * self._fraction:.0f} %"
         if job is not None and job.state == "waiting":
