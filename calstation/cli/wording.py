@@ -33,6 +33,8 @@ MESSAGES: dict[str, str] = {
     "gimbal_axes_missing": "{stage}: no turns about {axes}; misalignments of those columns are not determined.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
     "verifying": "Checking the output of the restarted unit.",
+    "better_kept": "{parameter} kept: {before} from {date} is better than {now} now.",
+    "better_changed": "{parameter} replaced: it is now ({now}) far from what was found on {date} ({before}).",
     "registers_transfer": "Inside the limits: writing the registers.",
     "registers_written": "Registers written, read back, and the output right with them.",
     "transfer_kept": "An earlier transfer to {serial} was interrupted; the unit kept its registers.",
@@ -124,6 +126,17 @@ GUIDED: dict[str, str] = {
     "repeat": "too soon: once more",
 }
 """What a position by hand waits for."""
+
+RESETS: dict[str, str] = {
+    "nothing": "No fault is latched; nothing was sent.",
+    "cleared": "The fault '{latched}' was reset; nothing is latched now.",
+    "interlock_open": "NOT RESET: fault '{latched}' is latched and the interlock is open; close the cover, try again.",
+    "moving": "NOT RESET: fault '{latched}' is latched and the table still turns; wait until it rests, try again.",
+    "local_control": "NOT RESET: the table is under local control; switch it to remote control at its panel.",
+    "refused": "NOT RESET: the table refuses ({words}); remove the cause of '{latched}' first.",
+    "stays": "STILL THERE: '{latched}' was reset, but '{left}' is latched; its cause is still there, remove it first.",
+}
+"""What came of an operator's reset of the table."""
 
 
 def word(key: str, values: Mapping[str, Any]) -> str:

@@ -111,13 +111,19 @@ _MESSAGES = {
     "transfer_settled": QT_TRANSLATE_NOOP(
         "wording", "The interrupted transfer to {serial} is settled: {closing}."
     ),
-    "resumed": QT_TRANSLATE_NOOP("wording", "Carrying on {log} behind its finished stages: {stages}."),
+    "resumed": QT_TRANSLATE_NOOP("wording", "Carrying on {log} after its finished stages: {stages}."),
     "handover_waiting": QT_TRANSLATE_NOOP(
         "wording", "Hand-over: {count} waiting, {folder} cannot be reached ({reason})."
     ),
     "handover_done": QT_TRANSLATE_NOOP("wording", "Hand-over: {count} results went to {folder}."),
     "verifying": QT_TRANSLATE_NOOP("wording", "Checking the output of the restarted unit."),
     "registers_kept": QT_TRANSLATE_NOOP("wording", "Outside the limits: the unit keeps its registers."),
+    "better_kept": QT_TRANSLATE_NOOP(
+        "wording", "{parameter} kept: {before} from {date} is better than {now} now."
+    ),
+    "better_changed": QT_TRANSLATE_NOOP(
+        "wording", "{parameter} replaced: it is now ({now}) far from what was found on {date} ({before})."
+    ),
     "registers_written": QT_TRANSLATE_NOOP("wording", "Registers written, read back and equal."),
     "stopped_early": QT_TRANSLATE_NOOP(
         "wording", "{stage} is outside the limits: the remaining stages are left out."

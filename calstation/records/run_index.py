@@ -4,7 +4,7 @@ import json
 import sqlite3
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,7 +34,7 @@ from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.records.raw_log import SUFFIX
 
-_VERSION = 2
+_VERSION = 3
 """Of the tables; an index of another version is made again."""
 
 FILE = "history.sqlite"
@@ -77,12 +77,16 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class IndexedRun:
-    """A row: the record, its log's stem as key, the stamp of the files it was read from, its solved values, SI."""
+    """A row: the record, its log's stem as key, the stamp of the files it was read from, its solved values, SI.
+
+    written : value and sigma of each register that the run wrote from its own answer and proved, SI
+    """
 
     name: str
     stamp: str
     record: RunRecord
     values: Mapping[str, float]
+    written: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 _metadata = MetaData()
@@ -105,6 +109,7 @@ _runs = Table(
     Column("resumed_from", String),
     Column("closed", Boolean, nullable=False),
     Column("solved", String, nullable=False),
+    Column("written", String, nullable=False),
 )
 
 
@@ -168,7 +173,13 @@ class RunIndex:
         query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())
         return self._try(
             lambda connection: [
-                IndexedRun(row.name, row.stamp, self._record(row), json.loads(row.solved))
+                IndexedRun(
+                    row.name,
+                    row.stamp,
+                    self._record(row),
+                    json.loads(row.solved),
+                    {name: (value, sigma) for name, (value, sigma) in json.loads(row.written).items()},
+                )
                 for row in connection.execute(query)
             ]
         )
@@ -274,4 +285,5 @@ def _row(run: IndexedRun) -> dict[str, Any]:
         "resumed_from": record.resumed_from,
         "closed": record.closed,
         "solved": json.dumps(dict(run.values)),
+        "written": json.dumps(dict(run.written)),
     }

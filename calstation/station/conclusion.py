@@ -1,13 +1,14 @@
 """The end of a run: limits, transfer of the registers with its journal, proof on the restarted unit's data."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from calstation.devices.interfaces import Imu
 from calstation.devices.registers import RegisterMap
 from calstation.devices.transfer import Closing, Entry, Step, Transferred, restore, transfer
 from calstation.estimation.method import Solution
+from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 from calstation.records.limits import estimated_stage
 from calstation.records.meta import LogMeta, context_from_meta
@@ -19,6 +20,8 @@ from calstation.sequencer.sequencer import Aside
 from calstation.sequencer.task import Concluded
 from calstation.station import register_journal
 from calstation.station.compose import compose
+from calstation.station.keeping import Earlier, InForce, found_better, given
+from calstation.station.part import is_part
 from calstation.station.proof import prove, refuted
 from calstation.station.result import judge
 from calstation.station.setup import Setup
@@ -34,6 +37,7 @@ class Conclusion:
     tell : takes messages for listener and log
     registers : filled with what the result says of them, {} where nothing was written
     hear : takes the operator's commands, raises StopRequested
+    in_force : registers of the unit as earlier runs wrote and proved them
     """
 
     setup: Setup
@@ -44,7 +48,9 @@ class Conclusion:
     tell: Callable[[Event], None]
     registers: dict[str, Any]
     hear: Callable[[], None]
+    in_force: Mapping[str, InForce] = field(default_factory=dict)
     _done: Transferred | None = None
+    _covariance: FloatArray | None = None
 
     def conclude(self, solutions: tuple[Solution, ...], aside: Aside) -> Concluded:
         """Check the limits; write the registers of a unit inside them.
@@ -55,16 +61,13 @@ class Conclusion:
         if not judge(self.meta, self.chain.prior, solutions).passed:
             self.tell(Message("registers_kept"))
             return Concluded(passed=False, written=False)
-        found = dict(zip(NAMES, solutions[-1].belief.mean.tolist(), strict=True))
-        if self.setup.after_registers:
-            wanted = compose(self.meta.registers, found)
-        else:
-            wanted = {name: found[name] for name in estimated_stage(solutions)}
         entries = RegisterMap(tuple(self.setup.imu.registers))
         if not entries.parameters:
             return Concluded(passed=True, written=False)
         # The log belongs to this thread, so what the unit holds is read and kept before the transfer begins.
-        self._keep(aside(self.imu.read_registers))
+        old = aside(self.imu.read_registers)
+        self._keep(old)
+        wanted = self._wanted(solutions, old)
         self.hear()
         self.tell(Message("registers_transfer"))
         serial = self.meta.imu.serial
@@ -84,11 +87,12 @@ class Conclusion:
         Raises DeviceFaultError.
         """
         assert self._done is not None
+        assert self._covariance is not None
         entry, entries = self._done.entry, RegisterMap(tuple(self.setup.imu.registers))
         checks = prove(
             fresh,
             None if self.setup.after_registers else self._done.found,
-            self.chain.belief.covariance,
+            self._covariance,
             context_from_meta(self.meta),
         )
         self.registers["proof"] = [check.to_json() for check in checks]
@@ -100,6 +104,26 @@ class Conclusion:
         entry.close(Closing.DONE)
         self.registers["verified"] = True
         self.tell(Message("registers_written", {"count": len(self._done.found)}))
+
+    def _wanted(self, solutions: tuple[Solution, ...], old: Mapping[str, float]) -> dict[str, float]:
+        """What the registers are to hold; part of a calibration leaves those alone that were found far better before."""
+        belief, estimated = solutions[-1].belief, estimated_stage(solutions)
+        behind = self.setup.after_registers
+        better: tuple[Earlier, ...] = ()
+        if is_part(self.meta):
+            better = found_better(old, belief, estimated, self.in_force, behind=behind)
+        kept = [parameter for parameter in better if not parameter.contradicted]
+        for parameter in better:
+            self.tell(
+                Message("better_changed" if parameter.contradicted else "better_kept", parameter.values())
+            )
+        if kept:
+            self.registers["kept"] = {parameter.name: parameter.to_json() for parameter in kept}
+        belief = given(belief, kept, old, behind=behind)
+        self._covariance = belief.covariance
+        found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
+        wanted = compose(self.meta.registers, found) if behind else {name: found[name] for name in estimated}
+        return wanted | {parameter.name: old[parameter.name] for parameter in kept}
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         log, serial = self.log.path, self.meta.imu.serial

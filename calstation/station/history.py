@@ -12,6 +12,7 @@ from calstation.errors import InputError
 from calstation.records.raw_log import STILL_WRITTEN, SUFFIX
 from calstation.records.raw_read import RawLogContents, read_contents, solved_stages
 from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
+from calstation.station.keeping import InForce
 from calstation.station.result import SCHEMA
 from calstation.station.worker import Tell
 
@@ -95,6 +96,17 @@ class History:
         for run in self._ask(lambda: self._index.of(serial, _SOLVED, before)):
             values = {**run.values, **values}
         return values
+
+    def in_force(self, serial: str) -> Mapping[str, InForce]:
+        """The unit's registers as the latest run that found them wrote and proved them; kept ones are an earlier run's."""
+        found: dict[str, InForce] = {}
+        for run in self._ask(lambda: self._index.of(serial, ("passed",))):
+            written = {
+                name: InForce(value, sigma, run.record.started_utc)
+                for name, (value, sigma) in run.written.items()
+            }
+            found = {**written, **found}
+        return found
 
     def solved(self, serial: str) -> list[IndexedRun]:
         """The unit's solved runs with their values, the oldest first."""
@@ -188,7 +200,21 @@ def _from_result(
     )
     values = {_words(parameter) or "": float(row["value"]) for parameter, row in result["parameters"].items()}
     finite = {parameter: value for parameter, value in values.items() if math.isfinite(value)}
-    return IndexedRun(name, stamp, record, finite)
+    return IndexedRun(name, stamp, record, finite, _written(result))
+
+
+def _written(result: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Value and sigma of each register that a run wrote from its own answer and proved, SI."""
+    registers = result.get("registers") or {}
+    if result["outcome"] != "passed" or not registers.get("verified"):
+        return {}
+    kept, parameters = registers.get("kept") or {}, result["parameters"]
+    pairs = {
+        name: (float(value), float(parameters[name]["sigma"]))
+        for name, value in registers["new"].items()
+        if name in parameters and name not in kept
+    }
+    return {name: pair for name, pair in pairs.items() if all(map(math.isfinite, pair))}
 
 
 def _finite(value: Any) -> float:

@@ -20,6 +20,7 @@ from calstation.records.checks import acceptance
 from calstation.records.facts import LogFacts
 from calstation.records.limits import NEAR, Check, check_limits, estimated_stage, not_compared, unobservable
 from calstation.records.meta import LogMeta, context_from_meta
+from calstation.station.part import is_part
 
 SCHEMA = "calstation.result/1"
 
@@ -89,6 +90,7 @@ def build_result(
         "schema": SCHEMA,
         "unit": {"serial": meta.imu.serial},
         "stages": [solution.stage for solution in solutions],
+        "part": is_part(meta),
         "passed": judgement.passed,
         "parameters": parameters_json(solutions),
         "unobservable": unobservable(prior, solutions),

@@ -210,7 +210,15 @@ def _sequence(run: _Run, devices: Devices) -> Ended:
     setup = run.place.setup
     task = setup.task(run.meta)
     conclusion = Conclusion(
-        setup, run.meta, run.log, run.chain, devices.imu, run.tell, run.registers, run.place.hear
+        setup,
+        run.meta,
+        run.log,
+        run.chain,
+        devices.imu,
+        run.tell,
+        run.registers,
+        run.place.hear,
+        run.place.history.in_force(run.meta.imu.serial),
     )
     sequencer = Sequencer(
         replace(task, stages=task.stages[len(solved) :]),

@@ -95,6 +95,53 @@
     </message>
 </context>
 <context>
+    <name>ResetBar</name>
+    <message>
+        <source>Reset the fault</source>
+        <translation>复位故障</translation>
+    </message>
+    <message>
+        <source>A run is going on; reset when it has ended.</source>
+        <translation>标定正在进行，结束后再复位。</translation>
+    </message>
+    <message>
+        <source>Clears what the table has latched. Nothing moves and no axis is switched on.</source>
+        <translation>清除转台锁存的故障。转台不会转动，轴也不会上电。</translation>
+    </message>
+    <message>
+        <source>Asking the table.</source>
+        <translation>正在询问转台。</translation>
+    </message>
+    <message>
+        <source>No fault is latched.</source>
+        <translation>转台没有锁存故障。</translation>
+    </message>
+    <message>
+        <source>The fault “{latched}” was reset; nothing is latched now.</source>
+        <translation>故障“{latched}”已复位，转台现在没有锁存故障。</translation>
+    </message>
+    <message>
+        <source>Not reset: the interlock is open. Close the cover, then press again (latched: “{latched}”).</source>
+        <translation>未复位：安全联锁断开。请关好防护罩，再按一次（锁存的故障：“{latched}”）。</translation>
+    </message>
+    <message>
+        <source>Not reset: the table still turns. Wait until it rests, then press again (latched: “{latched}”).</source>
+        <translation>未复位：转台仍在转动。请等它静止，再按一次（锁存的故障：“{latched}”）。</translation>
+    </message>
+    <message>
+        <source>Not reset: the table is under local control. Switch it to remote control at its panel.</source>
+        <translation>未复位：转台处于本地控制。请在转台面板上切换到远程控制。</translation>
+    </message>
+    <message>
+        <source>The table refuses the reset of “{latched}” ({words}). Remove the cause first.</source>
+        <translation>转台拒绝复位“{latched}”（{words}）。请先排除原因。</translation>
+    </message>
+    <message>
+        <source>“{latched}” was reset, but “{left}” is there now: its cause is still there. Remove it first.</source>
+        <translation>已复位“{latched}”，但现在仍有故障“{left}”：原因还在。请先排除原因。</translation>
+    </message>
+</context>
+<context>
     <name>RolePanel</name>
     <message>
         <source>Choose the engineer&apos;s PIN</source>
@@ -294,14 +341,6 @@
         <translation>数据</translation>
     </message>
     <message>
-        <source>table: fault &apos;{0}&apos; is latched; remove its cause and reset it at the table</source>
-        <translation>转台：故障“{0}”未复位；请排除原因，然后在转台上复位</translation>
-    </message>
-    <message>
-        <source>table: fault &apos;{0}&apos;; remove its cause and reset it at the table</source>
-        <translation>转台：故障“{0}”；请排除原因，然后在转台上复位</translation>
-    </message>
-    <message>
         <source>table: the interlock is open; close the cover and start again</source>
         <translation>转台：安全联锁断开；请关好防护罩，再重新开始</translation>
     </message>
@@ -462,24 +501,28 @@
         <translation>编号“{0}”不符合产品的规则“{1}”；请选择与产品对应的型号</translation>
     </message>
     <message>
-        <source>The safety circuit (interlock) was opened; close the cover, then reset the fault at the table</source>
-        <translation>安全联锁被断开；请关好防护罩，然后在转台上复位故障</translation>
+        <source>The safety circuit (interlock) was opened; close the cover, then press “Reset the fault”</source>
+        <translation>安全联锁被断开；请关好防护罩，然后按“复位故障”</translation>
     </message>
     <message>
-        <source>The table&apos;s watchdog stopped it, the computer had fallen silent; reset the fault at the table</source>
-        <translation>计算机一度没有响应，转台的看门狗把它停住了；请在转台上复位故障</translation>
+        <source>The table&apos;s watchdog stopped it, the computer had fallen silent; press “Reset the fault”</source>
+        <translation>计算机一度没有响应，转台的看门狗把它停住了；请按“复位故障”</translation>
     </message>
     <message>
-        <source>An axis ran into its limit; see what drove it there, then reset the fault at the table</source>
-        <translation>有一个轴碰到了限位；请查清原因，然后在转台上复位故障</translation>
+        <source>An axis ran into its limit; see what drove it there, then press “Reset the fault”</source>
+        <translation>有一个轴碰到了限位；请查清原因，然后按“复位故障”</translation>
     </message>
     <message>
-        <source>The drive reports a fault; read its display, remove the cause, reset the fault at the table</source>
-        <translation>驱动器报告故障；请查看驱动器面板，排除原因，再在转台上复位故障</translation>
+        <source>The drive reports a fault; read its display, remove the cause, then press “Reset the fault”</source>
+        <translation>驱动器报告故障；请查看驱动器面板，排除原因，然后按“复位故障”</translation>
     </message>
     <message>
-        <source>An axis is blocked or overloaded; free it, then reset the fault at the table</source>
-        <translation>有一个轴被卡住或过载；请排除阻碍，然后在转台上复位故障</translation>
+        <source>An axis is blocked or overloaded; free it, then press “Reset the fault”</source>
+        <translation>有一个轴被卡住或过载；请排除阻碍，然后按“复位故障”</translation>
+    </message>
+    <message>
+        <source>The table has latched the fault “{0}”; remove its cause, then press “Reset the fault”</source>
+        <translation>转台锁存了故障“{0}”；请排除原因，然后按“复位故障”</translation>
     </message>
     <message>
         <source>Writing the registers of {0} was interrupted; press Understood, then finish it or take it back</source>
@@ -496,6 +539,14 @@
     <message>
         <source>table: does not settle at outer {0}°, inner {1}°; look at the drive&apos;s tuning and for what shakes the table</source>
         <translation>转台：在外轴 {0}°、内轴 {1}° 处稳不下来；请检查驱动器整定以及是什么在晃动转台</translation>
+    </message>
+    <message>
+        <source>table: it is under local control; switch it to remote control, then start again</source>
+        <translation>转台：处于本地控制；请切换到远程控制，然后重新开始</translation>
+    </message>
+    <message>
+        <source>table: it was switched to local control; switch it back, then start again</source>
+        <translation>转台：被切换到本地控制；请切换回远程控制，然后重新开始</translation>
     </message>
     <message>
         <source>table: stands {0}° away from outer {1}°, inner {2}°; look at encoder and drive, home the table</source>
@@ -791,6 +842,14 @@
     <message>
         <source>Outside the limits: the unit keeps its registers.</source>
         <translation>超出限差：产品保留原有寄存器。</translation>
+    </message>
+    <message>
+        <source>{parameter} kept: {before} from {date} is better than {now} now.</source>
+        <translation>{parameter} 保留原值：{date} 的 {before} 优于本次的 {now}。</translation>
+    </message>
+    <message>
+        <source>{parameter} replaced: it is now ({now}) far from what was found on {date} ({before}).</source>
+        <translation>{parameter} 已更新：本次结果（{now}）与 {date} 的结果（{before}）相差太大。</translation>
     </message>
     <message>
         <source>Registers written, read back and equal.</source>
