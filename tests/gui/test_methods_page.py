@@ -31,6 +31,7 @@ from calstation.station import library
 from calstation.station.pair_run import pair_folder
 from calstation.station.recordings import record_on_bench
 from calstation.station.request import RunRequest
+from calstation.station.unit_now import OtherUnit
 from procedures import method
 from tests.gui.conftest import Operator, Place
 
@@ -127,7 +128,6 @@ def test_a_hand_recording_is_solved_drawn_applied_and_exported(
 def test_the_unit_in_the_fixture_is_shown_before_and_after(
     chosen: Callable[[str], MethodPanel],
     recordings: dict[str, Path],
-    place: Place,
     qtbot: QtBot,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -138,18 +138,15 @@ def test_the_unit_in_the_fixture_is_shown_before_and_after(
     panel.tabs.setCurrentIndex(2)
     button, said = view.unit_button, panel.findChild(QLabel, "applied_unit_label")
 
-    def listen() -> None:
-        qtbot.waitUntil(lambda: not view.watch.busy, timeout=WAIT)
-        qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
-        assert not button.isEnabled()
-        assert not view.choose_button.isEnabled()
-        view.watch.cancel()
-        assert view.watch.busy, "a device that is talked to is not given up"
-        qtbot.waitUntil(lambda: not view.watch.busy, timeout=WAIT)
-        assert not panel.notice.isVisible(), panel.notice.text_label.text()
-        assert button.isEnabled()
-
-    listen()
+    qtbot.waitUntil(lambda: not view.watch.busy, timeout=WAIT)
+    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+    assert not button.isEnabled()
+    assert not view.choose_button.isEnabled()
+    view.watch.cancel()
+    assert view.watch.busy, "a device that is talked to is not given up"
+    qtbot.waitUntil(lambda: not view.watch.busy, timeout=WAIT)
+    assert not panel.notice.isVisible(), panel.notice.text_label.text()
+    assert button.isEnabled()
     now = view.applied
     assert now is not None
     assert now.path is None
@@ -161,21 +158,12 @@ def test_the_unit_in_the_fixture_is_shown_before_and_after(
     assert float(after) < 0.5 * float(before)
     assert "BENCH-mems, 10 s" in view.name_label.text()
     assert said.text() == ""
-    # a unit that corrects itself is not corrected twice
-    corrected = library.find("imus", "bench_mems").read_text("utf-8").replace("before_reg", "after_reg")
-    (place.home / "imus").mkdir()
-    (place.home / "imus" / "bench_mems.toml").write_text(corrected, "utf-8")
-    listen()
+    # a unit that corrects itself is not corrected twice, and another unit not at all
+    view._done(replace(now, corrected=True))
     assert "not applied a second time" in said.text()
     assert "→" not in view.force_figure.number.text()
-    # nothing tells which unit that recording is of: the bench has one of its own in the fixture
-    (recordings["multi_position"].with_suffix(".truth.json")).rename(place.folder / "truth.json")
-    try:
-        listen()
-    finally:
-        (place.folder / "truth.json").rename(recordings["multi_position"].with_suffix(".truth.json"))
-    assert "is SN-000001, the answer was found for BENCH-mems" in said.text()
-    assert view.applied is None
+    view._done(OtherUnit("SN-000007"))
+    assert "is SN-000007, the answer was found for BENCH-mems" in said.text()
     assert not view.force_figure.isVisible()
     link = panel.app.engine_link
     with monkeypatch.context() as going_on:

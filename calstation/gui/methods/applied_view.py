@@ -104,6 +104,9 @@ class AppliedView(QWidget):
         self._draw()
 
     def _allow(self) -> None:
+        self._working.say(
+            self.tr("Listening to the unit") if self._at_device else self.tr("Applying the answer"), ""
+        )
         if self._running:
             why_not = self.tr("A calibration is going on; press STOP first.")
         elif self._at_device:
@@ -123,7 +126,6 @@ class AppliedView(QWidget):
         """Say everything again in the language in force."""
         self.choose_button.setText(self.tr("Apply to a recording…"))
         self.unit_button.setText(self.tr("From the unit now"))
-        self._working.say(self.tr("Applying the answer"), "")
         self._nothing.say(
             self.tr("Before and after, over time"),
             self.tr(

@@ -218,7 +218,7 @@ class PairLeftView(QWidget):
         self.secondary_combo.setObjectName("secondary_combo")
         self.secondary_combo.currentIndexChanged.connect(lambda _: self.retranslate())
         row = QHBoxLayout()
-        row.setSpacing(4 * theme.GRID)
+        row.setSpacing(3 * theme.GRID)
         for figure in self.figures:
             figure.number.setFont(theme.font(theme.SECTION, bold=True))
             row.addWidget(figure)

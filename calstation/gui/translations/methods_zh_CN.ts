@@ -105,6 +105,10 @@
         <translation>静止时 | f | − g，均方根</translation>
     </message>
     <message>
+        <source>Listening to the unit</source>
+        <translation>正在接收产品数据</translation>
+    </message>
+    <message>
         <source>A calibration is going on; press STOP first.</source>
         <translation>标定正在进行，请先按停止。</translation>
     </message>
