@@ -221,6 +221,37 @@ def restore(
     raise typer.Exit(restore_command(request, transfer, json, yes=yes))
 
 
+table = typer.Typer(
+    help="The table alone: how it stands, and the reset of a fault that it has latched. Nothing moves.",
+    no_args_is_help=True,
+)
+app.add_typer(table, name="table")
+
+
+@table.command()
+def status(
+    station: StationOption = None,
+    product: ProductOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Show who answers and what is latched; exit code 3 while a fault is."""
+    from calstation.cli.table import status_command
+
+    raise typer.Exit(status_command(station, product, json))
+
+
+@table.command()
+def reset(
+    station: StationOption = None,
+    product: ProductOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Reset a latched fault once its cause is removed; exit code 3 where it stays. No axis is switched on."""
+    from calstation.cli.table import reset_command
+
+    raise typer.Exit(reset_command(station, product, json))
+
+
 def run_app(arguments: list[str]) -> int:
     """Run a command; returns the contract's exit code, errors told in a line or two on standard error."""
     debug = "--debug" in arguments

@@ -8,6 +8,9 @@ from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.table import JointLimits
 
+LOCAL_CONTROL = "local control"
+"""A table's `fault` that is none: it is switched to its own panel and obeys nobody else."""
+
 
 class OtherModelError(DeviceFaultError):
     """Not the device that the profile is for answers: `found` instead of `expected`."""

@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from calstation.devices.endless import check_endless
-from calstation.devices.interfaces import OtherModelError, TableIdentity, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableIdentity, TableStatus
 from calstation.devices.table_profile import JOINTS, RATE_COMMAND, ModbusRegister, TableProfile
 from calstation.errors import ConfigurationError
 from calstation.estimation.samples import snap_angles
@@ -198,7 +198,7 @@ class RegisterTable:
         if word >> bits["fault"] & 1 or code != 0:
             return self._profile.faults.get(str(code), f"code {code}")
         if "remote" in bits and not word >> bits["remote"] & 1:
-            return "local control"
+            return LOCAL_CONTROL
         # A drive that is off may show anything in this bit (CiA 402-2, table 30).
         if "quick_stop" in bits and self._powered and not word >> bits["quick_stop"] & 1:
             return "quick stop"

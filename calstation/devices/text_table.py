@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from calstation.devices.endless import check_endless
-from calstation.devices.interfaces import OtherModelError, TableIdentity, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableIdentity, TableStatus
 from calstation.devices.link import SerialSettings
 from calstation.devices.table_profile import JOINTS, TableProfile
 from calstation.devices.text_link import TextLink, UnlikeAnswerError
@@ -191,7 +191,7 @@ class TextTable:
             ]
             return self._profile.faults.get(codes[0], f"code {codes[0]}") if codes else "fault"
         if not self._all("remote", answers, otherwise=True):
-            return "local control"
+            return LOCAL_CONTROL
         return None
 
     def _watchdog(self, answers: Answers) -> float:

@@ -23,8 +23,10 @@ _CAUSES = {
 }
 
 SENTENCES: tuple[str, ...] = (
-    QT_TRANSLATE_NOOP("faults", "table: fault '{0}' is latched; remove its cause and reset it at the table"),
-    QT_TRANSLATE_NOOP("faults", "table: fault '{0}'; remove its cause and reset it at the table"),
+    QT_TRANSLATE_NOOP(
+        "faults", "table: it is under local control; switch it to remote control, then start again"
+    ),
+    QT_TRANSLATE_NOOP("faults", "table: it was switched to local control; switch it back, then start again"),
     QT_TRANSLATE_NOOP("faults", "table: the interlock is open; close the cover and start again"),
     QT_TRANSLATE_NOOP("faults", "table: the interlock was opened; close the cover and start again"),
     QT_TRANSLATE_NOOP(
@@ -239,35 +241,42 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         r"table: fault 'interlock'.*",
         QT_TRANSLATE_NOOP(
             "faults",
-            "The safety circuit (interlock) was opened; close the cover, then reset the fault at the table",
+            "The safety circuit (interlock) was opened; close the cover, then press “Reset the fault”",
         ),
     ),
     (
         r"table: fault 'watchdog'.*",
         QT_TRANSLATE_NOOP(
             "faults",
-            "The table's watchdog stopped it, the computer had fallen silent; reset the fault at the table",
+            "The table's watchdog stopped it, the computer had fallen silent; press “Reset the fault”",
         ),
     ),
     (
         r"table: fault 'limit'.*",
         QT_TRANSLATE_NOOP(
             "faults",
-            "An axis ran into its limit; see what drove it there, then reset the fault at the table",
+            "An axis ran into its limit; see what drove it there, then press “Reset the fault”",
         ),
     ),
     (
         r"table: fault 'drive'.*",
         QT_TRANSLATE_NOOP(
             "faults",
-            "The drive reports a fault; read its display, remove the cause, reset the fault at the table",
+            "The drive reports a fault; read its display, remove the cause, then press “Reset the fault”",
         ),
     ),
     (
         r"table: fault 'stall'.*",
         QT_TRANSLATE_NOOP(
             "faults",
-            "An axis is blocked or overloaded; free it, then reset the fault at the table",
+            "An axis is blocked or overloaded; free it, then press “Reset the fault”",
+        ),
+    ),
+    (
+        r"table: fault '(.*?)'.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The table has latched the fault “{0}”; remove its cause, then press “Reset the fault”",
         ),
     ),
     (
@@ -305,7 +314,14 @@ def word_fault(kind: str, text: str) -> FaultWords:
 
 def known(text: str) -> bool:
     """Whether the sentence can be said in every language."""
-    return any(pattern.fullmatch(text) for pattern, _ in _patterns())
+    return any(pattern.fullmatch(text) for pattern, _ in _patterns()) or any(
+        re.fullmatch(pattern, text, re.DOTALL) for pattern, _ in _REWORDED
+    )
+
+
+def resettable(text: str) -> bool:
+    """Whether the sentence tells of a fault that the table has latched and an operator may reset."""
+    return text.startswith("table: fault '")
 
 
 def _split(cause: str, said: str) -> FaultWords:

@@ -2,7 +2,7 @@
 
 import math
 
-from calstation.devices.interfaces import TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, TableStatus
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.motion import Move
 from calstation.physics.table import JointLimits
@@ -12,9 +12,14 @@ JOINTS = ("outer", "inner")
 
 def check_power(status: TableStatus) -> None:
     """May the axes be enabled? Raises DeviceFaultError where fault, interlock or watchdog say no."""
+    if status.fault == LOCAL_CONTROL:
+        raise DeviceFaultError(
+            "table: it is under local control; switch it to remote control, then start again"
+        )
     if status.fault is not None:
         raise DeviceFaultError(
-            f"table: fault '{status.fault}' is latched; remove its cause and reset it at the table"
+            f"table: fault '{status.fault}' is latched; remove its cause, then reset it: 'Reset the fault' in the"
+            " window, or calstation table reset"
         )
     if not status.interlock_closed:
         raise DeviceFaultError("table: the interlock is open; close the cover and start again")

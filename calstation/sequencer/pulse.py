@@ -7,7 +7,7 @@ from itertools import chain
 
 import numpy as np
 
-from calstation.devices.interfaces import Imu, Table, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, Imu, Table, TableStatus
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition, Flow
 from calstation.sequencer.control import Control, PauseRequested, SpoiltStep, StopRequested
@@ -121,9 +121,14 @@ class Pulse:
         )
 
     def _check_table(self) -> None:
+        if self.status.fault == LOCAL_CONTROL:
+            raise DeviceFaultError(
+                "table: it was switched to local control; switch it back, then start again"
+            )
         if self.status.fault is not None:
             raise DeviceFaultError(
-                f"table: fault '{self.status.fault}'; remove its cause and reset it at the table"
+                f"table: fault '{self.status.fault}'; remove its cause, then reset it: 'Reset the fault' in the window,"
+                " or calstation table reset"
             )
         if self.powered and not self.status.interlock_closed:
             raise DeviceFaultError("table: the interlock was opened; close the cover and start again")

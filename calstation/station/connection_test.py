@@ -40,11 +40,11 @@ class Order:
 
 def try_table(tell: Tell, order: Order) -> Report:
     """Work for the workshop: test the table's link. Raises CalstationError where a profile cannot be read."""
-    setup = _setup(order)
+    setup = setup_of(order)
     found: list[Finding] = []
     if setup.table.by_hand:
         return Report("table", (Finding("by_hand", "ok", {"name": setup.table.name}),))
-    with _at(tell, setup) as at:
+    with ports_of(tell, setup) as at:
         tell(0.3, note="opening")
         settings = setup.station.table.serial or setup.table.serial
         try:
@@ -63,9 +63,9 @@ def try_table(tell: Tell, order: Order) -> Report:
 
 def try_imu(tell: Tell, order: Order) -> Report:
     """Work for the workshop: test the IMU's link. Raises CalstationError where a profile cannot be read."""
-    setup = _setup(order)
+    setup = setup_of(order)
     found: list[Finding] = []
-    with _at(tell, setup) as at:
+    with ports_of(tell, setup) as at:
         tell(0.2, note="opening")
         settings = imu_settings(setup)
         try:
@@ -84,7 +84,7 @@ def try_imu(tell: Tell, order: Order) -> Report:
     return Report("imu", tuple(found))
 
 
-def _setup(order: Order) -> Setup:
+def setup_of(order: Order) -> Setup:
     """What opening the devices needs of a run's setup."""
     _, product = load_product(order.product)
     return Setup(
@@ -100,7 +100,7 @@ def _setup(order: Order) -> Setup:
 
 
 @contextmanager
-def _at(tell: Tell, setup: Setup) -> Iterator[Endpoints]:
+def ports_of(tell: Tell, setup: Setup) -> Iterator[Endpoints]:
     """The station's ports; its virtual bench takes some seconds to start."""
     tell(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
     with endpoints(setup) as at:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calstation.devices.checks import check_bytes
-from calstation.devices.interfaces import OtherModelError, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableStatus
 from calstation.devices.link import PortLostError, SerialSettings
 from calstation.devices.modbus_link import ModbusRefusalError
 from calstation.devices.modbus_table import ModbusTable
@@ -79,7 +79,9 @@ def _standing(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
         yield Finding("no_watchdog", "told")
     else:
         yield Finding("watchdog_off", "wrong")
-    if status.fault is not None:
+    if status.fault == LOCAL_CONTROL:
+        yield Finding("local_control", "look")
+    elif status.fault is not None:
         yield Finding("fault", "look", {"fault": status.fault})
     yield Finding("interlock", "ok") if status.interlock_closed else Finding("interlock_open", "look")
     outer, inner = np.rad2deg(status.angles)

@@ -17,10 +17,10 @@ pytestmark = pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("stall", None, ("fault 'stall'", "reset it at the table")),
-        ("drive_fault", None, ("fault 'drive'", "reset it at the table")),
-        ("limit_fault", None, ("fault 'limit'", "reset it at the table")),
-        ("trip_watchdog", None, ("fault 'watchdog'", "reset it at the table")),
+        ("stall", None, ("fault 'stall'", "then reset it")),
+        ("drive_fault", None, ("fault 'drive'", "then reset it")),
+        ("limit_fault", None, ("fault 'limit'", "then reset it")),
+        ("trip_watchdog", None, ("fault 'watchdog'", "then reset it")),
         ("interlock", 0, ("interlock",)),
         ("jam", None, ("did not reach", "obstacle")),
         ("overshoot", 2, ("table: stands 2.", "° away from outer 360.0°", "encoder")),
@@ -40,7 +40,7 @@ def test_a_fault_of_the_table_stops_the_run(
     [
         ({"kind": "watchdog_off"}, ("watchdog is off", "set its timeout")),
         ({"kind": "interlock_open"}, ("interlock is open", "close the cover")),
-        ({"kind": "drive_fault"}, ("fault 'drive'", "reset it at the table")),
+        ({"kind": "drive_fault"}, ("fault 'drive'", "then reset it")),
     ],
 )
 def test_a_table_that_must_not_move_is_not_moved_and_its_fault_stays(

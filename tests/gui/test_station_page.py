@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+import tomli_w
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import (
@@ -26,18 +27,24 @@ from calstation.gui import language, theme
 from calstation.gui.context import AppContext
 from calstation.gui.engine_link import EngineLink
 from calstation.gui.main_window import MainWindow
+from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.station_page import page as page_module
 from calstation.gui.station_page.finding_wording import WORDED
 from calstation.gui.station_page.page import StationPage
 from calstation.gui.station_page.problem_wording import word_problem
+from calstation.sequencer.events import Fault
 from calstation.station import library, role, version_store
+from calstation.station.bench_host import BenchHost
+from calstation.station.clock import BenchClock
 from calstation.station.ports import FoundPort
 from calstation.station.request import RunRequest
 from calstation.station.settings import check_data
 from calstation.station.workshop import Workshop
+from tests.gui.conftest import STATION as STATION_DATA
 
 STATION, TABLE_LINK, IMU_LINK, SITE, TABLE, PROFILES, PERSONAL = range(7)
 PIN = "2468"
+LATCHED = "table: fault 'interlock'; remove its cause, then reset it: ..."
 
 
 class Hands:
@@ -392,6 +399,66 @@ def test_a_wrong_port_is_told_with_its_mend_in_both_languages(
     hands._bot.waitUntil(lambda: hands.finished("table")[0] == "没有端口 /dev/ttyNONE7。")
     hands._bot.keyClicks(box.lineEdit(), "8")
     assert hands.page.table_link.test.report is None, "what was found belongs to another setting"
+
+
+def test_an_operator_resets_what_the_table_has_latched(
+    operator: Hands, place: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
+) -> None:
+    with BenchHost.start({"speed": 0.0}) as host:
+        where, _, port = host.endpoints["clock"].rpartition(":")
+        clock = BenchClock((where, int(port)), 0.0)
+        clock.order({"order": "drive_fault"})
+        link = {"profile": "bench", "port": f"tcp://{host.endpoints['table']}", "timeout_s": 5.0}
+        real = {
+            "name": "line 3",
+            "site": STATION_DATA["site"],
+            "table": link,
+            "imu": {"port": "/dev/ttyNONE9"},
+        }
+        place.station.write_text(tomli_w.dumps(real), encoding="utf-8")
+        operator.app.station_changed.emit()
+        operator.turn(TABLE_LINK)
+        reset = operator.find(QPushButton, "table_reset_button")
+        assert not reset.isVisible(), "nothing is known of a fault"
+        operator.press("test_table_button")
+        assert "The fault “drive” is latched." in operator.finished("table")
+        assert reset.isVisible()
+        assert not reset.hasFocus(), "a key meant for something else must not reset it"
+        operator.app.engine_link.request = RunRequest("SN-000042", place.station)
+        with monkeypatch.context() as going:
+            going.setattr(EngineLink, "running", property(lambda _: True))
+            operator.app.engine_link.running_changed.emit(True)
+            assert not reset.isEnabled()
+            assert reset.toolTip() == "A run is going on; reset when it has ended."
+        operator.app.engine_link.running_changed.emit(False)
+        told = operator.find(QLabel, "table_reset_button_result")
+        operator.press("table_reset_button")
+        operator._bot.waitUntil(lambda: "was reset" in told.text(), timeout=60_000)
+        operator.finished("table")
+        assert operator.find(QWidget, "table_test_badge").text() == "The link works", "it was tested again"
+        assert not reset.isVisible()
+        chinese()
+        operator._bot.waitUntil(lambda: told.text() == "故障“drive”已复位，转台现在没有锁存故障。")
+        language.use("en")
+
+        # The same where a run's end tells the fault; an open interlock keeps it latched.
+        clock.order({"order": "interlock", "value": 0})
+        verdict = VerdictPanel(operator.app)
+        operator._bot.addWidget(verdict)
+        verdict.show()
+        verdict.show_end("fault", None, Fault("device", "IMU: no data any more; check cable", 3), ())
+        assert not verdict.reset.isVisible()
+        verdict.show_end("fault", None, Fault("device", LATCHED, 3), ())
+        assert verdict.action_label.text() == "Close the cover, then press “Reset the fault”."
+        for closed, words in (
+            (0, "Not reset: the interlock is open."),
+            (1, "The fault “interlock” was reset"),
+        ):
+            clock.order({"order": "interlock", "value": closed})
+            operator._bot.mouseClick(verdict.reset.button, Qt.MouseButton.LeftButton)
+            operator._bot.waitUntil(lambda w=words: w in verdict.reset.words.text(), timeout=60_000)
+            assert verdict.reset.button.isVisible() == (not closed)
+        clock.close()
 
 
 def test_a_usb_adapter_is_chosen_by_its_serial_number(hands: Hands) -> None:

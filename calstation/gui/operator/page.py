@@ -1,6 +1,7 @@
 """The operator page: load, scan, START, watch, verdict."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtGui import QShowEvent
@@ -21,6 +22,7 @@ from calstation.gui.fault_wording import word_fault
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.loading import Loading
+from calstation.gui.operator.misfit import Misfit
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.preparation import Preparation
 from calstation.gui.operator.resuming import Resuming
@@ -31,7 +33,7 @@ from calstation.gui.operator.traces import Traces
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.page import Page
 from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.gui.wording import KINDS, word_message, word_stage, word_state, word_step
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer.control import Command
@@ -48,6 +50,7 @@ from calstation.station import library
 from calstation.station.config import DEFAULT_PRODUCT
 from calstation.station.outline import outline
 from calstation.station.request import RunRequest
+from calstation.station.setup import HandsError
 
 _STEPS = 1000
 """Of the progress bar."""
@@ -61,13 +64,13 @@ class OperatorPage(Page):
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
-        self._problem = ""
+        self._problem: Words | None = None
         self._looked = False
         self._shown: tuple[object, ...] = ()
         self.header: RunHeader = RunHeader()
         self._fields = self.header
         self._stages = StageList(app.run)
-        self._loading, self._verdict = Loading(), VerdictPanel()
+        self._loading, self._verdict = Loading(), VerdictPanel(app)
         self._table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
         self._position, self._upper = PositionPanel(), QWidget()
         self._preparation = Preparation(app.run)
@@ -100,11 +103,17 @@ class OperatorPage(Page):
         self._refresh()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Once, at the window's start: offer what was interrupted."""
+        """Ready for a scan; and once, at the window's start, offer what was interrupted."""
         super().showEvent(event)
         if not self._looked:
             self._looked = True
             self._resuming.open_up()
+        self.await_scan()
+
+    def await_scan(self) -> None:
+        """The scanner may go on at once, unless a run goes on or something waits for an answer."""
+        run = self.app.run
+        if self.isVisible() and not run.going and run.fault is None and not self.notice.asking:
             self._fields.focus_serial()
 
     def _live(self) -> QWidget:
@@ -162,7 +171,10 @@ class OperatorPage(Page):
         fields, app = self._fields, self.app
         fields.pause_pressed.connect(self._pause)
         self._position.finish_wanted.connect(lambda: app.engine_link.send(Command.ENOUGH))
-        fields.product_chosen.connect(app.set_product)
+        fields.product_chosen.connect(self._choose_product)
+        fields.enter_refused.connect(
+            lambda: self._message.setText(self.tr("Enter does not start: press Space or click START."))
+        )
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.details_wanted.connect(app.open_run)
         self._verdict.station_wanted.connect(self.station_wanted)
@@ -170,14 +182,28 @@ class OperatorPage(Page):
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._refresh)
         app.run.stop_pressed.connect(self._stop_pressed)
-        app.station_changed.connect(self._read_products)
+        app.station_changed.connect(self._change_station)
         app.product_changed.connect(self._show_product)
         app.choice_changed.connect(self._plan)
 
     # ---- what the next run would be
 
+    def _choose_product(self, path: Path) -> None:
+        self.app.set_product(path)
+        self._fields.focus_serial()
+
+    def _change_station(self) -> None:
+        self._begin_anew()
+        self._read_products()
+
+    def _begin_anew(self) -> None:
+        """A verdict that was given elsewhere, or of another product, says nothing of the unit to come."""
+        if self.app.run.ended and not self.app.engine_link.running:
+            self.app.run.acknowledge()
+
     def _show_product(self) -> None:
         """Another page may have chosen it."""
+        self._begin_anew()
         if self.app.product_path is not None:
             self._fields.show_product(self.app.product_path)
         self._plan()
@@ -197,29 +223,35 @@ class OperatorPage(Page):
     def _plan(self) -> None:
         """Read station and product again; what is wrong with them stands in a bar and keeps START from working."""
         app = self.app
+        choices: list[Choice] = []
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         try:
             planned = outline(
                 RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
             )
-            self._problem = ""
+            self._problem = None
+        except HandsError as error:
+            planned = None
+            misfit = Misfit(app, error)
+            self._problem, choices = misfit.words, misfit.choices()
         except CalstationError as error:
             planned = None
-            self._problem = str(error)
+            text = str(error)
+            self._problem = lambda: text
         self._starting.outline = planned
         self._stages.plan(planned)
         self._loading.plan(planned)
-        if self._problem:
-            problem = self._problem
+        if self._problem is not None:
             self.notice.ask(
                 "caution",
                 lambda: self.tr("This station and product cannot run"),
-                lambda: problem,
+                self._problem,
                 [
+                    *choices,
                     Choice(
                         "station_choice", lambda: self.tr("Open the station page"), self.station_wanted.emit
-                    )
+                    ),
                 ],
             )
         else:
@@ -368,8 +400,8 @@ class OperatorPage(Page):
 
     def _why_no_start(self) -> str:
         run = self.app.run
-        if self._problem:
-            return self._problem
+        if self._problem is not None:
+            return self._problem()
         if run.fault is not None:
             return self.tr("Read the fault and press Understood first.")
         if self.app.engine_link.running:
@@ -403,7 +435,7 @@ class OperatorPage(Page):
         if run.state == "paused":
             return self.tr("Paused; the table is at rest. Resume repeats the step in hand.")
         if not run.going:
-            return self._verdict.action_label.text()
+            return self._verdict.next_action()
         if run.said is None:
             return ""
         what, key, values = run.said

@@ -17,14 +17,21 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.gui import theme
-from calstation.gui.fault_wording import word_fault
+from calstation.gui.context import AppContext
+from calstation.gui.fault_wording import resettable, word_fault
 from calstation.gui.operator import advice
 from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
+from calstation.gui.widgets.reset_bar import ResetBar
 from calstation.gui.wording import KINDS, word_message, word_state, word_time
 from calstation.sequencer.events import Fault, Verdict
+from calstation.station.config import load_station
+from calstation.station.connection_test import Order
 
-_HEAD = 17 * theme.GRID
+_HEAD = 12 * theme.GRID
 """Least height of the block that holds the word, px."""
+
+_ROW = 4 * theme.GRID
+"""Most height of a row of figures, px; they move together where room is scarce."""
 
 _SHAPE = 0.6
 """Height of the shape beside the word, in that of the block; the word is a little smaller."""
@@ -85,8 +92,9 @@ class VerdictPanel(QFrame):
     acknowledged = Signal()
     station_wanted = Signal()
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, app: AppContext) -> None:
+        super().__init__()
+        self._app = app
         self.setProperty("kind", "panel")
         self._state = ""
         self._verdict: Verdict | None = None
@@ -96,6 +104,7 @@ class VerdictPanel(QFrame):
         self.verdict_label = self._head.word
         self._place, self.reason_label, self.action_label = QLabel(), QLabel(), QLabel()
         self._facts, self._notes = QLabel(), QLabel()
+        self.reset = ResetBar(app, self._order, "verdict_reset_button")
         for label in (self._place, self.reason_label, self.action_label, self._facts, self._notes):
             label.setWordWrap(True)
         self._place.setProperty("kind", "muted")
@@ -119,16 +128,19 @@ class VerdictPanel(QFrame):
         buttons.addStretch(1)
         words = QVBoxLayout()
         words.setSpacing(2 * theme.GRID)
-        for widget in (self._place, self.reason_label, self.action_label, self._facts, self._notes):
+        labels = (self._place, self.reason_label, self.action_label, self.reset, self._facts, self._notes)
+        for widget in labels:
             words.addWidget(widget)
         words.addStretch(1)
         words.addLayout(buttons)
-        self._figures = QGridLayout()
+        self._table = QWidget()
+        self._figures = QGridLayout(self._table)
+        self._figures.setContentsMargins(0, 0, 0, 0)
         self._figures.setHorizontalSpacing(2 * theme.GRID)
-        self._figures.setVerticalSpacing(theme.GRID)
+        self._figures.setVerticalSpacing(theme.GRID // 4)
         right = QVBoxLayout()
-        right.addLayout(self._figures)
-        right.addStretch(1)
+        right.addWidget(self._table, 1)
+        right.addStretch()
         body = QHBoxLayout()
         body.setSpacing(4 * theme.GRID)
         body.addLayout(words, 1)
@@ -147,8 +159,18 @@ class VerdictPanel(QFrame):
         remarks: Sequence[tuple[str, Mapping[str, Any]]],
     ) -> None:
         """Show how a run ended; `remarks` are messages that still matter."""
+        if fault is not self._fault:
+            self.reset.forget()
+            self.reset.offer(fault is not None and resettable(fault.text))
         self._state, self._verdict, self._fault, self._remarks = state, verdict, fault, tuple(remarks)
         self.retranslate()
+
+    def next_action(self) -> str:
+        """What to do now, in the language in force."""
+        if self._fault is not None:
+            return word_fault(self._fault.kind, self._fault.text).mend
+        result = self._verdict.result if self._verdict is not None else {}
+        return advice.next_action(self._state, result)
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
@@ -165,15 +187,15 @@ class VerdictPanel(QFrame):
             words = word_fault(fault.kind, fault.text)
             self._place.setText(self.tr("Where: {place}").format(place=words.place))
             self.reason_label.setText(words.reason)
-            self.action_label.setText(words.mend)
             self._station_button.setVisible(words.cause == "configuration")
         else:
             result = self._verdict.result if self._verdict is not None else {}
             self.reason_label.setText(advice.reason(self._state, result))
-            self.action_label.setText(advice.next_action(self._state, result))
+        self.action_label.setText(self.next_action())
         self.action_label.setVisible(bool(self.action_label.text()))
         self._notes.setText("\n".join(dict.fromkeys(word_message(*remark) for remark in self._remarks)))
         self._notes.setVisible(bool(self._remarks))
+        self.reset.retranslate()
         self._say_facts()
         self._fill_figures()
 
@@ -184,6 +206,11 @@ class VerdictPanel(QFrame):
         elif event.type() == QEvent.Type.PaletteChange:
             self._head.dress()
         super().changeEvent(event)
+
+    def _order(self) -> Order | None:
+        """The table of the run that ended so. Raises ConfigurationError where its file cannot be read any more."""
+        request = self._app.engine_link.request
+        return None if request is None else Order(load_station(request.station)[1], request.product)
 
     def _say_facts(self) -> None:
         self._facts.setVisible(self._verdict is not None)
@@ -222,15 +249,17 @@ class VerdictPanel(QFrame):
             self._cell(0, column, heading, muted=True)
         for number, row in enumerate(rows, start=1):
             self._figures.addWidget(_mark(row), number, 0)
+            meant = 3 if row.by_sigma else 2
             for column, text in enumerate((row.name, row.value, row.sigma, row.limit, row.unit), start=1):
-                self._cell(number, column, text)
+                self._cell(number, column, text, bold=column == meant)
+        self._table.setMaximumHeight(_ROW * (len(rows) + 1))
 
-    def _cell(self, row: int, column: int, text: str, *, muted: bool = False) -> None:
+    def _cell(self, row: int, column: int, text: str, *, muted: bool = False, bold: bool = False) -> None:
         label = QLabel(text)
         if muted:
             label.setProperty("kind", "muted")
         else:
-            label.setFont(theme.font(theme.SECTION))
+            label.setFont(theme.font(theme.SECTION, bold=bold))
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
         self._figures.addWidget(label, row, column, side | Qt.AlignmentFlag.AlignVCenter)
 

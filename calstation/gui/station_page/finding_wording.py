@@ -181,7 +181,11 @@ _TABLE = {
     ),
     "fault": (
         QT_TRANSLATE_NOOP("station_finding", "The fault “{fault}” is latched."),
-        QT_TRANSLATE_NOOP("station_finding", "Remove its cause and reset it at the table."),
+        QT_TRANSLATE_NOOP("station_finding", "Remove its cause, then press “Reset the fault”."),
+    ),
+    "local_control": (
+        QT_TRANSLATE_NOOP("station_finding", "The table is under local control."),
+        QT_TRANSLATE_NOOP("station_finding", "Switch it to remote control at its panel."),
     ),
     "interlock": (QT_TRANSLATE_NOOP("station_finding", "The interlock is closed."), ""),
     "interlock_open": (

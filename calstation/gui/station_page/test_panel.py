@@ -22,6 +22,7 @@ from calstation.gui.station_page.inputs import ChoiceBox
 from calstation.gui.widgets.badge import StateBadge, StateIcon
 from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.reset_bar import ResetBar
 from calstation.station import library
 from calstation.station.config import DEFAULT_PRODUCT, StationConfig
 from calstation.station.connection_test import Order, try_imu, try_table
@@ -102,6 +103,9 @@ class TestPanel(QFrame):
         self._note.setProperty("kind", "muted")
         self.badge = StateBadge(theme.SECTION)
         self.badge.setObjectName(f"{device}_test_badge")
+        self.reset = ResetBar(app, self._order, f"{device}_reset_button")
+        self.reset.changed.connect(self.refresh)
+        self.reset.ended.connect(lambda _: self._test())
         self._why, self._nothing = QLabel(), QLabel()
         self._why.setWordWrap(True)
         self._nothing.setProperty("kind", "muted")
@@ -142,6 +146,7 @@ class TestPanel(QFrame):
         column.addWidget(self._note)
         column.addWidget(self.badge)
         column.addWidget(self._why)
+        column.addWidget(self.reset)
         column.addWidget(self._nothing)
         column.addWidget(scroll, 1)
 
@@ -152,8 +157,13 @@ class TestPanel(QFrame):
 
     def start(self) -> None:
         """Test what is typed, saved or not."""
+        self.reset.forget()
+        self._test()
+
+    def _test(self) -> None:
+        """Test; what a reset before has said stays."""
         station = self._station()
-        if station is None or self._app.engine_link.running or self.watch.busy:
+        if station is None or self._app.engine_link.running or self.watch.busy or self.reset.watch.busy:
             return
         self._clear()
         work = try_table if self._device == "table" else try_imu
@@ -161,16 +171,25 @@ class TestPanel(QFrame):
         self.watch.watch(self._app.workshop.submit(work, Order(station, self.product)))
         self._show_running(True)
 
+    def _order(self) -> Order | None:
+        """What a press on the reset is for: what was tested, as typed."""
+        station = self._station()
+        return None if station is None else Order(station, self.product)
+
     def refresh(self) -> None:
         """Enable the button where a test may be made, and say why where not; forget what another setting gave."""
         station = self._station()
-        if self.report is not None and (station is None or self._setting(station) != self._tested):
+        told = self.report is not None or self.reset.result is not None
+        if told and (station is None or self._setting(station) != self._tested):
+            self.reset.forget()
             self._clear()
         reason = ""
         if self._app.engine_link.running:
             reason = self.tr("A run is going on; test when it has ended.")
         elif self.watch.busy:
             reason = self.tr("A test is going on.")
+        elif self.reset.watch.busy:
+            reason = self.tr("A fault is being reset.")
         elif station is None:
             reason = self.tr("Correct what is marked first.")
         self.button.setEnabled(not reason)
@@ -189,6 +208,7 @@ class TestPanel(QFrame):
         self.button.setText(self.tr("Test the table") if self._device == "table" else self.tr("Test the IMU"))
         for line in self._lines.findChildren(_Line):
             line.retranslate()
+        self.reset.retranslate()
         self._nothing.setText(self.tr("Not tested as it is set now. What a test finds will stand here."))
         self._say_verdict()
         self.refresh()
@@ -217,6 +237,8 @@ class TestPanel(QFrame):
         for finding in report.findings:
             self._list.insertWidget(self._list.count() - 1, _Line(finding))
         self._show_running(False)
+        # Last: the focus that the row of the job gives up must not land on it.
+        self.reset.offer(self._device == "table" and report.find("fault") is not None)
 
     def _failed(self, sentence: str) -> None:
         self._error = sentence
@@ -248,6 +270,7 @@ class TestPanel(QFrame):
 
     def _clear(self) -> None:
         self.report, self._error = None, ""
+        self.reset.offer(False)
         for line in self._lines.findChildren(_Line):
             line.setParent(None)
             line.deleteLater()

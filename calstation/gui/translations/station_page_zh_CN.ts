@@ -774,6 +774,10 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>正在测试。</translation>
     </message>
     <message>
+        <source>A fault is being reset.</source>
+        <translation>正在复位故障。</translation>
+    </message>
+    <message>
         <source>Correct what is marked first.</source>
         <translation>请先改正标出的项。</translation>
     </message>
@@ -1119,8 +1123,16 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>故障“{fault}”已锁存。</translation>
     </message>
     <message>
-        <source>Remove its cause and reset it at the table.</source>
-        <translation>请排除原因，并在转台上复位。</translation>
+        <source>Remove its cause, then press “Reset the fault”.</source>
+        <translation>请排除原因，然后按“复位故障”。</translation>
+    </message>
+    <message>
+        <source>The table is under local control.</source>
+        <translation>转台处于本地控制。</translation>
+    </message>
+    <message>
+        <source>Switch it to remote control at its panel.</source>
+        <translation>请在转台面板上切换到远程控制。</translation>
     </message>
     <message>
         <source>The interlock is closed.</source>
