@@ -1,6 +1,5 @@
 """`run`: shows a run's events as progress bars and messages, and turns Ctrl-C into a safe stop."""
 
-import getpass
 import signal
 import sys
 from collections.abc import Iterator
@@ -33,6 +32,7 @@ from calstation.station.engine import INTERNAL, Engine
 from calstation.station.request import RunRequest
 from calstation.station.resume import filled, serial_of
 from calstation.station.setup import prepare
+from calstation.station.who import computer_user
 
 DEFAULT_SERIAL = "SN-000001"
 """What the virtual bench's unit answers to where no serial number was given."""
@@ -94,14 +94,7 @@ def run_request(
                 f"--serial is missing; {path} is hardware, give the unit's serial number"
             )
         serial = str(config.bench.get("serial", DEFAULT_SERIAL))
-    return RunRequest(serial, station, product, stages, out, _operator(), speed, seed, resume=resume)
-
-
-def _operator() -> str | None:
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError, ImportError):
-        return None
+    return RunRequest(serial, station, product, stages, out, computer_user(), speed, seed, resume=resume)
 
 
 @contextmanager

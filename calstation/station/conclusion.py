@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
 
 from calstation.devices.interfaces import Imu
@@ -102,11 +103,11 @@ class Conclusion:
             self.registers["new"] = aside(lambda: restore(self.imu, entries, entry))
             raise refuted(wrong[0], "its old registers were put back")
         entry.close(Closing.DONE)
-        self.registers["verified"] = True
+        self.registers |= {"verified": True, "written_utc": datetime.now(UTC).isoformat(timespec="seconds")}
         self.tell(Message("registers_written", {"count": len(self._done.found)}))
 
     def _wanted(self, solutions: tuple[Solution, ...], old: Mapping[str, float]) -> dict[str, float]:
-        """What the registers are to hold; part of a calibration leaves those alone that were found far better before."""
+        """What the registers are to hold; part of a calibration leaves better ones alone."""
         belief, estimated = solutions[-1].belief, estimated_stage(solutions)
         behind = self.setup.after_registers
         better: tuple[Earlier, ...] = ()

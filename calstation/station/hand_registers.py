@@ -69,11 +69,15 @@ class Wanted:
     """The registers that a result asks for, of the unit it was found on.
 
     before : those that its run found and replaced; empty where it wrote none
+    written : what its run wrote and proved in their place; empty where it did not
+    written_utc : when that was, ISO 8601, "" where that is not known
     """
 
     serial: str
     registers: tuple[Register, ...]
     before: tuple[Register, ...] = ()
+    written: tuple[Register, ...] = ()
+    written_utc: str = ""
 
     @property
     def values(self) -> dict[str, float]:
@@ -95,12 +99,15 @@ def read_unit(tell: Tell, request: RunRequest, runs: Path) -> UnitRegisters:
 def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any]) -> Wanted:
     """Work for the workshop: what a result wants in the unit's registers, as its product's profile holds them.
 
-    A result found behind the registers is put together with those that its log says were in force.
+    Where its run has written them that is what it wrote; registers that it kept are left aside. A result found
+    behind the registers is put together with those that its log says were in force.
     Raises InputError where the log is needed and missing.
     """
     setup, _ = configured(request)
     found = {name: float(row["value"]) for name, row in result["parameters"].items()}
-    if setup.after_registers:
+    registers = result.get("registers") or {}
+    written = registers.get("new") if registers.get("verified") else None
+    if setup.after_registers and not written:
         log = Path(result["log"]["file"])
         if not log.is_file():
             raise InputError(
@@ -109,14 +116,16 @@ def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any])
         found = compose(open_log(log).meta.registers, found)
     tell(0.5)
     entries = _map(setup)
-    named = [name for name in entries.parameters if name in found]
+    kept = registers.get("kept") or {}
+    named = [name for name in entries.parameters if name in found and name not in kept]
     complete = dict.fromkeys(entries.parameters, 0.0) | {name: found[name] for name in named}
-    rounded = entries.rounded(complete)
-    old = (result.get("registers") or {}).get("old") or {}
+    rounded = written or entries.rounded(complete)
     return Wanted(
         str(result["unit"]["serial"]),
         _rows(entries, {name: rounded[name] for name in named}),
-        _rows(entries, old),
+        _rows(entries, registers.get("old") or {}),
+        _rows(entries, written or {}),
+        str(registers.get("written_utc") or "") if written else "",
     )
 
 

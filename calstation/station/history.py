@@ -98,7 +98,7 @@ class History:
         return values
 
     def in_force(self, serial: str) -> Mapping[str, InForce]:
-        """The unit's registers as the latest run that found them wrote and proved them; kept ones are an earlier run's."""
+        """Registers as the latest run that found them wrote and proved them; kept ones are of an earlier run."""
         found: dict[str, InForce] = {}
         for run in self._ask(lambda: self._index.of(serial, ("passed",))):
             written = {

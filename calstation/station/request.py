@@ -16,7 +16,7 @@ class RunRequest:
     station, product : files; None for the default
     stages : in order; None for the product's
     out : folder for log and result
-    operator : who asked, None where not said
+    operator : who asked, None for the user of the computer
     speed, seed : of the virtual bench; None for the station file's
     resume : log of a run that did not reach its end, to be carried on behind its last finished stage, beside it
         and with its stages and schedule; `stages`, `schedule`, `out` and `seed` do not count then

@@ -35,6 +35,7 @@ from calstation.station.setup import Setup, prepare
 from calstation.station.solve import StageChain, one_blas_thread
 from calstation.station.unfinished import settle
 from calstation.station.virtual_hands import VirtualHands
+from calstation.station.who import computer_user
 from calstation.station.wiring import Devices, connected
 
 _OUTCOMES = {
@@ -132,6 +133,7 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     if request.resume is not None:
         before = Continuation.of(request, request.resume)
         request = before.request
+    request = replace(request, operator=request.operator or computer_user())
     setup = prepare(request)
     folder = _folder(request.out)
     for dead in settle_incomplete(folder):

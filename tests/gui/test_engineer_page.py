@@ -325,11 +325,12 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     engineer.unlock()
     engineer.turn_to(5)
     assert "Read the unit first" in engineer.why_not("write_registers_button")
+    assert engineer.widget("write_reason_label", QLabel).text() == engineer.why_not("write_registers_button")
     engineer.press("read_registers_button")
     engineer.until(lambda: engineer.page.registers.unit is not None)
     before = engineer.cells("register_table")
     assert before["accel_scale_x"]["Address"] == "15"
-    assert before["accel_scale_x"]["Old"] == "0.0000"
+    assert before["accel_scale_x"]["In the unit"] == "0.0000"
     engineer.press("write_registers_button")
     assert f"Write 6 registers of unit {SERIAL}?" in engineer.says()
     assert "12–15, 19, 23" in engineer.says()
@@ -341,8 +342,42 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     assert (entry.by, entry.why, entry.closing) == ("wang", "hand", "done")
     after = engineer.cells("register_table")
     assert after["accel_scale_x"]["Change"] == "0"
-    assert after["accel_scale_x"]["Old"] == before["accel_scale_x"]["New"]
+    assert after["accel_scale_x"]["In the unit"] == before["accel_scale_x"]["New"]
     assert "holds these values already" in engineer.why_not("write_registers_button")
+
+
+def test_a_part_says_so_and_when_its_registers_were_written(engineer: Engineer) -> None:
+    row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
+    result = {
+        "schema": "calstation.result/1",
+        "unit": {"serial": SERIAL},
+        "stages": ["rate", "six_position"],
+        "part": True,
+        "parameters": {"gyro_scale_x": row, "gyro_scale_y": row},
+        "unobservable": [],
+        "checks": [],
+        "outcome": "passed",
+        "log": {"file": "gone.h5"},
+        "registers": {
+            "old": {"gyro_scale_x": 5e-4, "gyro_scale_y": 0.0},
+            "new": {"gyro_scale_x": 5e-4, "gyro_scale_y": 1e-4},
+            "kept": {"gyro_scale_x": {}},
+            "verified": True,
+            "written_utc": "2026-11-21T15:04:00+00:00",
+        },
+    }
+    path = engineer.place.folder / "x.json"
+    path.write_text(json.dumps(result), encoding="utf-8")
+    engineer.page.look.open(path)
+    engineer.until(lambda: bool(engineer.cells("register_table")))
+    assert "PASS (part: Rate, Six positions)" in engineer.says()
+    assert "registers written 2026-11-21" in engineer.says()
+    assert "kept, found better before: gyro_scale_x" in engineer.says()
+    rows = engineer.cells("register_table")
+    assert (rows["gyro_scale_x"]["In the unit"], rows["gyro_scale_x"]["New"]) == ("500.0000", "–")
+    assert (rows["gyro_scale_y"]["In the unit"], rows["gyro_scale_y"]["Change"]) == ("100.0000", "0")
+    engineer.turn_to(5)
+    assert "as the run wrote it and read it back, 2026-11-21" in engineer.says()
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,11 @@ class ChoicePanel(QFrame):
         self.unlock_button.setObjectName("unlock_schedule_button")
         self.reset_button.setObjectName("reset_schedule_button")
         self.save_button.setObjectName("save_product_button")
+        self._new_pin = False
+        self._reason = QLabel()
+        self._reason.setObjectName("save_reason_label")
+        self._reason.setProperty("kind", "muted")
+        self._reason.setWordWrap(True)
         self._area = QScrollArea()
         self._area.setFrameShape(QFrame.Shape.NoFrame)
         self._area.setWidgetResizable(True)
@@ -66,6 +71,7 @@ class ChoicePanel(QFrame):
         column.addWidget(self._area, 1)
         column.addWidget(self.unlock_button)
         column.addLayout(buttons)
+        column.addWidget(self._reason)
 
     @property
     def schedule(self) -> dict[str, Mapping[str, Any]]:
@@ -111,10 +117,22 @@ class ChoicePanel(QFrame):
             button.setVisible(not schedule)
             button.setEnabled(not why)
             button.setToolTip(why)
+        self._reason.setText("" if schedule else choice or save)
+        self._reason.setVisible(bool(self._reason.text()))
+
+    def ask_for_pin(self, new: bool) -> None:
+        """What the button that unlocks asks for; `new` where no PIN has been set yet."""
+        self._new_pin = new
+        self._say_unlock()
+
+    def _say_unlock(self) -> None:
+        self.unlock_button.setText(
+            self.tr("Set the engineer's PIN") if self._new_pin else self.tr("Enter the engineer's PIN")
+        )
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
-        self.unlock_button.setText(self.tr("Enter the engineer's PIN"))
+        self._say_unlock()
         self.reset_button.setText(self.tr("Reset"))
         self.reset_button.setToolTip(self.tr("Back to the product's values of this stage"))
         self.save_button.setText(self.tr("Save to product"))

@@ -12,6 +12,7 @@ from calstation.gui.engineer.lazy import LazyView
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.residuals_view import ResidualsView
 from calstation.gui.engineer.result_view import ResultView
+from calstation.gui.engineer.verdict_wording import word_verdict
 from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.wording import word_state
@@ -89,7 +90,7 @@ class CloseLook(QObject):
             return ""
         result = self.run.result
         started = str(result.get("started_utc") or "").replace("T", " ")[:16]
-        parts = (str(result["unit"]["serial"]), started, word_state(str(result["outcome"])))
+        parts = (str(result["unit"]["serial"]), started, word_verdict(result))
         return "  ·  ".join(part for part in parts if part)
 
     def _loaded(self, run: Finished) -> None:

@@ -23,7 +23,7 @@ class EngineerHeader(QWidget):
         row.setSpacing(2 * theme.GRID)
         for edit, name, caption, width in (
             (self.serial_edit, "engineer_serial_edit", self._captions[0], 24),
-            (self.engineer_edit, "engineer_name_edit", self._captions[1], 18),
+            (self.engineer_edit, "engineer_name_edit", self._captions[1], 25),
         ):
             edit.setObjectName(name)
             edit.setFixedSize(width * theme.GRID, theme.BUTTON)
@@ -72,7 +72,7 @@ class EngineerHeader(QWidget):
         self._captions[0].setText(self.tr("Serial number"))
         self._captions[1].setText(self.tr("Your name"))
         self.serial_edit.setPlaceholderText(self.tr("scan or type"))
-        self.engineer_edit.setPlaceholderText(self.tr("for the record"))
+        self.engineer_edit.setPlaceholderText(self.tr("your name, for the record"))
         self.start_button.setText(self.tr("START"))
 
     def changeEvent(self, event: QEvent) -> None:

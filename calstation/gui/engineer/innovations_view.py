@@ -17,6 +17,8 @@ _LEFT = 7 * theme.GRID
 _MOST = 1500
 """Observations inside ±3 σ that are drawn in each plot; of more, every so many-th."""
 _BOUND = 3.0
+_FEW = 100
+"""Of fewer observations a mean below its band is no sign of anything."""
 _SHOWN = 5.0
 """Least height of a plot, sigmas either way."""
 
@@ -172,7 +174,10 @@ class InnovationsView(QWidget):
             if not c.passed:
                 badge.show_state("bad", self.tr("above: errors the model does not explain"))
             elif c.warning:
-                badge.show_state("caution", self.tr("below: the model is too cautious"))
+                few = c.count < _FEW
+                badge.show_state(
+                    "none" if few else "caution", self.tr("below the band: sigma is on the safe side")
+                )
             else:
                 badge.show_state("good", self.tr("inside"))
             texts = (word_stage(stage.stage), f"{c.nis_mean:.3f}", f"{c.nis_low:.3f} – {c.nis_high:.3f}")

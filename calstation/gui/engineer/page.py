@@ -303,6 +303,8 @@ class EngineerPage(Page):
         role = (
             ""
             if self.app.role.engineer
+            else self.tr("Only an engineer may change this; set the PIN first.")
+            if self.app.role.new
             else self.tr("Only an engineer may change this; enter the PIN first.")
         )
         name = "" if self._fields.engineer else self.tr("Enter your name first; it stands in the record.")
@@ -311,6 +313,7 @@ class EngineerPage(Page):
         self._fields.set_start(
             self._problem or busy or device or self._why_no_choice() or self._why_no_unit()
         )
+        self.choice.ask_for_pin(self.app.role.new)
         self.choice.lock(busy, role, name or self._why_not_save())
         self.preview.set_why_not(self._problem or self._why_no_choice())
         self.registers.engineer = self._fields.engineer

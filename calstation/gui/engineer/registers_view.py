@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 
-from PySide6.QtCore import QEvent, Signal
+from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from calstation.gui import theme
 from calstation.gui.engineer.error_wording import one_line
+from calstation.gui.history.run_table import local_time
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.job_row import JobRow
@@ -32,7 +33,7 @@ class RegistersView(QWidget):
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
         self._cells: dict[str, dict[str, str]] = {}
-        self._error = ""
+        self._error, self._why_not = "", ""
         self._written = False
         self.engineer = ""
         self.watch = JobWatch(self)
@@ -42,6 +43,10 @@ class RegistersView(QWidget):
         self._badge = StateBadge()
         self._about = QLabel()
         self._about.setWordWrap(True)
+        self._reason = QLabel()
+        self._reason.setObjectName("write_reason_label")
+        self._reason.setProperty("kind", "muted")
+        self._reason.setAlignment(Qt.AlignmentFlag.AlignRight)
         self.read_button, self.write_button = QPushButton(), QPushButton()
         self.read_button.setObjectName("read_registers_button")
         self.write_button.setObjectName("write_registers_button")
@@ -51,7 +56,7 @@ class RegistersView(QWidget):
             (
                 Column(lambda: self.tr("Address"), self._text("address")),
                 Column(lambda: self.tr("Unit"), self._text("unit"), number=False),
-                Column(lambda: self.tr("Old"), self._text("old")),
+                Column(self._held_heading, self._text("old"), hint=self._before),
                 Column(lambda: self.tr("stored as"), self._text("old_raw")),
                 Column(lambda: self.tr("New"), self._text("new")),
                 Column(lambda: self.tr("stored as"), self._text("new_raw")),
@@ -79,6 +84,7 @@ class RegistersView(QWidget):
         column.setContentsMargins(0, theme.GRID, 0, 0)
         column.setSpacing(theme.GRID)
         column.addLayout(head)
+        column.addWidget(self._reason)
         column.addWidget(self.notice)
         column.addWidget(self.table, 1)
         column.addWidget(self._empty, 1)
@@ -112,6 +118,8 @@ class RegistersView(QWidget):
         """Why the unit cannot be read or written now, "" where it can."""
         self.read_button.setEnabled(not read)
         self.read_button.setToolTip(read)
+        self._why_not = "" if self._written or read else write
+        self._say_why_not()
         self.write_button.setEnabled(not write)
         self.write_button.setToolTip(write)
         if write:
@@ -140,7 +148,9 @@ class RegistersView(QWidget):
         super().changeEvent(event)
 
     def _fill(self) -> None:
-        before = self.unit.registers if self.unit is not None else self.wanted.before if self.wanted else ()
+        before = self.unit.registers if self.unit is not None else ()
+        if self.unit is None and self.wanted is not None:
+            before = self.wanted.written or self.wanted.before
         self._old = {register.parameter: register for register in before}
         self._new = {} if self.wanted is None else {r.parameter: r for r in self.wanted.registers}
         names = sorted({**self._old, **self._new}, key=self._address)
@@ -154,6 +164,24 @@ class RegistersView(QWidget):
         self.table.setVisible(bool(names))
         self._empty.setVisible(not names)
         self._say()
+
+    @property
+    def _known(self) -> bool:
+        """Whether the unit was read, or the run itself has read back what it wrote."""
+        return self.unit is not None or (self.wanted is not None and bool(self.wanted.written))
+
+    def _held_heading(self) -> str:
+        return self.tr("In the unit") if self._known else self.tr("Old")
+
+    def _before(self, name: str) -> str:
+        """What the run found there, where it has written since."""
+        if self.wanted is None or not self.wanted.written:
+            return ""
+        found = {register.parameter: register.value for register in self.wanted.before}
+        if name not in found:
+            return ""
+        value, unit = display(name, found[name])
+        return self.tr("before the run: {0} {1}").format(f"{value:.4f}", unit)
 
     def _address(self, name: str) -> int:
         return (self._old.get(name) or self._new[name]).address
@@ -212,8 +240,14 @@ class RegistersView(QWidget):
                 spans.append([place, place])
         return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in spans)
 
+    def _say_why_not(self) -> None:
+        """Why the button is grey, beside it: a tooltip is not there for a finger."""
+        self._reason.setText(self._why_not)
+        self._reason.setVisible(bool(self._why_not) and not self.watch.busy)
+
     def _say(self) -> None:
         busy = self.watch.busy
+        self._say_why_not()
         self._row.setVisible(busy)
         for widget in (self._about, self.read_button, self.write_button):
             widget.setVisible(not busy)
@@ -228,6 +262,8 @@ class RegistersView(QWidget):
             return "bad", self.tr("not done")
         if self._written:
             return "good", self.tr("written and read back")
+        if self.unit is None and self.wanted is not None and self.wanted.written:
+            return "good", self.tr("written by the run")
         if self.unit is not None and self._new:
             count = len(self.changes)
             return ("caution", self.tr("{0} differ").format(count)) if count else ("good", self.tr("equal"))
@@ -243,6 +279,14 @@ class RegistersView(QWidget):
             )
             if self.unit.virtual:
                 parts.append(self.tr("A virtual unit starts afresh with every bench."))
+        elif self.wanted is not None and self.wanted.written:
+            parts.append(
+                self.tr("In the unit: as the run wrote it and read it back, {0}.").format(
+                    local_time(self.wanted.written_utc)
+                )
+                if self.wanted.written_utc
+                else self.tr("In the unit: as the run wrote it and read it back.")
+            )
         elif self._old:
             parts.append(self.tr("Old: as the run found them. Read the unit to see what it holds now."))
         elif self._new:

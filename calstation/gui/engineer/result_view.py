@@ -8,10 +8,12 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from calstation.gui import theme
 from calstation.gui.check_wording import of_parameter
+from calstation.gui.engineer.verdict_wording import word_verdict
+from calstation.gui.history.run_table import local_time
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.gui.wording import KINDS, word_stage, word_state
+from calstation.gui.wording import KINDS, word_stage
 from calstation.physics.parameters import NAMES
 from calstation.physics.units import aligned, display, number
 from calstation.station.finished import Finished
@@ -35,6 +37,7 @@ class ResultView(QWidget):
         self._changed: frozenset[str] = frozenset()
         self.badge = StateBadge(theme.SECTION)
         self._about = QLabel()
+        self._about.setWordWrap(True)
         self.copy_button = QPushButton()
         self.copy_button.setObjectName("copy_button")
         self.model = ParameterModel(
@@ -135,14 +138,29 @@ class ResultView(QWidget):
             }[passed]
             self.badge.show_state(kind, word)
         else:
-            self.badge.show_state(KINDS.get(outcome, "none"), word_state(outcome))
+            self.badge.show_state(KINDS.get(outcome, "none"), word_verdict(result))
         failed = [check for check in checks if not check["passed"]]
         said = self.tr("{0} of {1} checks passed").format(len(checks) - len(failed), len(checks))
         near = sum(bool(check.get("near_miss")) for check in checks)
         about = [said] if checks else []
         if near:
             about.append(self.tr("near-misses: {0}").format(near))
+        about += self._registers(result.get("registers") or {})
         self._about.setText("  ·  ".join(about))
+
+    def _registers(self, registers: Mapping[str, Any]) -> list[str]:
+        """When the registers were written, and which were left alone."""
+        if not registers.get("verified"):
+            return []
+        when = registers.get("written_utc")
+        said = [
+            self.tr("registers written {0}").format(local_time(str(when)))
+            if when
+            else self.tr("registers written")
+        ]
+        if kept := registers.get("kept"):
+            said.append(self.tr("kept, found better before: {0}").format(", ".join(kept)))
+        return said
 
     def _text(self, column: str) -> Callable[[str], str]:
         return lambda name: self._cells[name].get(column, _NONE)

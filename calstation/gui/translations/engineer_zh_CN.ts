@@ -8,6 +8,10 @@
         <translation>输入工程师密码</translation>
     </message>
     <message>
+        <source>Set the engineer&apos;s PIN</source>
+        <translation>设置工程师密码</translation>
+    </message>
+    <message>
         <source>Reset</source>
         <translation>恢复</translation>
     </message>
@@ -54,8 +58,8 @@
         <translation>扫码或输入</translation>
     </message>
     <message>
-        <source>for the record</source>
-        <translation>记入档案</translation>
+        <source>your name, for the record</source>
+        <translation>您的姓名，用于记录</translation>
     </message>
     <message>
         <source>START</source>
@@ -127,6 +131,10 @@
     <message>
         <source>A calibration is going on; press STOP first.</source>
         <translation>标定正在进行，请先按“停止”。</translation>
+    </message>
+    <message>
+        <source>Only an engineer may change this; set the PIN first.</source>
+        <translation>仅工程师可修改；请先设置密码。</translation>
     </message>
     <message>
         <source>Only an engineer may change this; enter the PIN first.</source>
@@ -279,8 +287,8 @@
         <translation>偏大：有模型没有描述的误差</translation>
     </message>
     <message>
-        <source>below: the model is too cautious</source>
-        <translation>偏小：模型噪声取得过大</translation>
+        <source>below the band: sigma is on the safe side</source>
+        <translation>低于区间：σ 偏保守</translation>
     </message>
     <message>
         <source>inside</source>
@@ -508,6 +516,14 @@
         <translation>打开标定结果或完成一次标定，就能看到要写入的内容；读取夹具上的产品，就能看到它现有的内容。不经确认不会写入。</translation>
     </message>
     <message>
+        <source>In the unit</source>
+        <translation>产品内</translation>
+    </message>
+    <message>
+        <source>before the run: {0} {1}</source>
+        <translation>标定前：{0} {1}</translation>
+    </message>
+    <message>
         <source>Write {0} registers of unit {1}?</source>
         <translation>写入产品 {1} 的 {0} 个寄存器吗？</translation>
     </message>
@@ -532,6 +548,10 @@
         <translation>已写入并回读一致</translation>
     </message>
     <message>
+        <source>written by the run</source>
+        <translation>已由本次标定写入</translation>
+    </message>
+    <message>
         <source>{0} differ</source>
         <translation>{0} 个不同</translation>
     </message>
@@ -546,6 +566,14 @@
     <message>
         <source>A virtual unit starts afresh with every bench.</source>
         <translation>虚拟产品每次都从头开始。</translation>
+    </message>
+    <message>
+        <source>In the unit: as the run wrote it and read it back, {0}.</source>
+        <translation>产品内：本次标定写入并回读的值（{0}）。</translation>
+    </message>
+    <message>
+        <source>In the unit: as the run wrote it and read it back.</source>
+        <translation>产品内：本次标定写入并回读的值。</translation>
     </message>
     <message>
         <source>Old: as the run found them. Read the unit to see what it holds now.</source>
@@ -664,6 +692,18 @@
     <message>
         <source>near-misses: {0}</source>
         <translation>临界 {0} 项</translation>
+    </message>
+    <message>
+        <source>registers written {0}</source>
+        <translation>寄存器写入于 {0}</translation>
+    </message>
+    <message>
+        <source>registers written</source>
+        <translation>寄存器已写入</translation>
+    </message>
+    <message>
+        <source>kept, found better before: {0}</source>
+        <translation>保留原值（先前精度更高）：{0}</translation>
     </message>
     <message>
         <source>inside</source>
@@ -924,6 +964,13 @@
     <message>
         <source>Not a number; enter {0}.</source>
         <translation>不是数，请输入 {0}。</translation>
+    </message>
+</context>
+<context>
+    <name>verdict</name>
+    <message>
+        <source>{0} (part: {1})</source>
+        <translation>{0}（部分：{1}）</translation>
     </message>
 </context>
 </TS>

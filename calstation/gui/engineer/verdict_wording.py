@@ -1,0 +1,17 @@
+"""A result's verdict in a word or two: that of a part of the calibration says which part it was."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from PySide6.QtCore import QCoreApplication
+
+from calstation.gui.wording import word_stage, word_state
+
+
+def word_verdict(result: Mapping[str, Any]) -> str:
+    """``PASS``, or ``PASS (part: Rate, Six positions)`` where stages of the product were left out."""
+    word = word_state(str(result["outcome"]))
+    if not result.get("part") or not result["stages"]:
+        return word
+    stages = ", ".join(word_stage(stage) for stage in result["stages"])
+    return QCoreApplication.translate("verdict", "{0} (part: {1})").format(word, stages)
