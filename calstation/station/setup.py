@@ -1,6 +1,7 @@
 """All of a run's configuration, read and checked before anything is opened or moves."""
 
 import re
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -46,6 +47,21 @@ from procedures import method
 
 _PLAUSIBLE = 3.0
 """A register further from zero than this many sigmas of its parameter's prior holds no calibration of the unit."""
+
+_SEED = 1
+"""Of a virtual bench whose file names none."""
+
+
+class HandsError(ConfigurationError):
+    """Rails that hands turn and stages that are carried do not come together.
+
+    by_hand : the station's rig is turned by hand and a stage needs one that is driven; or the other way round
+    rig : its name
+    """
+
+    def __init__(self, text: str, *, by_hand: bool = False, rig: str = "") -> None:
+        super().__init__(text)
+        self.by_hand, self.rig = by_hand, rig
 
 
 @dataclass(frozen=True)
@@ -140,12 +156,21 @@ class Setup:
 
     @property
     def bench_seed(self) -> int | None:
-        """Seed of the virtual bench, None on hardware."""
-        config = self.bench_config()
-        return None if config is None else int(config.get("seed", 1))
+        """Seed of the virtual bench as it was given, None on hardware."""
+        words = self.bench_words()
+        return None if words is None else int(words.get("seed", _SEED))
 
     def bench_config(self) -> dict[str, Any] | None:
-        """What the bench process is told: this site, table and unit, then the station file's own words."""
+        """What the bench process is told; its seed is drawn from the one given and the unit's serial number, so that
+        every number is a unit of its own and the same number is the same unit again."""
+        words = self.bench_words()
+        if words is None:
+            return None
+        drawn = zlib.crc32(f"{words.get('seed', _SEED)} {words['serial']}".encode())
+        return self.faults.bench({**words, "seed": drawn})
+
+    def bench_words(self) -> dict[str, Any] | None:
+        """This site, table and unit for the bench, then the station file's own words, then the request's."""
         if self.station.bench is None:
             return None
         site, table, stream = self.station.site, self.table, self.imu.stream
@@ -171,7 +196,7 @@ class Setup:
             told["seed"] = self.request.seed
         if self.request.speed is not None:
             told["speed"] = self.request.speed
-        return self.faults.bench(told)
+        return told
 
     def task(self, meta: LogMeta) -> Task:
         """What the sequencer is to do."""
@@ -265,25 +290,31 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
 def check_hands(setup: Setup, product_path: Path) -> None:
     """Rails that hands turn need stages that are carried, and carried stages need such rails.
 
-    Raises ConfigurationError with the stage and the mend.
+    Raises HandsError with the stage and the mend.
     """
     rig = setup.table.name
     for stage, schedule in setup.schedules.items():
         manual = getattr(schedule, "manual", None)
         if setup.by_hand and manual is None:
-            raise ConfigurationError(
+            raise HandsError(
                 f"stages: '{stage}' needs a table that is driven, but '{rig}' of station '{setup.station.name}' is"
-                " turned by hand; choose multi_position, or another station"
+                " turned by hand; choose multi_position, or another station",
+                by_hand=setup.by_hand,
+                rig=rig,
             )
         if setup.by_hand and not manual:
-            raise ConfigurationError(
+            raise HandsError(
                 f"{product_path}: schedule.{stage}.manual must be true, because '{rig}' of station"
-                f" '{setup.station.name}' is turned by hand; set it, or choose another product or station"
+                f" '{setup.station.name}' is turned by hand; set it, or choose another product or station",
+                by_hand=setup.by_hand,
+                rig=rig,
             )
         if manual and not setup.by_hand:
-            raise ConfigurationError(
+            raise HandsError(
                 f"{product_path}: schedule.{stage}.manual is true, but the table '{rig}' of station"
-                f" '{setup.station.name}' is driven; choose a station with rails turned by hand, or another product"
+                f" '{setup.station.name}' is driven; choose a station with rails turned by hand, or another product",
+                by_hand=setup.by_hand,
+                rig=rig,
             )
 
 
@@ -325,7 +356,7 @@ def _faults(setup: Setup, station_path: Path) -> FaultPlan:
 
 
 def _check_bench(setup: Setup, station_path: Path) -> None:
-    config = setup.bench_config()
+    config = setup.bench_words()
     if config is None:
         for option, value in (("--speed", setup.request.speed), ("--seed", setup.request.seed)):
             if value is not None:
@@ -335,7 +366,7 @@ def _check_bench(setup: Setup, station_path: Path) -> None:
         return
     from calstation.bench.config import BenchConfig
 
-    validate(BenchConfig, config, f"{station_path} [bench]")
+    validate(BenchConfig, setup.faults.bench(config), f"{station_path} [bench]")
 
 
 def _schedule(product: ProductConfig, stage: str, instead: Mapping[str, Any], path: Path) -> BaseModel:
