@@ -19,6 +19,7 @@ class BenchBox(QWidget):
         self._caption, self._seed_caption = QLabel(), QLabel()
         self.grade_combo = QComboBox()
         self.grade_combo.setObjectName(f"bench_grade_{stage}")
+        self.grade_combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         for grade in GRADES:
             self.grade_combo.addItem("", grade)
         self.seed_spin = QSpinBox()
