@@ -4,7 +4,7 @@ from functools import partial
 from itertools import pairwise
 
 from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
-from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -80,6 +80,7 @@ class MainWindow(QMainWindow):
             self._add(kind(app))
         self._role_panel = RolePanel(app.role, self)
         self._order_tabs()
+        self.operator_page.header.guard(self.language_combo)
         self.page_tabs.currentChanged.connect(self._turn)
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
         app.station_changed.connect(self._show_station)
@@ -155,6 +156,11 @@ class MainWindow(QMainWindow):
         if event.type() in (QEvent.Type.Resize, QEvent.Type.Move, QEvent.Type.Show):
             self._place_strip()
         return super().eventFilter(watched, event)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """What no widget has taken may be a scan."""
+        if self._role_panel.isVisible() or not self.operator_page.header.take_key(event):
+            super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Ask while a run is going on; otherwise end what runs beside the window."""
@@ -265,9 +271,11 @@ class MainWindow(QMainWindow):
 
     def _choose_language(self) -> None:
         self.app.set_language(str(self.language_combo.currentData()))
+        self.operator_page.await_scan()
 
     def _other_theme(self) -> None:
         self.app.set_theme("light" if theme.current() == "dark" else "dark")
+        self.operator_page.await_scan()
 
     def _dress(self) -> None:
         self._theme_button.setIcon(icons.half_disc())

@@ -57,7 +57,8 @@ class StageState:
 
     state : waiting, active, solving, good, bad, stopped, fault; kept, where no register is to be written
     fraction : 0..1; duration : of its plan, s of device time; remaining : of it
-    took : host seconds from start to solution, once solved
+    begun : host time of its start; None for a stage that an earlier run has gone through
+    took : host seconds from start to solution, once solved; None where that was not here
     """
 
     name: str
@@ -66,7 +67,12 @@ class StageState:
     fraction: float = 0.0
     remaining: float = 0.0
     took: float | None = None
-    begun: float = field(default=0.0, repr=False)
+    begun: float | None = field(default=None, repr=False)
+
+    def ended(self) -> None:
+        """It has its answer."""
+        self.fraction, self.remaining = 1.0, 0.0
+        self.took = None if self.begun is None else time.monotonic() - self.begun
 
 
 class RunStatus(QObject):
@@ -77,6 +83,7 @@ class RunStatus(QObject):
     ----------
     state : the sequencer's, or ``starting`` before its first word
     outline : what the run is; None before the first one
+    serial : of its unit, "" before the first one
     stages : in order, and the transfer where the unit has registers
     said : latest message or step as ("message", id, values) or ("step", kind, label), to be worded when shown;
         a dwell has the label of the move before it
@@ -93,13 +100,14 @@ class RunStatus(QObject):
         self._link = link
         self.state = "idle"
         self.outline: Outline | None = None
+        self.serial = ""
         self.stages: list[StageState] = []
         self.said: tuple[str, str, Any] | None = None
         self.remarks: list[tuple[str, Mapping[str, Any]]] = []
         self.transfer: Mapping[str, Any] | None = None
         self.verdict: Verdict | None = None
         self.fault: Fault | None = None
-        self._begun = 0.0
+        self._begun = self._behind = 0.0
         self._telling = QTimer(self, singleShot=True, interval=0)
         self._telling.timeout.connect(self.changed)
         link.running_changed.connect(self._running_changed)
@@ -109,6 +117,11 @@ class RunStatus(QObject):
     def going(self) -> bool:
         """Whether a run is going on."""
         return self.state in MOVING_STATES
+
+    @property
+    def ended(self) -> bool:
+        """Whether a run has ended with nothing to be acknowledged."""
+        return self.state in ("passed", "failed", "stopped", "incomplete")
 
     @property
     def stage(self) -> StageState | None:
@@ -131,7 +144,7 @@ class RunStatus(QObject):
         """Device seconds per host second: 1 on hardware, measured on a virtual bench, None until known."""
         if self.outline is not None and not self.outline.virtual:
             return 1.0
-        elapsed, done = time.monotonic() - self._begun, self.done
+        elapsed, done = time.monotonic() - self._begun, self.done - self._behind
         return done / elapsed if self._begun and elapsed > _TRUST_AFTER and done > 0.0 else None
 
     @property
@@ -168,10 +181,11 @@ class RunStatus(QObject):
         if running:
             assert self._link.request is not None
             self.state = "starting"
+            self.serial = self._link.request.serial
             self.verdict = self.fault = self.said = None
             self.remarks = []
             self.transfer = None
-            self._begun = 0.0
+            self._begun = self._behind = 0.0
             try:
                 self.outline = outline(self._link.request)
                 self.stages = planned(self.outline)
@@ -224,7 +238,8 @@ class RunStatus(QObject):
 
     def _start_stage(self, event: StageStarted) -> None:
         now = time.monotonic()
-        self._begun = self._begun or now
+        if not self._begun:  # what a run that is carried on has brought along tells nothing of the pace
+            self._begun, self._behind = now, self.done
         stage = self._find(event.stage)
         if stage is None:
             stage = StageState(event.stage, event.duration)
@@ -236,8 +251,7 @@ class RunStatus(QObject):
     def _solve_stage(self, event: StageSolved) -> None:
         stage = self._mark(event.stage, "good" if event.consistency["passed"] else "bad")
         if stage is not None:
-            stage.fraction, stage.remaining = 1.0, 0.0
-            stage.took = time.monotonic() - stage.begun
+            stage.ended()
 
     def _hear(self, key: str, values: Mapping[str, Any]) -> None:
         self.said = ("message", key, values)
@@ -256,8 +270,8 @@ class RunStatus(QObject):
         if key == "registers_transfer":
             row.state, row.begun, row.remaining = "active", time.monotonic(), row.duration
         elif key == "registers_written":
-            row.state, row.fraction, row.remaining = "good", 1.0, 0.0
-            row.took = time.monotonic() - row.begun
+            row.state = "good"
+            row.ended()
         elif key == "registers_kept":
             row.state = "kept"
 

@@ -195,6 +195,12 @@ def style_sheet(c: Colours) -> str:
     QHeaderView::section:horizontal {{ border-bottom: 1px solid {c.line}; min-height: {3 * GRID}px; }}
     QTableCornerButton::section {{ background: {c.panel}; border: none; border-bottom: 1px solid {c.line}; }}
     QCheckBox::indicator {{ width: {5 * GRID // 2}px; height: {5 * GRID // 2}px; }}
+    QCheckBox::indicator:unchecked {{
+        border: 1px solid {c.muted}; border-radius: 3px; background: {c.field};
+        width: {5 * GRID // 2 - 2}px; height: {5 * GRID // 2 - 2}px;
+    }}
+    QCheckBox::indicator:unchecked:hover, QCheckBox::indicator:unchecked:focus {{ border-color: {c.accent}; }}
+    QCheckBox::indicator:unchecked:disabled {{ border-color: {c.line}; background: {c.window}; }}
     QProgressBar {{ border: none; border-radius: 4px; background: {c.line}; }}
     QProgressBar::chunk {{ border-radius: 4px; background: {c.accent}; }}
     QTabWidget#page_tabs > QTabBar::tab {{

@@ -14,9 +14,11 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, Q
 
 from calstation.gui.app import create_window
 from calstation.gui.main_window import MainWindow
-from tests.gui.conftest import SERIAL, STATION, Operator, Place
+from tests.gui.conftest import QUICK, SERIAL, STATION, Operator, Place
 
 ONE_STAGE = {"stages": ["six_position"]}
+LONG_STAGE = {"six_position": {"dwell_s": 100.0, **QUICK}}
+"""At twenty times real time half a minute long: it does not end while somebody presses buttons."""
 
 
 def results(place: Place) -> list[dict[str, Any]]:
@@ -55,7 +57,7 @@ def test_one_click_runs_to_pass_while_the_language_changes(operator: Operator) -
 
 
 def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
-    operator.place.write(ONE_STAGE)
+    operator.place.write({**ONE_STAGE, "schedule": LONG_STAGE}, speed=20.0)
     operator.scan(SERIAL)
     operator.press("start_button")
     pause = operator.widget("pause_button", QPushButton)

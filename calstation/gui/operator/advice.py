@@ -18,7 +18,10 @@ _MOST_ROWS = 10
 
 @dataclass(frozen=True)
 class Figure:
-    """The value of a group that is nearest to its limit, or over it: texts for one row."""
+    """The value of a group that is nearest to its limit, or over it: texts for one row.
+
+    by_sigma : its sigma is what is so near, and `limit` is sigma's
+    """
 
     name: str
     value: str
@@ -27,6 +30,7 @@ class Figure:
     unit: str
     passed: bool
     near: bool = False
+    by_sigma: bool = False
 
 
 def reason(outcome: str, result: Mapping[str, Any]) -> str:
@@ -70,7 +74,7 @@ def next_action(outcome: str, result: Mapping[str, Any]) -> str:
         return QCoreApplication.translate("advice", "Repeat the calibration: press START.")
     if word == "resume":
         return QCoreApplication.translate(
-            "advice", "The finished stages are kept: continue behind them, or press START to begin again."
+            "advice", "The finished stages are kept: continue after them, or press START to begin again."
         )
     return QCoreApplication.translate("advice", "Press START to begin again.")
 
@@ -128,14 +132,19 @@ def _figure(
     below: Mapping[str, Any] | None,
 ) -> Figure:
     (value, unit), (sigma, _) = display(name, row["value"]), display(name, row["sigma"])
+    by_sigma = _share(below) > _share(within)
+    limit = _interval(name, within["limit"]) if within is not None else ""
+    if by_sigma and below is not None:
+        limit = f"σ ≤ {display(name, below['limit'])[0]:.4g}"
     return Figure(
         name=_word_parameter(name),
         value=number(value, sigma).replace("-", "−"),
         sigma=number(sigma, sigma),
-        limit=_interval(name, within["limit"]) if within is not None else "",
+        limit=limit,
         unit=unit,
         passed=all(check["passed"] for check in (within, below) if check is not None),
         near=any(check.get("near_miss") for check in (within, below) if check is not None),
+        by_sigma=by_sigma,
     )
 
 

@@ -152,7 +152,7 @@ class Convergence(QFrame):
             words = word_group(group)
             value = f"{_plain(ratios[-1] * self._targets[group] / size)} {unit}"
             if self.arrived(group):
-                text = self.tr("{group} {value} arrived").format(group=words, value=value)
+                text = self.tr("{group} {value} reached").format(group=words, value=value)
                 labels.append(LineLabel(height(ratios[-1]), text, QColor(c.good), "good"))
             else:
                 labels.append(LineLabel(height(ratios[-1]), f"{words} {value}", QColor(c.text)))

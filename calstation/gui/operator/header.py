@@ -6,7 +6,16 @@ from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QApplication,
+    QComboBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
 
 from calstation.gui import theme
 
@@ -14,11 +23,13 @@ from calstation.gui import theme
 class RunHeader(QWidget):
     """The fields and buttons; what they mean is the page's matter.
 
-    `serial_entered()` : Enter in the serial field, as a scanner sends it; `serial_edited()` : any change of it
+    `serial_entered()` : Enter in the serial field, as a scanner sends it; `serial_edited()` : any change of it;
+    `enter_refused()` : Enter on START, which starts nothing
     """
 
     serial_entered = Signal()
     serial_edited = Signal()
+    enter_refused = Signal()
     start_pressed = Signal()
     pause_pressed = Signal()
     product_chosen = Signal(object)
@@ -65,6 +76,7 @@ class RunHeader(QWidget):
         self.pause_button.clicked.connect(self.pause_pressed)
         self.product_combo.activated.connect(lambda _: self.product_chosen.emit(self.product))
         self.start_button.installEventFilter(self)
+        self.guard(self.product_combo)
         self.retranslate()
 
     @property
@@ -127,7 +139,9 @@ class RunHeader(QWidget):
     def set_start(self, why_not: str) -> None:
         """START, with the reason where it cannot be pressed."""
         self.start_button.setEnabled(not why_not)
-        self.start_button.setToolTip(why_not)
+        self.start_button.setToolTip(
+            why_not or self.tr("Press Space or click; Enter does not start, scanners send it.")
+        )
 
     def set_pause(self, paused: bool, why_not: str) -> None:
         """Pause or Resume, with the reason where it cannot be pressed."""
@@ -140,24 +154,43 @@ class RunHeader(QWidget):
         """Say everything again in the language in force."""
         self._captions[0].setText(self.tr("Operator"))
         self._captions[2].setText(self.tr("Product"))
-        self.operator_edit.setPlaceholderText(self.tr("badge"))
+        self.operator_edit.setPlaceholderText(self.tr("name or badge"))
         self.serial_edit.setPlaceholderText(self.tr("scan or type"))
         self.start_button.setText(self.tr("START"))
         self.set_pause(self._paused, self.pause_button.toolTip())
         self._caption()
 
+    def guard(self, combo: QComboBox) -> None:
+        """A scan must not choose anything in a list, open or closed."""
+        combo.installEventFilter(self)
+        combo.view().installEventFilter(self)
+
+    def take_key(self, event: QKeyEvent) -> bool:
+        """A character that no field has taken, wherever the focus is, is the first of a scan: the serial field's.
+
+        False where it is none, or the page is not shown, or a run goes on.
+        """
+        text = event.text()
+        if not text.strip() or not text.isprintable() or event.modifiers() & _COMMAND:
+            return False
+        if not (self.isVisible() and self.serial_edit.isEnabled()):
+            return False
+        popup = QApplication.activePopupWidget()
+        if popup is not None:
+            popup.close()
+        self.serial_edit.setFocus()
+        self.serial_edit.clear()
+        self.serial_edit.insert(text)
+        self.serial_edited.emit()
+        return True
+
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """A scan while START has the focus belongs to the serial field; Enter never starts, hands may be inside."""
-        if watched is self.start_button and event.type() == QEvent.Type.KeyPress:
-            assert isinstance(event, QKeyEvent)
-            if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+        """Lists and START leave characters to the serial field; Enter never starts, hands may be inside."""
+        if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress:
+            if watched is self.start_button and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+                self.enter_refused.emit()
                 return True
-            text = event.text()
-            if text.strip() and text.isprintable() and not event.modifiers() & _COMMAND:
-                self.serial_edit.setFocus()
-                self.serial_edit.clear()
-                self.serial_edit.insert(text)
-                self.serial_edited.emit()
+            if self.take_key(event):
                 return True
         return super().eventFilter(watched, event)
 

@@ -82,7 +82,7 @@ class Loading(QFrame):
             texts = (
                 self.tr("This station is the virtual bench: unit, rails and hands are software."),
                 self.tr("Any other number of the product's pattern will do as well."),
-                self.tr("The screen asks for one position after another, and hands in software follow."),
+                self.tr("The bench's own hands turn the rails from position to position; you turn nothing."),
                 self.tr("STOP works at any time, and so does the Esc key."),
             )
         elif carried:
@@ -95,7 +95,9 @@ class Loading(QFrame):
             texts = (
                 self.tr("x to the right, y to the front, z up, as in the picture; screws tight."),
                 self.tr("It must reach through whole turns of both rails."),
-                self.tr("The scanner's Enter checks the number and moves on to START; it does not start."),
+                self.tr(
+                    "The scanner's Enter checks the number and moves on to START; a click or Space starts."
+                ),
                 self.tr(
                     "The screen then asks for one position after another; STOP or Esc end it at any time."
                 ),
@@ -123,7 +125,9 @@ class Loading(QFrame):
             texts = (
                 self.tr("x to the right, y to the front, z up, as in the picture; screws tight."),
                 self.tr("It must not catch when the table turns."),
-                self.tr("The scanner's Enter checks the number and moves on to START; it does not start."),
+                self.tr(
+                    "The scanner's Enter checks the number and moves on to START; a click or Space starts."
+                ),
                 self.tr("STOP works at any time, and so does the Esc key."),
             )
         for label, text in zip((*self._names, *self._texts), (*names, *texts), strict=True):

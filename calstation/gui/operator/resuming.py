@@ -66,7 +66,7 @@ class Resuming(QObject):
                 )  # asked first: it was looked for on another page, hands may be on the fixture
             else:
                 self._complain(
-                    self.tr("This run has no finished stage to continue behind, or has ended since.")
+                    self.tr("This run has no finished stage to continue after, or has ended since.")
                 )
         else:
             self._offer([run for run in found if self._serial in (None, run.serial)])

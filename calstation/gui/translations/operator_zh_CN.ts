@@ -16,7 +16,7 @@
         <translation>目标</translation>
     </message>
     <message>
-        <source>{group} {value} arrived</source>
+        <source>{group} {value} reached</source>
         <translation>{group} {value} 已达标</translation>
     </message>
 </context>
@@ -51,10 +51,6 @@
         <translation>本工位是虚拟台：产品、导轨和手都由软件模拟。</translation>
     </message>
     <message>
-        <source>The screen asks for one position after another, and hands in software follow.</source>
-        <translation>屏幕逐个提示位置，软件模拟的手照着转。</translation>
-    </message>
-    <message>
         <source>Fix the unit to the inner rail</source>
         <translation>把产品固定在内导轨上</translation>
     </message>
@@ -69,6 +65,10 @@
     <message>
         <source>It must reach through whole turns of both rails.</source>
         <translation>电缆长度要够两条导轨各转一整圈。</translation>
+    </message>
+    <message>
+        <source>The scanner&apos;s Enter checks the number and moves on to START; a click or Space starts.</source>
+        <translation>扫码枪的回车只核对编号并跳到开始按钮；点击或按空格键才启动。</translation>
     </message>
     <message>
         <source>The screen then asks for one position after another; STOP or Esc end it at any time.</source>
@@ -89,6 +89,10 @@
     <message>
         <source>STOP works at any time, and so does the Esc key.</source>
         <translation>任何时候都可以按“停止”，或按 Esc 键。</translation>
+    </message>
+    <message>
+        <source>The bench&apos;s own hands turn the rails from position to position; you turn nothing.</source>
+        <translation>虚拟台自带的手会逐个位置转动导轨，您不用动手。</translation>
     </message>
     <message>
         <source>Fix the unit in the fixture</source>
@@ -114,16 +118,16 @@
         <source>It must not catch when the table turns.</source>
         <translation>转台转动时不能被挂住。</translation>
     </message>
-    <message>
-        <source>The scanner&apos;s Enter checks the number and moves on to START; it does not start.</source>
-        <translation>扫码枪的回车只核对编号并跳到开始按钮，不会启动。</translation>
-    </message>
 </context>
 <context>
     <name>OperatorPage</name>
     <message>
         <source>Operator</source>
         <translation>操作员</translation>
+    </message>
+    <message>
+        <source>Enter does not start: press Space or click START.</source>
+        <translation>回车不会启动：请按空格键或点击“开始全参数标定”。</translation>
     </message>
     <message>
         <source>This station and product cannot run</source>
@@ -386,7 +390,7 @@
 <context>
     <name>Resuming</name>
     <message>
-        <source>This run has no finished stage to continue behind, or has ended since.</source>
+        <source>This run has no finished stage to continue after, or has ended since.</source>
         <translation>这次标定没有已完成的阶段可以接着做，或者已经结束。</translation>
     </message>
     <message>
@@ -421,6 +425,10 @@
         <translation>正在标定，请先按“停止”。</translation>
     </message>
     <message>
+        <source>Press Space or click; Enter does not start, scanners send it.</source>
+        <translation>请按空格键或点击；回车不会启动，因为扫码枪会发送回车。</translation>
+    </message>
+    <message>
         <source>Resume</source>
         <translation>继续</translation>
     </message>
@@ -437,8 +445,8 @@
         <translation>产品</translation>
     </message>
     <message>
-        <source>badge</source>
-        <translation>工号</translation>
+        <source>name or badge</source>
+        <translation>姓名或工号</translation>
     </message>
     <message>
         <source>scan or type</source>
@@ -743,7 +751,7 @@
         <translation>请重做：按“开始全参数标定”。</translation>
     </message>
     <message>
-        <source>The finished stages are kept: continue behind them, or press START to begin again.</source>
+        <source>The finished stages are kept: continue after them, or press START to begin again.</source>
         <translation>已完成的阶段保留：可以接着做，或按“开始全参数标定”从头再来。</translation>
     </message>
     <message>
@@ -769,6 +777,29 @@
     <message>
         <source>{name} is known to {value} {unit} only, wanted are {limit}.</source>
         <translation>{name} 的标准差为 {value} {unit}，要求不大于 {limit}。</translation>
+    </message>
+</context>
+<context>
+    <name>misfit</name>
+    <message>
+        <source>At this station hands turn the rails ({rig}); what is chosen needs a driven table.</source>
+        <translation>本工位的导轨（{rig}）靠手转动，所选的标定需要电动转台。</translation>
+    </message>
+    <message>
+        <source>The table of this station ({rig}) is driven; what is chosen is turned by hand.</source>
+        <translation>本工位的转台（{rig}）是电动的，所选的标定要靠手转动。</translation>
+    </message>
+    <message>
+        <source>No product fits here: choose another station.</source>
+        <translation>没有适合本工位的产品：请另选工位。</translation>
+    </message>
+    <message>
+        <source>Products that fit here: {names}.</source>
+        <translation>适合本工位的产品：{names}。</translation>
+    </message>
+    <message>
+        <source>Choose {name}</source>
+        <translation>选用 {name}</translation>
     </message>
 </context>
 </TS>

@@ -824,7 +824,7 @@
         <translation>{serial} 中断的写入已处理：{closing}。</translation>
     </message>
     <message>
-        <source>Carrying on {log} behind its finished stages: {stages}.</source>
+        <source>Carrying on {log} after its finished stages: {stages}.</source>
         <translation>接着 {log} 继续，已完成的阶段：{stages}。</translation>
     </message>
     <message>

@@ -1,0 +1,199 @@
+"""Where a first-time operator stumbled: scans that go astray, products that do not fit, verdicts that outlive their
+unit. Runs are told by their events alone; no bench is started."""
+
+from typing import Any
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
+
+from calstation.gui import theme
+from calstation.gui.run_strip import RunStrip
+from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
+from calstation.station import library
+from calstation.station.request import RunRequest
+from tests.gui.conftest import SERIAL, Operator
+
+RESULT: dict[str, Any] = {
+    "unit": {"serial": SERIAL},
+    "attempt": 1,
+    "duration_s": 60.0,
+    "checks": [],
+    "parameters": {},
+    "advice": "resume",
+}
+
+
+@pytest.fixture
+def told(operator: Operator) -> Operator:
+    """An operator whose run is events; nothing is started."""
+    link = operator.window.app.engine_link
+    link.request = RunRequest(SERIAL, operator.place.station, operator.place.product)
+    link.running_changed.emit(True)
+    return operator
+
+
+def end(operator: Operator, outcome: str, **result: Any) -> None:
+    """The run ends so."""
+    link = operator.window.app.engine_link
+    link.event.emit(Verdict(outcome, "log.h5", "result.json", {**RESULT, **result}))
+    link.running_changed.emit(False)
+    operator.until(lambda: operator.verdict)
+
+
+def scan_blindly(operator: Operator, text: str) -> None:
+    """A scanner's keys go wherever the focus is, each to where it is by then."""
+    for character in text:
+        operator.qtbot.keyClick(operator.window.focusWidget() or operator.window, character)
+    operator.qtbot.keyClick(operator.window.focusWidget() or operator.window, Qt.Key.Key_Return)
+
+
+def scanned(operator: Operator) -> tuple[str, object]:
+    """What stands in the serial field and what has the focus."""
+    return operator.widget("serial_edit", QLineEdit).text(), operator.window.focusWidget()
+
+
+def test_a_scan_reaches_the_serial_field_wherever_the_focus_is(operator: Operator) -> None:
+    tabs = operator.window.page_tabs.tabBar()
+    combo = operator.widget("product_combo", QComboBox)
+    named = [operator.widget(n) for n in ("theme_button", "language_combo", "product_combo", "stop_button")]
+    product = combo.currentText()
+    for focused in (tabs, *named):
+        focused.setFocus()
+        scan_blindly(operator, "TX-100")
+        assert scanned(operator)[0] == "TX-100"
+        assert "does not fit this product" in operator.says()
+        focused.setFocus()
+        scan_blindly(operator, SERIAL)
+        assert scanned(operator) == (SERIAL, operator.widget("start_button"))
+    assert operator.widget("language_combo", QComboBox).currentIndex() == 0
+
+    combo.showPopup()
+    operator.qtbot.keyClick(combo.view(), "t")
+    assert QApplication.activePopupWidget() is None
+    assert (combo.currentText(), scanned(operator)[0]) == (product, "t")
+    assert not operator.window.app.engine_link.running
+
+
+def test_the_serial_field_is_ready_after_a_pick_another_page_theme_and_language(operator: Operator) -> None:
+    edit = operator.widget("serial_edit", QLineEdit)
+    operator.widget("product_combo").setFocus()
+    operator.choose("nav_a")
+    assert operator.window.focusWidget() is edit
+    operator.window.show_page("history_page")
+    operator.window.show_page("operator_page")
+    assert operator.window.focusWidget() is edit
+    operator.press("theme_button")
+    assert operator.window.focusWidget() is edit
+    operator.press("theme_button")
+    operator.widget("language_combo", QComboBox).setFocus()
+    operator.widget("language_combo", QComboBox).setCurrentIndex(1)
+    assert operator.window.focusWidget() is edit
+
+
+def test_a_name_and_a_pin_are_no_scan_and_enter_on_start_says_what_starts(operator: Operator) -> None:
+    name = operator.widget("operator_edit", QLineEdit)
+    name.setFocus()
+    operator.qtbot.keyClicks(name, "Li")
+    assert name.text() == "Li"
+
+    operator.scan(SERIAL)
+    start = operator.widget("start_button", QPushButton)
+    assert "Press Space or click" in start.toolTip()
+    operator.qtbot.keyClick(start, Qt.Key.Key_Return)
+    assert operator.message == "Enter does not start: press Space or click START."
+
+    operator.press("role_button")
+    operator.qtbot.keyClick(operator.window, "7")
+    assert scanned(operator)[0] == SERIAL
+
+
+def test_an_earlier_runs_stage_has_no_time_and_the_line_below_follows_the_language(told: Operator) -> None:
+    link = told.window.app.engine_link
+    first, second = told.run.stages[0].name, told.run.stages[1].name
+    link.event.emit(StageSolved(first, {}, {"passed": True}))
+    link.event.emit(StageStarted(second, 1, 4, 10.0))
+    link.event.emit(StageSolved(second, {}, {"passed": True}))
+    stages = told.widget("stage_list", QListWidget)
+
+    def said(row: int) -> list[str]:
+        return str(stages.item(row).data(Qt.ItemDataRole.AccessibleTextRole)).split(", ")[1:]
+
+    told.until(lambda: said(1) == ["ok", "0:00"])
+    assert said(0) == ["ok"]
+
+    language = told.widget("language_combo", QComboBox)
+    language.setCurrentIndex(1)
+    end(told, "stopped")
+    assert "已完成的阶段" in told.message
+    language.setCurrentIndex(0)
+    told.until(lambda: told.message.startswith("The finished stages are kept: continue after them"))
+
+
+def test_a_verdict_ends_with_its_product_and_its_station(told: Operator) -> None:
+    end(told, "passed")
+    assert told.verdict == "PASS"
+    told.window.show_page("history_page")
+    strip = next(s for s in told.window.findChildren(RunStrip) if s.isVisible())
+    assert f"{SERIAL}  ·  PASS" in [label.text() for label in strip.findChildren(QLabel)]
+    told.window.show_page("operator_page")
+    told.choose("nav_a")
+    assert told.verdict == ""
+    assert "Load the unit" in told.says()
+
+    told.window.app.engine_link.running_changed.emit(True)
+    told.window.app.engine_link.event.emit(StateChanged("running", "preparing"))
+    end(told, "passed")
+    told.window.app.set_station(told.place.station)
+    assert told.verdict == ""
+
+
+def test_what_is_nearest_is_bold_and_stands_beside_its_own_limit(told: Operator) -> None:
+    row = {"unit": "rad/s", "stage": "rate", "value": -4e-6, "sigma": 9e-6}
+    checks = [
+        {
+            "name": "gyro_bias_x within",
+            "value": -4e-6,
+            "limit": [-1.5e-5, 1.5e-5],
+            "unit": "",
+            "passed": True,
+        },
+        {"name": "gyro_bias_x sigma below", "value": 9e-6, "limit": 1e-5, "unit": "", "passed": True},
+    ]
+    end(told, "passed", parameters={"gyro_bias_x": row}, checks=checks)
+    told.until(lambda: "σ ≤ 2.063" in told.says())
+    bold = theme.font(theme.SECTION, bold=True)
+    shown = [
+        label for label in told.window.findChildren(QLabel) if label.isVisible() and label.font() == bold
+    ]
+    assert "1.9" in [label.text() for label in shown]
+    assert "−0.8" not in [label.text() for label in shown]
+
+
+def test_products_that_fit_are_named_and_a_button_chooses_one(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = operator.window.app
+    app.set_station(library.find("stations", "virtual_hand"))
+    assert "cannot run" in operator.says()
+    assert "hands turn the rails" in operator.says()
+    assert "Products that fit here: mems_hand." in operator.says()
+    assert "multi_position" not in operator.says()
+    operator.press("product_choice_mems_hand")
+    assert operator.widget("product_combo", QComboBox).currentText() == "mems_hand"
+    assert "cannot run" not in operator.says()
+    assert "The bench's own hands turn the rails" in operator.says()
+    assert operator.widget("start_button").isEnabled()
+
+    app.set_station(operator.place.station)
+    assert "is driven; what is chosen is turned by hand" in operator.says()
+    assert ".toml" not in operator.says()
+    assert "manual" not in operator.says()
+    operator.press("product_choice_mems_c")
+    assert "cannot run" not in operator.says()
+
+    names = library.names
+    monkeypatch.setattr(library, "names", lambda kind: ["short"] if kind == "products" else names(kind))
+    app.set_station(library.find("stations", "virtual_hand"))
+    assert "No product fits here: choose another station." in operator.says()
+    assert operator.widget("station_choice").isVisible()
