@@ -56,12 +56,11 @@ class HandsError(ConfigurationError):
     """Rails that hands turn and stages that are carried do not come together.
 
     by_hand : the station's rig is turned by hand and a stage needs one that is driven; or the other way round
-    rig : its name
     """
 
-    def __init__(self, text: str, *, by_hand: bool = False, rig: str = "") -> None:
+    def __init__(self, text: str, *, by_hand: bool = False) -> None:
         super().__init__(text)
-        self.by_hand, self.rig = by_hand, rig
+        self.by_hand = by_hand
 
 
 @dataclass(frozen=True)
@@ -300,21 +299,18 @@ def check_hands(setup: Setup, product_path: Path) -> None:
                 f"stages: '{stage}' needs a table that is driven, but '{rig}' of station '{setup.station.name}' is"
                 " turned by hand; choose multi_position, or another station",
                 by_hand=setup.by_hand,
-                rig=rig,
             )
         if setup.by_hand and not manual:
             raise HandsError(
                 f"{product_path}: schedule.{stage}.manual must be true, because '{rig}' of station"
                 f" '{setup.station.name}' is turned by hand; set it, or choose another product or station",
                 by_hand=setup.by_hand,
-                rig=rig,
             )
         if manual and not setup.by_hand:
             raise HandsError(
                 f"{product_path}: schedule.{stage}.manual is true, but the table '{rig}' of station"
                 f" '{setup.station.name}' is driven; choose a station with rails turned by hand, or another product",
                 by_hand=setup.by_hand,
-                rig=rig,
             )
 
 

@@ -161,7 +161,7 @@ def test_what_is_nearest_is_bold_and_stands_beside_its_own_limit(told: Operator)
         {"name": "gyro_bias_x sigma below", "value": 9e-6, "limit": 1e-5, "unit": "", "passed": True},
     ]
     end(told, "passed", parameters={"gyro_bias_x": row}, checks=checks)
-    told.until(lambda: "σ ≤ 2.063" in told.says())
+    told.until(lambda: "σ ≤ 2.06" in told.says())
     bold = theme.font(theme.SECTION, bold=True)
     shown = [
         label for label in told.window.findChildren(QLabel) if label.isVisible() and label.font() == bold
@@ -176,7 +176,7 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
     app = operator.window.app
     app.set_station(library.find("stations", "virtual_hand"))
     assert "cannot run" in operator.says()
-    assert "hands turn the rails" in operator.says()
+    assert "rails are turned by hand" in operator.says()
     assert "Products that fit here: mems_hand." in operator.says()
     assert "multi_position" not in operator.says()
     operator.press("product_choice_mems_hand")

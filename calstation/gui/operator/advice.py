@@ -135,7 +135,7 @@ def _figure(
     by_sigma = _share(below) > _share(within)
     limit = _interval(name, within["limit"]) if within is not None else ""
     if by_sigma and below is not None:
-        limit = f"σ ≤ {display(name, below['limit'])[0]:.4g}"
+        limit = f"σ ≤ {display(name, below['limit'])[0]:.3g}"
     return Figure(
         name=_word_parameter(name),
         value=number(value, sigma).replace("-", "−"),

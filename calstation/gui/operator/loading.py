@@ -81,7 +81,7 @@ class Loading(QFrame):
             )
             texts = (
                 self.tr("This station is the virtual bench: unit, rails and hands are software."),
-                self.tr("Any other number of the product's pattern will do as well."),
+                self.tr("Any other number of the product's pattern is another unit."),
                 self.tr("The bench's own hands turn the rails from position to position; you turn nothing."),
                 self.tr("STOP works at any time, and so does the Esc key."),
             )
@@ -111,7 +111,7 @@ class Loading(QFrame):
             )
             texts = (
                 self.tr("This station is the virtual bench: table and unit are software, nothing moves."),
-                self.tr("Any other number of the product's pattern will do as well."),
+                self.tr("Any other number of the product's pattern is another unit."),
                 self.tr("The whole calibration takes about a minute here."),
                 self.tr("STOP works at any time, and so does the Esc key."),
             )

@@ -24,13 +24,13 @@ class Misfit:
         """What does not fit, and what does."""
         if self._error.by_hand:
             why = QCoreApplication.translate(
-                "misfit", "At this station hands turn the rails ({rig}); what is chosen needs a driven table."
+                "misfit", "At this station the rails are turned by hand; what is chosen needs a driven table."
             )
         else:
             why = QCoreApplication.translate(
-                "misfit", "The table of this station ({rig}) is driven; what is chosen is turned by hand."
+                "misfit", "The table of this station is driven; what is chosen is turned by hand."
             )
-        return f"{why.format(rig=self._error.rig)} {self._mend()}"
+        return f"{why} {self._mend()}"
 
     def choices(self) -> list[Choice]:
         """Buttons that select what fits."""

@@ -127,7 +127,7 @@ class VerdictPanel(QFrame):
             buttons.addWidget(button)
         buttons.addStretch(1)
         words = QVBoxLayout()
-        words.setSpacing(2 * theme.GRID)
+        words.setSpacing(theme.GRID)
         labels = (self._place, self.reason_label, self.action_label, self.reset, self._facts, self._notes)
         for widget in labels:
             words.addWidget(widget)
@@ -142,7 +142,7 @@ class VerdictPanel(QFrame):
         right.addWidget(self._table, 1)
         right.addStretch()
         body = QHBoxLayout()
-        body.setSpacing(4 * theme.GRID)
+        body.setSpacing(3 * theme.GRID)
         body.addLayout(words, 1)
         body.addLayout(right)
         layout = QVBoxLayout(self)

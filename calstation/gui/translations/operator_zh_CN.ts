@@ -79,8 +79,8 @@
         <translation>本工位是虚拟台：转台和产品都由软件模拟，没有任何东西在动。</translation>
     </message>
     <message>
-        <source>Any other number of the product&apos;s pattern will do as well.</source>
-        <translation>换成符合产品规则的其他编号也可以。</translation>
+        <source>Any other number of the product&apos;s pattern is another unit.</source>
+        <translation>换成符合产品规则的其他编号，就是另一台产品。</translation>
     </message>
     <message>
         <source>The whole calibration takes about a minute here.</source>
@@ -782,12 +782,12 @@
 <context>
     <name>misfit</name>
     <message>
-        <source>At this station hands turn the rails ({rig}); what is chosen needs a driven table.</source>
-        <translation>本工位的导轨（{rig}）靠手转动，所选的标定需要电动转台。</translation>
+        <source>At this station the rails are turned by hand; what is chosen needs a driven table.</source>
+        <translation>本工位的导轨靠手转动，所选的标定需要电动转台。</translation>
     </message>
     <message>
-        <source>The table of this station ({rig}) is driven; what is chosen is turned by hand.</source>
-        <translation>本工位的转台（{rig}）是电动的，所选的标定要靠手转动。</translation>
+        <source>The table of this station is driven; what is chosen is turned by hand.</source>
+        <translation>本工位的转台是电动的，所选的标定要靠手转动。</translation>
     </message>
     <message>
         <source>No product fits here: choose another station.</source>
