@@ -37,9 +37,16 @@ def partial_path(target: Path) -> Path:
     return target.with_name("partial-" + target.name)
 
 
-def export_csv(source: Path, target: Path, progress: Callable[[int], None] | None = None) -> LogFacts:
-    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it.
+def export_csv(
+    source: Path,
+    target: Path,
+    progress: Callable[[int], None] | None = None,
+    first_seq: int | None = None,
+    last_seq: int | None = None,
+) -> LogFacts:
+    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it; returns the facts of the whole log.
 
+    first_seq, last_seq : range written, both included, None for the log's own ends
     progress : told the samples written so far
     """
     if not target.name.endswith((".csv", ".csv.gz")):
@@ -50,7 +57,8 @@ def export_csv(source: Path, target: Path, progress: Callable[[int], None] | Non
     partial = partial_path(target)
     try:
         with open_csv_for_writing(partial) as stream:
-            write_csv(stream, log.blocks() if progress is None else _counted(log.blocks(), progress))
+            blocks = log.blocks(first_seq, last_seq)
+            write_csv(stream, blocks if progress is None else _counted(blocks, progress))
         meta_path(target).write_text(log.meta.to_toml(), encoding="utf-8")
         partial.replace(target)
     finally:

@@ -95,12 +95,11 @@ class _Meter:
         self._tell(self._most, note=stage)
 
 
-def export_log(tell: Callable[..., None], source: Path, target: Path, samples: int) -> Path:
-    """Write a log as CSV and TOML, see `export_csv`; nothing of it remains where that fails.
-
-    samples : in the log, to know how much there is to do
-    """
-    export_csv(source, target, lambda done: tell(min(done / max(samples, 1), 0.99)))
+def export_log(tell: Callable[..., None], source: Path, target: Path, first_seq: int, last_seq: int) -> Path:
+    """Write samples `first_seq` to `last_seq` of a log as CSV and TOML, see `export_csv`; nothing of it remains where
+    that fails."""
+    count = max(last_seq - first_seq + 1, 1)
+    export_csv(source, target, lambda done: tell(min(done / count, 0.99)), first_seq, last_seq)
     return target
 
 

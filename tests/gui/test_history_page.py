@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
+from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
@@ -260,6 +261,30 @@ def test_result_and_log_are_opened_elsewhere(
     with qtbot.waitSignal(app.open_log) as wanted:
         button(page, "history_log_button").click()
     assert wanted.args == [runs["dead"]]
+
+
+def test_a_folder_that_nothing_opens_is_named_to_copy(
+    page: HistoryPage, runs: dict[str, Path], monkeypatch: pytest.MonkeyPatch, qtbot: QtBot
+) -> None:
+    monkeypatch.setattr("calstation.gui.history.page.QDesktopServices.openUrl", lambda _: False)
+    shown(page, qtbot)
+    look_at(page, 1, qtbot)
+    button(page, "history_folder_button").click()
+    folder = str(runs["passed"].parent)
+    assert page.notice.text_label.text() == folder
+    button(page, "copy_folder_button").click()
+    assert QGuiApplication.clipboard().text() == folder
+
+
+def test_where_there_is_little_room_the_stages_keep_theirs(
+    page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
+) -> None:
+    shown(page, qtbot)
+    table = page.findChild(QTableView, "history_table")
+    for width, hidden in ((1366, True), (2400, False)):
+        page.resize(width, 640)
+        qtbot.waitUntil(lambda wanted=hidden: table.isColumnHidden(4) == wanted, timeout=WAIT)
+        assert table.columnWidth(7) >= 200
 
 
 def test_an_incomplete_run_is_resumed_or_closed(

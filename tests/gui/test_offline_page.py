@@ -300,8 +300,15 @@ def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
     assert page.plot.range_seconds[1] == pytest.approx((last.value() + 1 - FAR) / 1000.0)
     first.setValue(2**52)
     assert first.value() == last.value()
+    assert "cannot lie behind the last" in page.range.note_label.text()
     last.setValue(0)
     assert last.value() == first.value()
+    assert "cannot lie before the first" in page.range.note_label.text()
+    assert button(page, "export_log_button").text() == "Export range…"
+    last.lineEdit().selectAll()
+    qtbot.keyClicks(last.lineEdit(), "7")
+    qtbot.keyClick(last, Qt.Key.Key_Return)
+    assert "7 is not in this log" in page.range.note_label.text()
     page.range.part_button.menu().actions()[0].trigger()
     assert (first.value(), last.value()) == (facts.first_seq, facts.last_seq)
 

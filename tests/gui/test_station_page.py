@@ -246,7 +246,16 @@ def test_a_right_value_is_saved_as_a_version_with_its_comments(hands: Hands, pla
     latest = version_store.kept("stations", "test")[0]
     assert latest.author == hands.page.drafts.author
     assert told
-    assert hands.find(QLabel, "unsaved_label").text() == ""
+    assert hands.find(QLabel, "unsaved_label").text() == "✓ Saved: test"
+    hands.type("site_latitude_deg_edit", "39")
+    assert "Not saved" in hands.find(QLabel, "unsaved_label").text()
+
+
+def test_the_station_at_hand_is_listed_once(hands: Hands, place: Any) -> None:
+    box = hands.page.station_box
+    listed = [box.itemText(i) for i in range(box.count())]
+    assert len(listed) == len(set(listed))
+    assert box.currentText() == "test (virtual bench)"
 
 
 def test_a_shipped_file_is_saved_as_the_sites_own(hands: Hands, place: Any) -> None:
@@ -653,7 +662,7 @@ def test_the_pin_is_changed_only_by_who_knows_it(hands: Hands) -> None:
 
     assert change("1111", "13579", "13578") == "The two are not the same."
     assert change(PIN, "135", "135") == "Too short: at least 4 characters."
-    assert change("1111", "13579", "13579") == "The PIN so far is wrong."
+    assert change("1111", "13579", "13579") == "The current PIN is wrong."
     assert role.check(PIN)
     assert change(PIN, "13579", "13579") == "The PIN has been changed."
     assert role.check("13579")

@@ -40,6 +40,16 @@ def test_export_and_import_give_the_same_log(
         assert_same(list(log.blocks()), blocks)
 
 
+def test_part_of_a_log_is_exported(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
+    source, target = tmp_path / "run.h5", tmp_path / "part.csv"
+    write_log(source, meta, blocks)
+    first, last = int(blocks[0].seq[3]), int(blocks[-1].seq[-2])
+    export_csv(source, target, first_seq=first, last_seq=last)
+    part = open_log(target)
+    assert (part.facts().first_seq, part.facts().last_seq) == (first, last)
+    assert_same(list(part.blocks()), list(open_log(source).blocks(first, last)))
+
+
 def test_further_imus_and_a_gimbals_joints_travel_too(tmp_path: Path) -> None:
     imu = {key: value for key, value in META["imu"].items() if key != "serial"}
     further = {

@@ -80,14 +80,14 @@ def word_range(field: ScheduleField) -> str:
     unit = f" {field.unit}" if field.unit else ""
     if field.low is not None and field.high is not None:
         template = (
-            QT_TRANSLATE_NOOP("schedule", "above {0:g} to {1:g}{2}")
+            QT_TRANSLATE_NOOP("schedule", "a number above {0:g}, at most {1:g}{2}")
             if field.above
             else QT_TRANSLATE_NOOP("schedule", "{0:g} to {1:g}{2}")
         )
         return _say(template).format(field.low, field.high, unit)
     if field.low is not None:
         template = (
-            QT_TRANSLATE_NOOP("schedule", "above {0:g}{1}")
+            QT_TRANSLATE_NOOP("schedule", "a number above {0:g}{1}")
             if field.above
             else QT_TRANSLATE_NOOP("schedule", "{0:g}{1} or more")
         )

@@ -21,6 +21,7 @@ from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import advice
 from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.wording import KINDS, word_state, word_time
 from calstation.physics.units import aligned
 from calstation.records.run_index import IndexedRun, RunRecord
@@ -189,7 +190,6 @@ class RunDetails(QFrame):
             (self.tr("Attempt"), str(run.attempt)),
             (self.tr("Station"), run.station or ""),
             (self.tr("Operator"), run.operator or ""),
-            (self.tr("Resumed from"), run.resumed_from or ""),
             (self.tr("Software"), software),
         )
         for k, (head, text) in enumerate(fact for fact in facts if fact[1]):
@@ -198,12 +198,16 @@ class RunDetails(QFrame):
             self._facts.addWidget(QLabel(text), row, 2 * column + 1)
         self._facts.setColumnStretch(1, 1)
         self._facts.setColumnStretch(3, 1)
-        stages = stages_text(run)
-        if stages:
-            label = QLabel(stages)
-            label.setWordWrap(True)
-            self._facts.addWidget(_muted(self.tr("Stages")), 9, 0, Qt.AlignmentFlag.AlignTop)
-            self._facts.addWidget(label, 9, 1, 1, 3)
+        resumed = ElidedLabel()
+        resumed.setText(run.resumed_from or "")
+        resumed.setToolTip(run.resumed_from or "")
+        stages = QLabel(stages_text(run))
+        stages.setWordWrap(True)
+        long = ((self.tr("Resumed from"), resumed), (self.tr("Stages"), stages))
+        for row, (head, label) in enumerate(long, start=9):
+            if label.text():
+                self._facts.addWidget(_muted(head), row, 0, Qt.AlignmentFlag.AlignTop)
+                self._facts.addWidget(label, row, 1, 1, 3)
 
     def _fill_figures(self) -> None:
         """The value of each group that is nearest to its limit."""

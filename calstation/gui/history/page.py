@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, QUrl
-from PySide6.QtGui import QDesktopServices, QKeySequence, QShortcut, QShowEvent
+from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QPushButton, QSplitter, QStackedWidget, QVBoxLayout
 
 from calstation.gui import theme
@@ -185,7 +185,26 @@ class HistoryPage(Page):
 
     def _open_folder(self) -> None:
         if self.table.run is not None:
-            QDesktopServices.openUrl(QUrl.fromLocalFile(str(self.table.run.log.parent.absolute())))
+            folder = str(self.table.run.log.parent.absolute())
+            if not QDesktopServices.openUrl(QUrl.fromLocalFile(folder)):
+                self._show_folder(folder)
+
+    def _show_folder(self, folder: str) -> None:
+        """Where this computer has nothing to show a folder with, its path is to be copied."""
+        self.notice.ask(
+            "none",
+            lambda: self.tr("Folder of this run"),
+            lambda: folder,
+            (
+                Choice(
+                    "copy_folder_button",
+                    lambda: self.tr("Copy the path"),
+                    lambda: QGuiApplication.clipboard().setText(folder),
+                    primary=True,
+                ),
+                Choice("folder_close_button", lambda: self.tr("Close"), self.table.setFocus),
+            ),
+        )
 
     def _resume(self) -> None:
         if self.table.run is not None:

@@ -13,6 +13,7 @@ from PySide6.QtCore import (
     Qt,
     Signal,
 )
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
 from calstation.gui import theme
@@ -21,6 +22,11 @@ from calstation.gui.wording import KINDS, word_stage, word_state, word_time
 from calstation.records.run_index import RunRecord
 
 Index = QModelIndex | QPersistentModelIndex
+
+_STAGES = 30 * theme.GRID
+"""Width that the stages need to be told apart, px."""
+_GIVE_WAY = (4, 5, 3)
+"""Columns left out where the room is short: attempt, operator, product, which stand beside the table as well."""
 
 
 @dataclass(frozen=True)
@@ -151,11 +157,26 @@ class RunTable(QTableView):
             self.selectRow(row)
 
     def _spread(self) -> None:
-        """Columns as wide as what they hold, a little apart; the last takes the rest."""
+        """Columns as wide as what they hold, a little apart; the last takes the rest, and others give way to it."""
+        last = self.runs.columnCount() - 1
+        for column in range(last):
+            self.setColumnHidden(column, False)
         self.resizeColumnsToContents()
-        self.setColumnWidth(self.runs.columnCount() - 1, 10 * theme.GRID)
-        for column in range(self.runs.columnCount() - 1):
+        for column in range(last):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
+        left = self.viewport().width() - sum(self.columnWidth(column) for column in range(last))
+        for column in _GIVE_WAY:
+            if left >= _STAGES:
+                break
+            left += self.columnWidth(column)
+            self.setColumnHidden(column, True)
+        self.setColumnWidth(last, max(left, 10 * theme.GRID))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Share another width."""
+        super().resizeEvent(event)
+        if event.size().width() != event.oldSize().width():
+            self._spread()
 
     def _moved(self, current: QModelIndex) -> None:
         if current.isValid():

@@ -33,6 +33,7 @@ class Trend(QWidget):
         self.combo = QComboBox()
         self.combo.setObjectName("trend_combo")
         self.combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self.combo.setMinimumContentsLength(18)
         self.combo.currentIndexChanged.connect(lambda _: self.draw())
         self._label.setBuddy(self.combo)
         self._plot = ThemedPlot()

@@ -31,6 +31,7 @@ class Comparison(QWidget):
         self._cells: dict[str, dict[str, str]] = {}
         self._marks: dict[str, float] = {}
         self._outside: frozenset[str] = frozenset()
+        self._coarse: frozenset[str] = frozenset()
         self._lost: frozenset[str] = frozenset()
         self._heads = QLabel(), QLabel(), QLabel()
         self.online_badge, self.offline_badge, self.difference_badge = (
@@ -62,8 +63,8 @@ class Comparison(QWidget):
                 Column(
                     lambda: self.tr("offline"), lambda n: self._cell(n, "offline"), state=self._limit_state
                 ),
-                Column(lambda: "±σ", lambda n: self._cell(n, "offline_sigma"), state=self._lost_state),
-                Column(lambda: self.tr("difference"), lambda n: self._cell(n, "difference")),
+                Column(lambda: "±σ", lambda n: self._cell(n, "offline_sigma"), state=self._sigma_state),
+                Column(lambda: self.tr("diff."), lambda n: self._cell(n, "difference")),
                 Column(
                     lambda: self.tr("in σ"), lambda n: self._cell(n, "in_sigma"), state=self._difference_state
                 ),
@@ -130,7 +131,9 @@ class Comparison(QWidget):
         self._cells = {name: _row(name, online.get(name), offline.get(name)) for name in names}
         self._marks = {n: in_sigma(offline[n], online[n]) for n in names if n in online and n in offline}
         checks = [] if self._solved is None else self._solved.result["checks"]
-        self._outside = frozenset(c["name"].partition(" ")[0] for c in checks if not c["passed"])
+        failed = [c["name"].partition(" ") for c in checks if not c["passed"]]
+        self._outside = frozenset(name for name, _, kind in failed if kind != "sigma below")
+        self._coarse = frozenset(name for name, _, kind in failed if kind == "sigma below")
         self._lost = frozenset([] if self._solved is None else self._solved.result["unobservable"])
         for column in ("online", "online_sigma", "offline", "offline_sigma", "difference"):
             there = [name for name in names if column in self._cells[name]]
@@ -148,7 +151,9 @@ class Comparison(QWidget):
     def _limit_state(self, name: str) -> str | None:
         return "bad" if name in self._outside else None
 
-    def _lost_state(self, name: str) -> str | None:
+    def _sigma_state(self, name: str) -> str | None:
+        if name in self._coarse:
+            return "bad"
         return "caution" if name in self._lost else None
 
     def _difference_state(self, name: str) -> str | None:
@@ -192,7 +197,7 @@ class Comparison(QWidget):
         if self.identical:
             return "good", self.tr("Identical bit for bit")
         name = max(self._marks, key=lambda n: abs(self._marks[n]))
-        largest = self.tr("At most {0} σ, {1}").format(f"{self._marks[name]:+.2f}", name)
+        largest = self.tr("Largest difference {0} σ, {1}").format(f"{abs(self._marks[name]):.2f}", name)
         beyond = sum(abs(mark) > NOTABLE for mark in self._marks.values())
         if not beyond:
             return "none", largest

@@ -25,14 +25,16 @@ class Exports(QObject):
         self.watch, self._sweeper = JobWatch(self), JobWatch(self)
         self.watch.cancelled.connect(self._sweep)
 
-    def ask_log(self, log: Overview) -> None:
-        """Ask where a log is to go."""
+    def ask_log(self, log: Overview, first: int, last: int) -> None:
+        """Ask where a log's samples from `first` to `last` are to go."""
+        whole = (first, last) == (log.facts.first_seq, log.facts.last_seq)
+        ending = "export" if whole else f"{first}-{last}"
         kinds = ["CSV (*.csv)", self.tr("Compressed CSV (*.csv.gz)")]
         self._ask(
-            self.tr("Export the log"),
-            log.path.with_name(f"{_stem(log.path)}-export.csv"),
+            self.tr("Export the log") if whole else self.tr("Export the range"),
+            log.path.with_name(f"{_stem(log.path)}-{ending}.csv"),
             kinds,
-            lambda target: self._begin(target, export_log, log.path, target, log.facts.samples),
+            lambda target: self._begin(target, export_log, log.path, target, first, last),
         )
 
     def ask_result(

@@ -73,12 +73,12 @@ class LogHead(QWidget):
             return
         facts = log.facts
         parts = [log.meta.imu.serial]
-        if log.meta.product is not None:
-            parts.append(log.meta.product.name)
         parts.append(word_time(facts.samples / log.rate))
         parts.append(
-            self.tr("{0} samples at {1} Hz").format(f"{facts.samples:,}".replace(",", " "), f"{log.rate:g}")
+            self.tr("{0} samples, {1} Hz").format(f"{facts.samples:,}".replace(",", " "), f"{log.rate:g}")
         )
+        if log.meta.product is not None:  # last, because what does not fit is cut
+            parts.append(log.meta.product.name)
         self._facts.setText("  ·  ".join(parts))
         self._facts.setToolTip(self._facts.text())
         for kind, count, word in (

@@ -36,13 +36,15 @@ from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.gui.wording import word_stage
+from calstation.station.history import History
 from calstation.station.offline_solve import offline_solve
 from calstation.station.overview import Overview, overview, samples
 from calstation.station.picture import Columns
 from calstation.station.resolve import Resolved
 
 _LOGS = (".h5", ".csv", ".csv.gz")
-_PLOT_SHARE, _RESULT_SHARE = 11, 9
+_LATEST = 8
+_PLOT_SHARE, _RESULT_SHARE = 1, 1
 
 
 class OfflinePage(Page):
@@ -60,7 +62,7 @@ class OfflinePage(Page):
         self.reader, self.solver, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
         self.exports = Exports(app.workshop, self)
         self._wanted: Wanted | None = None
-        self.source = SourceBar(app.settings)
+        self.source = SourceBar(app.settings, latest=self._latest_runs)
         self.notice = NoticeBar()
         self.notice.setObjectName("offline_notice")
         self._stack = QStackedWidget()
@@ -132,6 +134,13 @@ class OfflinePage(Page):
 
     # What it is made of
 
+    def _latest_runs(self) -> list[Path]:
+        """Logs of the last runs, the latest first."""
+        folder = self.app.runs_folder
+        if not folder.is_dir():
+            return []
+        return [run.log.absolute() for run in History(folder).runs(limit=_LATEST) if run.log.is_file()]
+
     def _make_empty(self) -> QWidget:
         self._empty = EmptyState()
         self._empty_button = QPushButton()
@@ -168,7 +177,7 @@ class OfflinePage(Page):
         self._open.addWidget(self._make_result())
         self._open.setStretchFactor(0, _PLOT_SHARE)
         self._open.setStretchFactor(1, _RESULT_SHARE)
-        self._open.setSizes([_PLOT_SHARE * 100, _RESULT_SHARE * 100])
+        self._open.setSizes([_PLOT_SHARE * 1000, _RESULT_SHARE * 1000])
         return self._open
 
     def _make_result(self) -> QWidget:
@@ -266,7 +275,7 @@ class OfflinePage(Page):
 
     def _export_log(self) -> None:
         assert self.log is not None
-        self.exports.ask_log(self.log)
+        self.exports.ask_log(self.log, *self.range.range)
 
     def _export_result(self) -> None:
         assert self.log is not None
@@ -341,9 +350,12 @@ class OfflinePage(Page):
         for widget in (self.source, self.range, self.stages):
             widget.setEnabled(not busy)
             widget.setToolTip(wait if busy else "")
+        part = self.log is not None and not self.range.whole
+        self.log_button.setText(self.tr("Export range…") if part else self.tr("Export log…"))
         self.log_button.setEnabled(self.log is not None and not busy)
         self.result_button.setEnabled(self.solved is not None and not busy)
-        self.log_button.setToolTip(wait if busy else "")
+        what = self.tr("Only the samples chosen; “Set to…” goes back to the whole log") if part else ""
+        self.log_button.setToolTip(wait if busy else what)
         self.result_button.setToolTip(
             wait if busy else "" if self.solved is not None else self.tr("Solve the log first")
         )
@@ -365,7 +377,6 @@ class OfflinePage(Page):
         self._reading.say(self.tr("Reading the log"), "")
         self.solve_button.setText(self.tr("Start offline solve"))
         self.result_button.setText(self.tr("Export result…"))
-        self.log_button.setText(self.tr("Export log…"))
         self._allow()
 
     def _complain(self, title: Callable[[], str], error: str, path: Path | None) -> None:

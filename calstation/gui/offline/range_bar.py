@@ -1,7 +1,7 @@
 """The range to solve: two boxes for the first and last sequence number, held within the log and in order."""
 
 from PySide6.QtCore import QEvent, Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QMenu, QPushButton, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QMenu, QPushButton, QVBoxLayout, QWidget
 
 from calstation.gui import theme
 from calstation.gui.widgets.count_spin import CountSpin
@@ -19,15 +19,16 @@ class RangeBar(QWidget):
         self._overview: Overview | None = None
         self.first_spin, self.last_spin = CountSpin(), CountSpin()
         self._labels = QLabel(), QLabel()
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
+        row = QHBoxLayout()
         row.setSpacing(theme.GRID)
         for spin, label, name in zip(
             (self.first_spin, self.last_spin), self._labels, ("first_seq_spin", "last_seq_spin"), strict=True
         ):
             spin.setObjectName(name)
             spin.setMinimumWidth(19 * theme.GRID)
-            spin.valueChanged.connect(self._entered)
+            spin.valueChanged.connect(lambda _, box=spin: self._entered(box))
+            spin.lineEdit().textEdited.connect(self._type)
+            spin.editingFinished.connect(lambda box=spin: self._finished(box))
             label.setBuddy(spin)
             row.addWidget(label)
             row.addWidget(spin)
@@ -39,6 +40,17 @@ class RangeBar(QWidget):
         self.part_button.setMenu(self._menu)
         row.addWidget(self.length_label, 1)
         row.addWidget(self.part_button)
+        self._typed = ""
+        self.note_label = QLabel()
+        self.note_label.setObjectName("range_note_label")
+        self.note_label.setProperty("kind", "error")
+        self.note_label.setWordWrap(True)
+        self.note_label.hide()
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(theme.GRID // 2)
+        column.addLayout(row)
+        column.addWidget(self.note_label)
         self.retranslate()
 
     def show_log(self, overview: Overview) -> None:
@@ -52,6 +64,12 @@ class RangeBar(QWidget):
         """First and last sequence number chosen."""
         return self.first_spin.value(), self.last_spin.value()
 
+    @property
+    def whole(self) -> bool:
+        """Whether all of the log is chosen."""
+        log = self._overview
+        return log is None or self.range == (log.facts.first_seq, log.facts.last_seq)
+
     def set_range(self, first: int, last: int) -> None:
         """Show a range; neither box can be set beyond the other, nor beyond the log."""
         assert self._overview is not None
@@ -60,8 +78,8 @@ class RangeBar(QWidget):
         last = min(max(last, first), facts.last_seq)
         for spin in (self.first_spin, self.last_spin):
             spin.blockSignals(True)
-        self.first_spin.setRange(facts.first_seq, last)
-        self.last_spin.setRange(first, facts.last_seq)
+        for spin in (self.first_spin, self.last_spin):
+            spin.setRange(facts.first_seq, facts.last_seq)
         self.first_spin.setValue(first)
         self.last_spin.setValue(last)
         for spin in (self.first_spin, self.last_spin):
@@ -98,9 +116,41 @@ class RangeBar(QWidget):
         self.set_range(first, last)
         self.changed.emit(*self.range)
 
-    def _entered(self) -> None:
-        self.set_range(self.first_spin.value(), self.last_spin.value())
+    def _entered(self, spin: CountSpin) -> None:
+        """A box holds something else; beyond the other it goes as far as that, and says so."""
+        first, last = self.range
+        self._say_note("")
+        if first > last:
+            held = last if spin is self.first_spin else first
+            self._say_note(
+                self.tr("The first sample cannot lie behind the last: set to {0}.").format(held)
+                if spin is self.first_spin
+                else self.tr("The last sample cannot lie before the first: set to {0}.").format(held)
+            )
+            first = last = held
+        self._typed = ""
+        self.set_range(first, last)
         self.changed.emit(*self.range)
+
+    def _type(self, text: str) -> None:
+        self._typed = text
+        self._say_note("")
+
+    def _finished(self, spin: CountSpin) -> None:
+        """What is outside the log the box has not taken; it holds what it held before."""
+        typed, self._typed = self._typed, ""
+        if self._overview is None or not typed or typed == spin.lineEdit().text():
+            return
+        facts = self._overview.facts
+        self._say_note(
+            self.tr("{0} is not in this log; it holds samples {1} to {2}.").format(
+                typed, facts.first_seq, facts.last_seq
+            )
+        )
+
+    def _say_note(self, text: str) -> None:
+        self.note_label.setText(text)
+        self.note_label.setVisible(bool(text))
 
     def _say_length(self) -> None:
         if self._overview is None:

@@ -1,8 +1,10 @@
 """Which log: its path typed, looked for, or taken from the recent ones."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QSettings, QTimer, Signal
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLabel, QLineEdit, QMenu, QPushButton, QWidget
 
 from calstation.gui import theme
@@ -17,16 +19,23 @@ _ENDINGS = (".h5", ".csv", ".csv.gz")
 class SourceBar(QWidget):
     """`chosen(path)`: a log to open. `remember` puts one that could be opened among the recent ones.
 
+    latest : gives the logs of the last runs, offered below the recent ones
     name : the widgets' object names begin with it; key : of the settings, where the recent ones are kept
     """
 
     chosen = Signal(object)
 
     def __init__(
-        self, settings: QSettings, parent: QWidget | None = None, *, name: str = "log", key: str = _KEY
+        self,
+        settings: QSettings,
+        parent: QWidget | None = None,
+        *,
+        name: str = "log",
+        key: str = _KEY,
+        latest: Callable[[], list[Path]] = list,
     ) -> None:
         super().__init__(parent)
-        self._settings, self._key = settings, key
+        self._settings, self._key, self._latest = settings, key, latest
         self._label = QLabel()
         self.log_edit = QLineEdit()
         self.log_edit.setObjectName(f"{name}_edit")
@@ -45,6 +54,7 @@ class SourceBar(QWidget):
         self.recent_button.setObjectName(f"{name}_recent_button")
         self._menu = QMenu(self)
         self.recent_button.setMenu(self._menu)
+        self._menu.aboutToShow.connect(self._fill)
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(theme.GRID)
@@ -95,6 +105,11 @@ class SourceBar(QWidget):
         self.recent_button.setText(self.tr("Recent"))
         self._say_recent()
 
+    def showEvent(self, event: QShowEvent) -> None:
+        """Runs may have been made since."""
+        super().showEvent(event)
+        self._fill()
+
     def changeEvent(self, event: QEvent) -> None:
         """Hear of a new language."""
         if event.type() == QEvent.Type.LanguageChange:
@@ -113,12 +128,21 @@ class SourceBar(QWidget):
 
     def _fill(self) -> None:
         self._menu.clear()
-        for path in self.recent():
-            action = self._menu.addAction(f"{path.name}    {path.parent}")
-            action.triggered.connect(lambda _=False, chosen=path: self.chosen.emit(chosen))
+        recent = self.recent()
+        latest = [path for path in self._latest() if path not in recent]
+        for path in recent:
+            self._offer(path)
+        if latest:
+            self._menu.addSection(self.tr("Latest runs"))
+        for path in latest:
+            self._offer(path)
         self._say_recent()
 
+    def _offer(self, path: Path) -> None:
+        action = self._menu.addAction(f"{path.name}    {path.parent}")
+        action.triggered.connect(lambda _=False: self.chosen.emit(path))
+
     def _say_recent(self) -> None:
-        any_there = bool(self.recent())
+        any_there = not self._menu.isEmpty()
         self.recent_button.setEnabled(any_there)
         self.recent_button.setToolTip("" if any_there else self.tr("No log has been opened here yet"))

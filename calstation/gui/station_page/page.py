@@ -58,6 +58,7 @@ class StationPage(Page):
         super().__init__(app)
         self.setObjectName("station_page")
         self.drafts = Drafts(app.settings, self)
+        self._stored = ""
         self.notice = NoticeBar()
         self.new_bar = NewFileBar(self.drafts)
         self.new_bar.made.connect(lambda _, path: self._use(path))
@@ -191,12 +192,15 @@ class StationPage(Page):
         if self.drafts.wrong or self._held():
             return False
         self.notice.dismiss()
+        names = self._unsaved()
         try:
             self.drafts.save()
         except ConfigurationError as error:
             said = str(error)
             self.notice.ask("bad", lambda: self.tr("Not saved"), lambda: said)
             return False
+        self._stored = names
+        self.refresh()
         return True
 
     def refresh(self) -> None:
@@ -204,7 +208,11 @@ class StationPage(Page):
         role, held = self._role_reason(), self._held()
         dirty, wrong = self.drafts.dirty, self.drafts.wrong
         unsaved = self.tr("● Not saved: {0}").format(self._unsaved()) if dirty else ""
-        self.unsaved_label.setText(unsaved or (self.tr("Read only: an engineer unlocks it.") if role else ""))
+        if dirty:
+            self._stored = ""
+        stored = self.tr("✓ Saved: {0}").format(self._stored) if self._stored else ""
+        locked = self.tr("Read only: an engineer unlocks it.") if role else ""
+        self.unsaved_label.setText(unsaved or stored or locked)
         self.discard_button.setVisible(bool(dirty))
         self.save_button.setVisible(bool(dirty))
         reason = held
@@ -305,19 +313,22 @@ class StationPage(Page):
         with QSignalBlocker(self.station_box):
             self.station_box.clear()
             for entry in settings.entries("stations"):
-                self.station_box.addItem(self._words(entry.path), entry.path)
+                self.station_box.addItem(self._words(entry.path), _key(entry.path))
             path = self.drafts.station.path
-            if path is not None and self.station_box.findData(path) < 0:
-                self.station_box.addItem(self._words(path), path)
-            self.station_box.setCurrentIndex(self.station_box.findData(path))
+            if path is None:
+                self.station_box.setCurrentIndex(-1)
+                return
+            if self.station_box.findData(_key(path)) < 0:
+                self.station_box.addItem(self._words(path), _key(path))
+            self.station_box.setCurrentIndex(self.station_box.findData(_key(path)))
 
     def _words(self, path: Path) -> str:
         return self.tr("{0} (virtual bench)").format(path.stem) if settings.is_bench(path) else path.stem
 
     def _choose(self, index: int) -> None:
         """Another station: at once where nothing is typed, else after asking."""
-        path = self.station_box.itemData(index)
-        if path == self.drafts.station.path:
+        path, now = Path(self.station_box.itemData(index)), self.drafts.station.path
+        if now is not None and _key(path) == _key(now):
             return
         if self.may_leave(lambda: self._use(path)):
             self._use(path)
@@ -352,3 +363,8 @@ def _scrolled(section: QWidget) -> QScrollArea:
     area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
     area.setWidget(section)
     return area
+
+
+def _key(path: Path) -> str:
+    """A path as a box finds it again; one that is no text it does not."""
+    return str(path.absolute())

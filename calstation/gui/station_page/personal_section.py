@@ -95,7 +95,7 @@ class PersonalSection(QWidget):
         self.pin_button.setObjectName("change_pin_button")
         self.pin_button.clicked.connect(self._change_pin)
         self._pin_rows = [
-            Row(self.old_edit, lambda: self.tr("PIN so far")),
+            Row(self.old_edit, lambda: self.tr("Current PIN")),
             Row(self.new_edit, lambda: self.tr("New PIN")),
             Row(self.again_edit, lambda: self.tr("The same again")),
             Row(self.pin_button, str),
@@ -127,6 +127,7 @@ class PersonalSection(QWidget):
         self.runs_label.setToolTip(self.runs_label.text())
         self.author_edit.setText(str(self._app.settings.value("author", "")))
         self._pin_rows[0].setVisible(role.has_pin())
+        self.pin_button.setText(self.tr("Change the PIN") if role.has_pin() else self.tr("Set the PIN"))
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
@@ -137,7 +138,6 @@ class PersonalSection(QWidget):
         )
         self.theme_box.fill()
         self.runs_button.setText(self.tr("Choose a folder"))
-        self.pin_button.setText(self.tr("Change the PIN"))
         self._runs_note.setText(
             self.tr("Logs and results of new runs go into this folder, and the history looks there.")
         )
@@ -171,7 +171,7 @@ class PersonalSection(QWidget):
             role.set_pin(self.old_edit.text(), self.new_edit.text())
         except ConfigurationError as error:
             wait = role.wait()
-            text = self.tr("The PIN so far is wrong.")
+            text = self.tr("The current PIN is wrong.")
             if wait > 0.0:
                 text += " " + self.tr("Wait {0:.0f} s.").format(max(1.0, wait))
             self._say_pin(text if role.has_pin() else str(error), "error")

@@ -922,16 +922,16 @@
         <translation>留空：不以此结束</translation>
     </message>
     <message>
-        <source>above {0:g} to {1:g}{2}</source>
-        <translation>大于 {0:g}，不超过 {1:g}{2}</translation>
+        <source>a number above {0:g}, at most {1:g}{2}</source>
+        <translation>大于 {0:g} 且不超过 {1:g}{2} 的数</translation>
+    </message>
+    <message>
+        <source>a number above {0:g}{1}</source>
+        <translation>大于 {0:g}{1} 的数</translation>
     </message>
     <message>
         <source>{0:g} to {1:g}{2}</source>
         <translation>{0:g} 到 {1:g}{2}</translation>
-    </message>
-    <message>
-        <source>above {0:g}{1}</source>
-        <translation>大于 {0:g}{1}</translation>
     </message>
     <message>
         <source>{0:g}{1} or more</source>

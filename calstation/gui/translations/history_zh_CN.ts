@@ -67,6 +67,14 @@
         <translation>标定记录，最近的在前</translation>
     </message>
     <message>
+        <source>Folder of this run</source>
+        <translation>本次标定的文件夹</translation>
+    </message>
+    <message>
+        <source>Copy the path</source>
+        <translation>复制路径</translation>
+    </message>
+    <message>
         <source>Close</source>
         <translation>关闭</translation>
     </message>

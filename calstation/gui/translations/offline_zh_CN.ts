@@ -16,7 +16,7 @@
         <translation>离线</translation>
     </message>
     <message>
-        <source>difference</source>
+        <source>diff.</source>
         <translation>差值</translation>
     </message>
     <message>
@@ -72,8 +72,8 @@
         <translation>逐位完全一致</translation>
     </message>
     <message>
-        <source>At most {0} σ, {1}</source>
-        <translation>最大相差 {0} σ（{1}）</translation>
+        <source>Largest difference {0} σ, {1}</source>
+        <translation>最大差值 {0} σ，{1}</translation>
     </message>
     <message>
         <source>{0}; beyond 3 σ: {1}</source>
@@ -105,6 +105,10 @@
     <message>
         <source>Export the log</source>
         <translation>导出记录</translation>
+    </message>
+    <message>
+        <source>Export the range</source>
+        <translation>导出区间</translation>
     </message>
     <message>
         <source>Parameters as CSV (*.csv)</source>
@@ -142,8 +146,8 @@
         <translation>全部</translation>
     </message>
     <message>
-        <source>{0} samples at {1} Hz</source>
-        <translation>{0} 个采样，{1} Hz</translation>
+        <source>{0} samples, {1} Hz</source>
+        <translation>{0} 个样本，{1} Hz</translation>
     </message>
     <message>
         <source>gaps: {0}</source>
@@ -228,6 +232,14 @@
         <translation>请勾选要解算的阶段</translation>
     </message>
     <message>
+        <source>Export range…</source>
+        <translation>导出区间…</translation>
+    </message>
+    <message>
+        <source>Only the samples chosen; “Set to…” goes back to the whole log</source>
+        <translation>仅所选样本；用“设为…”可恢复整个记录</translation>
+    </message>
+    <message>
         <source>Solve the log first</source>
         <translation>请先解算</translation>
     </message>
@@ -286,6 +298,18 @@
         <source>Whole log</source>
         <translation>整个记录</translation>
     </message>
+    <message>
+        <source>The first sample cannot lie behind the last: set to {0}.</source>
+        <translation>起始样本不能在结束样本之后：已设为 {0}。</translation>
+    </message>
+    <message>
+        <source>The last sample cannot lie before the first: set to {0}.</source>
+        <translation>结束样本不能在起始样本之前：已设为 {0}。</translation>
+    </message>
+    <message>
+        <source>{0} is not in this log; it holds samples {1} to {2}.</source>
+        <translation>{0} 不在此记录内；记录含样本 {1} 至 {2}。</translation>
+    </message>
 </context>
 <context>
     <name>SourceBar</name>
@@ -316,6 +340,10 @@
     <message>
         <source>Recent</source>
         <translation>最近打开</translation>
+    </message>
+    <message>
+        <source>Latest runs</source>
+        <translation>最近的标定</translation>
     </message>
     <message>
         <source>No log has been opened here yet</source>

@@ -217,16 +217,16 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>标定记录文件夹</translation>
     </message>
     <message>
-        <source>PIN so far</source>
-        <translation>原密码</translation>
-    </message>
-    <message>
         <source>New PIN</source>
         <translation>新密码</translation>
     </message>
     <message>
         <source>The same again</source>
         <translation>再次输入</translation>
+    </message>
+    <message>
+        <source>Set the PIN</source>
+        <translation>设置密码</translation>
     </message>
     <message>
         <source>This computer</source>
@@ -245,8 +245,16 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>选择文件夹</translation>
     </message>
     <message>
+        <source>The current PIN is wrong.</source>
+        <translation>当前密码不正确。</translation>
+    </message>
+    <message>
         <source>Change the PIN</source>
         <translation>修改密码</translation>
+    </message>
+    <message>
+        <source>Current PIN</source>
+        <translation>当前密码</translation>
     </message>
     <message>
         <source>Logs and results of new runs go into this folder, and the history looks there.</source>
@@ -259,10 +267,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <message>
         <source>Too short: at least {0} characters.</source>
         <translation>太短：至少 {0} 个字符。</translation>
-    </message>
-    <message>
-        <source>The PIN so far is wrong.</source>
-        <translation>原密码 不正确。</translation>
     </message>
     <message>
         <source>Wait {0:.0f} s.</source>
@@ -475,6 +479,10 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <message>
         <source>● Not saved: {0}</source>
         <translation>● 未保存：{0}</translation>
+    </message>
+    <message>
+        <source>✓ Saved: {0}</source>
+        <translation>✓ 已保存：{0}</translation>
     </message>
     <message>
         <source>Read only: an engineer unlocks it.</source>
