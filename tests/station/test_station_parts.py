@@ -11,6 +11,8 @@ from calstation.station import library
 from calstation.station.bench_host import BenchHost
 from calstation.station.clock import BenchClock, RealClock
 from calstation.station.compose import compose
+from calstation.station.fitting import fitting_products
+from calstation.station.request import RunRequest
 from calstation.station.setup import prepare
 from calstation.station.solve import solve
 from tests.station.conftest import Place
@@ -48,6 +50,28 @@ def test_every_shipped_product_can_be_run(place: Place, product: str) -> None:
     setup = prepare(request)
     assert setup.stages == ("rate", "six_position", "excitation", "azimuth_flip")
     assert setup.bench_config() is not None
+
+
+def test_a_serial_number_is_one_unit_on_the_bench_and_the_seed_is_kept_as_it_was_given() -> None:
+    def drawn(serial: str, seed: int | None = None) -> int:
+        setup = prepare(RunRequest(serial, seed=seed))
+        assert setup.bench_seed == (seed or 1)
+        bench = setup.bench_config()
+        assert bench is not None
+        return int(bench["seed"])
+
+    units = [drawn("SN-000001"), drawn("SN-000002"), drawn("SN-000001", 7)]
+    assert len(set(units)) == 3
+    assert units == [drawn("SN-000001"), drawn("SN-000002"), drawn("SN-000001", 7)]
+
+
+def test_the_products_that_fit_rails_and_tables_are_told_apart(home: Path) -> None:
+    rails, positions = library.find("stations", "virtual_hand"), library.find("products", "mems_positions")
+    assert [name for name, _ in fitting_products(rails, positions)] == ["mems_hand"]
+    (home / "products").mkdir()
+    (home / "products" / "broken.toml").write_text("name = 1", encoding="utf-8")
+    fit_a_table = ["mems_c", "mems_positions", "nav_a", "tactical_b"]
+    assert [name for name, _ in fitting_products(None, positions)] == fit_a_table
 
 
 def test_composed_registers_correct_in_one_step_as_two_do_in_turn() -> None:
