@@ -49,7 +49,7 @@ def read_toml(path: Path, error: type[CalstationError] = ConfigurationError) -> 
     except OSError as exc:
         raise error(f"{path}: cannot be read ({exc.strerror or exc})") from exc
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as exc:
-        raise error(f"{path}: not valid TOML: {exc}") from exc
+        raise error(f"{path}: not valid TOML: {exc}; correct that line, or give a TOML file") from exc
 
 
 def validate(

@@ -9,10 +9,13 @@ from typing import Annotated
 
 import typer
 
+from calstation import __version__
 from calstation.errors import CalstationError, ConfigurationError
 
+_NAME = "calstation"
+
 app = typer.Typer(
-    name="calstation",
+    name=_NAME,
     help="Calibrates inertial measurement units on a two-axis rate table. Without a command: the window.",
     epilog="--debug with any command shows where an error came from.",
     add_completion=False,
@@ -25,6 +28,21 @@ StagesOption = Annotated[
 JsonOption = Annotated[
     str | None, typer.Option("--json", help="Write the result JSON to this file; - for standard output.")
 ]
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        sys.stdout.write(f"calstation {__version__}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True)
+    ] = False,
+) -> None:
+    pass
 
 
 @app.command()
@@ -260,14 +278,20 @@ def run_app(arguments: list[str]) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a redirected Windows console knows neither ≤ nor °
             stream.reconfigure(errors="replace")
     try:
-        code = app(arguments, standalone_mode=False, obj=debug) if arguments else _window(debug=debug)
+        code = (
+            app(arguments, prog_name=_NAME, standalone_mode=False, obj=debug)
+            if arguments
+            else _window(debug=debug)
+        )
     except CalstationError as error:
         if debug:
             traceback.print_exc()
         _complain(str(error))
         return error.exit_code
     except typer.TyperException as error:
-        _complain(f"{error.format_message()} (calstation --help shows commands and options)")
+        from calstation.cli.usage import usage_sentence
+
+        _complain(usage_sentence(error, arguments))
         return 2
     except (typer.Abort, KeyboardInterrupt):
         _complain("stopped")
@@ -289,7 +313,7 @@ def _window(*, debug: bool) -> int:
     code = window_command()
     if code is None:
         _complain("no screen here, so this runs in the terminal as 'calstation run' does (--help shows more)")
-        code = app(["run"], standalone_mode=False, obj=debug)
+        code = app(["run"], prog_name=_NAME, standalone_mode=False, obj=debug)
     return code if isinstance(code, int) else 0
 
 

@@ -1,12 +1,11 @@
 """`registers`: what was written into units, and interrupted transfers finished or taken back."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from calstation.cli.run import run_request
 from calstation.cli.show import check_json, emit_json
@@ -47,8 +46,8 @@ def list_command(runs: Path, serial: str | None, json: str | None) -> int:
     if not any(known.values()):
         console.print(f"no transfer is known in {runs}", highlight=False, markup=False)
     for name, transfers in known.items():
-        if transfers:
-            console.print(_table(name, transfers))
+        for line in _lines(name, transfers) if transfers else ():
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
     return 0
 
 
@@ -88,16 +87,14 @@ def _show(settled: Settled, json: str | None) -> int:
     return 0
 
 
-def _table(serial: str, transfers: list[Transfer]) -> Table:
+def _lines(serial: str, transfers: list[Transfer]) -> Iterator[str]:
+    """A transfer's own name on a line that no terminal cuts, what it was below."""
     count = sum(t.cycles for t in transfers)
-    table = Table(
-        title=f"unit {serial}, {count} flash cycles by this station", title_justify="left", box=SIMPLE_HEAD
-    )
-    for heading in ("transfer", "UTC", "by", "for", "largest change", "ended"):
-        table.add_column(heading)
+    yield f"unit {serial}, {count} flash cycles by this station"
     for t in transfers:
-        table.add_row(t.id, t.utc, t.by or "", f"{t.why} {t.source}", _change(t), CLOSINGS[t.closing])
-    return table
+        yield f"  {t.id}  {CLOSINGS[t.closing]}"
+        yield f"    {t.utc}{f', by {t.by}' if t.by else ''}, for {t.why} {t.source}".rstrip()
+        yield f"    largest change: {_change(t)}"
 
 
 def _change(transfer: Transfer) -> str:

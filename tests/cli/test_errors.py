@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from calstation import __version__
 from calstation.cli.app import run_app
 from calstation.station.library import shipped_folder
 from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
@@ -129,6 +130,38 @@ def test_import_into_a_wrong_name(calstation: Run, tmp_path: Path) -> None:
 )
 def test_wrong_usage(calstation: Run, arguments: list[str]) -> None:
     check(calstation(*arguments), 2)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("resolve a.csv --from abc", "--from abc: must be a whole number (calstation resolve --help"),
+        ("resolve a.csv --to=1.5", "--to 1.5: must be a whole number"),
+        ("run --seed x", "--seed x: must be a whole number (calstation run --help"),
+        ("run --speed fast", "--speed fast: must be a number"),
+        ("run --speed", "Option '--speed' requires an argument. (calstation run --help"),
+        ("soak --runs 0", "--runs 0: must be at least 1 (calstation soak --help"),
+        ("export a.h5", "export needs -o FILE (calstation export --help"),
+        ("import a.csv", "import needs -o LOG ("),
+        ("registers finish", "registers finish needs SERIAL (calstation registers finish --help"),
+    ],
+)
+def test_wrong_usage_is_told_in_our_words(calstation: Run, line: str, said: str) -> None:
+    check(calstation(*line.split()), 2, f"calstation: {said}")
+
+
+def test_an_error_is_one_line_without_a_blank_one_before(calstation: Run, tmp_path: Path) -> None:
+    assert calstation("resolve", tmp_path / "none.csv").err.startswith("calstation: ")
+
+
+def test_a_file_that_is_no_toml_gets_a_mend(calstation: Run, tmp_path: Path) -> None:
+    (tmp_path / "README.md").write_text("no TOML", encoding="utf-8")
+    check(calstation("run", "--station", tmp_path / "README.md"), 2, "or give a TOML file")
+
+
+def test_the_version_is_shown(calstation: Run) -> None:
+    done = calstation("--version")
+    assert (done.code, done.out) == (0, f"calstation {__version__}\n")
 
 
 # ---- stations, products, profiles

@@ -1,5 +1,6 @@
 """IMUs on one body, followed: off at first, calibrated and kept, and within the threshold the next time."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,9 @@ def test_what_was_off_is_calibrated_kept_and_good_the_next_time(calstation: Run,
     first = calstation("watch", log, "--pairs", pairs)
     assert first.code == 0, first.out
     assert "imu2 calibrated; what was found is kept" in first.out
+    assert "off: imu2; waiting for motion" in first.out
+    assert re.search(r"imu2 gyro: [\d.]+ °/[sh] at rest \(threshold [\d.]+ °/[sh]\)", first.out)
+    assert re.search(r"imu2 accel: [\d.]+ (µg|m/s²) at rest", first.out)
     kept = load_pair(pairs, "BENCH-mems", "BENCH-2")
     assert len(kept.values) == 28
     again = calstation("watch", log, "--pairs", pairs)

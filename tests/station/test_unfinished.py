@@ -177,6 +177,7 @@ def test_the_command_line_lists_finishes_and_restores(
     assert code == 0
     assert "OPEN" in text()
     assert "1 flash cycles" in text()
+    assert f"  {register_journal.history(bench.runs, SERIAL)[0].id}  OPEN" in text()
     code, text = run("finish", SERIAL, *place, "--json", "-")
     assert code == 0
     assert json.loads(text())["registers"] == dict(entry.new)
