@@ -90,7 +90,7 @@ class CloseLook(QObject):
             return ""
         result = self.run.result
         started = str(result.get("started_utc") or "").replace("T", " ")[:16]
-        parts = (str(result["unit"]["serial"]), started, word_verdict(result))
+        parts = (str(result["unit"]["serial"]), started, word_verdict(result, stages=False))
         return "  ·  ".join(part for part in parts if part)
 
     def _loaded(self, run: Finished) -> None:

@@ -8,10 +8,15 @@ from PySide6.QtCore import QCoreApplication
 from calstation.gui.wording import word_stage, word_state
 
 
-def word_verdict(result: Mapping[str, Any]) -> str:
-    """``PASS``, or ``PASS (part: Rate, Six positions)`` where stages of the product were left out."""
+def word_verdict(result: Mapping[str, Any], *, stages: bool = True) -> str:
+    """``PASS``, or ``PASS (part: Rate, Six positions)`` where stages of the product were left out.
+
+    stages : name them; else only ``PASS (part)``
+    """
     word = word_state(str(result["outcome"]))
     if not result.get("part") or not result["stages"]:
         return word
-    stages = ", ".join(word_stage(stage) for stage in result["stages"])
-    return QCoreApplication.translate("verdict", "{0} (part: {1})").format(word, stages)
+    if not stages:
+        return QCoreApplication.translate("verdict", "{0} (part)").format(word)
+    named = ", ".join(word_stage(stage) for stage in result["stages"])
+    return QCoreApplication.translate("verdict", "{0} (part: {1})").format(word, named)

@@ -969,6 +969,10 @@
 <context>
     <name>verdict</name>
     <message>
+        <source>{0} (part)</source>
+        <translation>{0}（部分）</translation>
+    </message>
+    <message>
         <source>{0} (part: {1})</source>
         <translation>{0}（部分：{1}）</translation>
     </message>
