@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pyqtgraph as pg
 import pytest
@@ -27,7 +28,9 @@ from calstation.gui import language, theme
 from calstation.gui.context import AppContext
 from calstation.gui.history.page import HistoryPage
 from calstation.gui.main_window import MainWindow
+from calstation.gui.offline.comparison import Comparison
 from calstation.gui.offline.page import OfflinePage
+from calstation.gui.offline.source_bar import SourceBar
 from calstation.gui.widgets.count_spin import CountSpin
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
@@ -311,6 +314,38 @@ def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
     assert "7 is not in this log" in page.range.note_label.text()
     page.range.part_button.menu().actions()[0].trigger()
     assert (first.value(), last.value()) == (facts.first_seq, facts.last_seq)
+
+
+def test_a_sigma_beyond_its_limit_marks_the_sigma_alone(qtbot: QtBot) -> None:
+    row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
+    checks = [
+        {"name": "gyro_scale_x within", "passed": True},
+        {"name": "gyro_scale_x sigma below", "passed": False},
+        {"name": "gyro_scale_y within", "passed": False},
+    ]
+    parameters = {"gyro_scale_x": row, "gyro_scale_y": row}
+    log = {"first_seq": 0, "last_seq": 9}
+    result = {"parameters": parameters, "checks": checks, "unobservable": [], "passed": False, "log": log}
+    shown = Comparison()
+    qtbot.addWidget(shown)
+    before = {**result, "outcome": "failed", "stages": ["rate"]}
+    shown.show_log(SimpleNamespace(stored=before, facts=SimpleNamespace(**log)))  # type: ignore[arg-type]
+    shown.show_solved(SimpleNamespace(result={**result, "stages": ["rate"]}, messages=()))  # type: ignore[arg-type]
+    states = [
+        [shown.model.index(line, column).data(Qt.ItemDataRole.UserRole) for column in (3, 4)]
+        for line in (0, 1)
+    ]
+    assert states == [[None, "bad"], ["bad", None]]
+
+
+def test_the_latest_runs_are_offered_below_the_recent_logs(app: AppContext, qtbot: QtBot) -> None:
+    app.settings.clear()
+    bar = SourceBar(app.settings, latest=lambda: [Path("/runs/b.h5"), Path("/runs/a.h5")])
+    qtbot.addWidget(bar)
+    assert bar.recent_button.isEnabled()
+    bar.remember(Path("/runs/a.h5"))
+    offered = [action.text().split()[0] for action in bar.recent_button.menu().actions() if action.text()]
+    assert offered == ["a.h5", "Latest", "b.h5"]
 
 
 def test_zooming_reaches_single_samples(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:

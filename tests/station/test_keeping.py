@@ -1,6 +1,7 @@
 """A part of the stages does not replace what an earlier calibration found far better."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from calstation.physics.parameters import COUNT, INDEX
 from calstation.sequencer.events import Message
 from calstation.station.history import History
 from calstation.station.keeping import InForce, found_better, given
+from calstation.station.who import computer_user
 from tests.station.conftest import Place
 from tests.station.test_history import refreshed, write
 
@@ -75,7 +77,7 @@ def test_in_force_is_what_was_proved_last_and_not_what_was_kept(tmp_path: Path) 
         assert found == InForce(1e-4, 1.0, "2026-11-01T08:00:00+00:00")
 
 
-def test_a_part_keeps_and_says_so(place: Place) -> None:
+def test_a_part_keeps_and_says_so(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = {"stages": ["six_position"]}
     place.write(whole, flash_file=str(place.folder / "flash.bin"))
     first = place.run()
@@ -86,7 +88,10 @@ def test_a_part_keeps_and_says_so(place: Place) -> None:
     path.write_text(json.dumps(result), encoding="utf-8")
     place.write({"stages": ["rate", "six_position"]}, flash_file=str(place.folder / "flash.bin"))
     place.events.clear()
+    asked = replace(place.request("six_position"), operator=None)
+    monkeypatch.setattr(place, "request", lambda *_: asked)
     second = place.run("six_position")
+    assert second.result["operator"] == computer_user()
     assert (second.outcome, second.result["part"]) == ("passed", True)
     registers = second.result["registers"]
     assert set(registers["kept"]) == {"accel_scale_x"}

@@ -50,7 +50,7 @@ def test_a_log_is_exported_with_progress(tmp_path: Path) -> None:
     rows = six_position_rows()
     log = write_log(tmp_path, rows)
     told = Told()
-    target = export_log(told, log, tmp_path / "copy.csv", len(rows))
+    target = export_log(told, log, tmp_path / "copy.csv", 0, len(rows) - 1)
     assert len(target.read_text(encoding="utf-8").splitlines()) == len(rows) + 1
     assert target.with_suffix(".toml").is_file()
     assert told.fractions == sorted(told.fractions)

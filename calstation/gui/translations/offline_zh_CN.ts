@@ -108,7 +108,7 @@
     </message>
     <message>
         <source>Export the range</source>
-        <translation>导出区间</translation>
+        <translation>导出范围</translation>
     </message>
     <message>
         <source>Parameters as CSV (*.csv)</source>
@@ -233,11 +233,11 @@
     </message>
     <message>
         <source>Export range…</source>
-        <translation>导出区间…</translation>
+        <translation>导出范围…</translation>
     </message>
     <message>
         <source>Only the samples chosen; “Set to…” goes back to the whole log</source>
-        <translation>仅所选样本；用“设为…”可恢复整个记录</translation>
+        <translation>仅所选采样；用“设为…”可恢复整个记录</translation>
     </message>
     <message>
         <source>Solve the log first</source>
@@ -300,15 +300,15 @@
     </message>
     <message>
         <source>The first sample cannot lie behind the last: set to {0}.</source>
-        <translation>起始样本不能在结束样本之后：已设为 {0}。</translation>
+        <translation>起始采样不能在结束采样之后：已设为 {0}。</translation>
     </message>
     <message>
         <source>The last sample cannot lie before the first: set to {0}.</source>
-        <translation>结束样本不能在起始样本之前：已设为 {0}。</translation>
+        <translation>结束采样不能在起始采样之前：已设为 {0}。</translation>
     </message>
     <message>
         <source>{0} is not in this log; it holds samples {1} to {2}.</source>
-        <translation>{0} 不在此记录内；记录含样本 {1} 至 {2}。</translation>
+        <translation>{0} 不在此记录内；记录含采样 {1} 至 {2}。</translation>
     </message>
 </context>
 <context>
