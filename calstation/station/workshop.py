@@ -129,6 +129,12 @@ class Workshop:
         """Whether a job runs or waits."""
         return self._running is not None or bool(self._waiting)
 
+    @property
+    def at_device(self) -> bool:
+        """Whether a job that talks to a device, and is therefore not to be cancelled, runs or waits."""
+        jobs = [*self._waiting, *([] if self._running is None else [self._running])]
+        return any(not job.cancellable for job in jobs)
+
     def poll(self) -> None:
         """Take what the worker has told and give it the next job. Never waits."""
         if self._closed:

@@ -12,6 +12,7 @@ from calstation.gui.run_strip import RunStrip
 from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
 from calstation.station import library
 from calstation.station.request import RunRequest
+from calstation.station.workshop import Workshop
 from tests.gui.conftest import SERIAL, Operator
 
 RESULT: dict[str, Any] = {
@@ -197,3 +198,11 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
     app.set_station(library.find("stations", "virtual_hand"))
     assert "No product fits here: choose another station." in operator.says()
     assert operator.widget("station_choice").isVisible()
+
+
+def test_start_waits_for_who_talks_to_a_device(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Workshop, "at_device", True)
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    assert "press START again then" in operator.says()
+    assert not operator.window.app.engine_link.running

@@ -239,6 +239,13 @@ class EngineerPage(Page):
     def _start(self) -> None:
         assert self._offer is not None
         self.notice.dismiss()
+        if self.app.workshop.at_device:
+            self.notice.ask(
+                "caution",
+                lambda: self.tr("The unit is being asked."),
+                lambda: self.tr("It takes some seconds; press START again then."),
+            )
+            return
         self.app.settings.setValue("engineer_name", self._fields.engineer)
         if self._offer.virtual:
             self._run()

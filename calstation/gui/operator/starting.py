@@ -65,6 +65,13 @@ class Starting(QObject):
         """START was pressed: check, ask what must be asked, run."""
         if self._app.engine_link.running or not self.check() or self.outline is None:
             return
+        if self._app.workshop.at_device:
+            self._notice.ask(
+                "caution",
+                lambda: self.tr("Another page is talking to a device"),
+                lambda: self.tr("It takes some seconds; press START again then."),
+            )
+            return
         serial = self._header.serial
         request = RunRequest(
             serial,

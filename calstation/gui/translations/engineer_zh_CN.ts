@@ -101,6 +101,10 @@
         <translation>产品没有保存</translation>
     </message>
     <message>
+        <source>It takes some seconds; press START again then.</source>
+        <translation>需要几秒钟，完成后请再按一次开始。</translation>
+    </message>
+    <message>
         <source>The table of &apos;{0}&apos; is going to move</source>
         <translation>“{0}”的转台即将转动</translation>
     </message>

@@ -515,6 +515,14 @@
         <translation>第 {count} 次</translation>
     </message>
     <message>
+        <source>Another page is talking to a device</source>
+        <translation>另一页面正在与设备通信</translation>
+    </message>
+    <message>
+        <source>It takes some seconds; press START again then.</source>
+        <translation>需要几秒钟，完成后请再按一次开始。</translation>
+    </message>
+    <message>
         <source>Writing the registers of {serial} was interrupted</source>
         <translation>向 {serial} 写寄存器时中断</translation>
     </message>
