@@ -141,6 +141,8 @@ class Workshop:
             return
         self._reap()
         self._take()
+        if self._ready and self._running is None and not self._alive():
+            self._lost()
         if self._waiting and self._process is None:
             self._start()
         if self._waiting and self._ready and self._running is None:
@@ -207,12 +209,17 @@ class Workshop:
 
     def _send(self, job: Job) -> None:
         assert self._connection is not None
-        self._running = job
-        job._begin()
         try:
             self._connection.send_bytes(job._call)
-        except OSError:
+        except OSError:  # it died while idle: the next one gets the job
+            self._waiting.appendleft(job)
             self._lost()
+            return
+        self._running = job
+        job._begin()
+
+    def _alive(self) -> bool:
+        return self._process is not None and self._process.is_alive()
 
     def _lost(self) -> None:
         """The process died by itself: the job in hand fails, or the first in line where it never got ready."""
