@@ -9,6 +9,7 @@ run: $(VENV)/installed
 	$(VENV)/bin/calstation
 
 test: $(VENV)/installed-dev
+	$(VENV)/bin/python tests/compiled.py
 	$(VENV)/bin/python -m pytest -n 2 --dist loadgroup $$($(VENV)/bin/python tests/without_window.py)
 
 rehearse: $(VENV)/installed-dev

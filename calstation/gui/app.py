@@ -21,7 +21,8 @@ def create_window(station: Path | None = None) -> QMainWindow:
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("calstation")
-    app.setStyle("Fusion")
+    if not app.styleSheet():  # else it is dressed already, and dressing every widget anew takes long
+        app.setStyle("Fusion")
     app.setFont(theme.font())
     context = AppContext(station)
     dark = QGuiApplication.styleHints().colorScheme() == Qt.ColorScheme.Dark

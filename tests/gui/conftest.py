@@ -18,6 +18,8 @@ from calstation.gui import language
 from calstation.gui.app import create_window
 from calstation.gui.main_window import MainWindow
 from calstation.gui.run_status import RunStatus
+from calstation.station.workshop import Workshop
+from tests.gui.works import live_in
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 SERIAL = "SN-000042"
@@ -77,8 +79,43 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Place:
     return made
 
 
+class LentWorkshop(Workshop):
+    """A window's workshop whose process goes on to the next test's: starting one takes longer than most of them."""
+
+    def close(self) -> None:
+        """Give all jobs up."""
+        while self._waiting:
+            self._waiting[-1].cancel()
+        if self._running is not None and not self._running.cancel():
+            super().close()
+
+    def move_to(self, place: "Place") -> None:
+        """Live in a test's place from now on, as a process started there would."""
+        self.poll()
+        self.submit(live_in, str(place.folder), str(place.home))
+
+
+@pytest.fixture(scope="session")
+def lent() -> Iterator[list[LentWorkshop]]:
+    """The workshop that is lent out, once there is one."""
+    made: list[LentWorkshop] = []
+    yield made
+    for workshop in made:
+        Workshop.close(workshop)
+
+
 @pytest.fixture
-def window(place: Place, qtbot: QtBot) -> Iterator[MainWindow]:
+def workshop(place: Place, lent: list[LentWorkshop], monkeypatch: pytest.MonkeyPatch) -> LentWorkshop:
+    """The workshop of this test's windows."""
+    if not lent or lent[0]._closed:
+        lent[:] = [LentWorkshop()]
+    lent[0].move_to(place)
+    monkeypatch.setattr("calstation.gui.context.Workshop", lambda: lent[0])
+    return lent[0]
+
+
+@pytest.fixture
+def window(place: Place, workshop: LentWorkshop, qtbot: QtBot) -> Iterator[MainWindow]:
     """The window on the place's station, English, light, shown at 1366x768."""
     made = create_window(place.station)
     assert isinstance(made, MainWindow)

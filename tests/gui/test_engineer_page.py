@@ -238,6 +238,7 @@ def test_a_schedule_is_checked_as_typed_previewed_and_saved_to_its_product(
     assert "are the product's" in engineer.why_not("save_product_button")
 
 
+@pytest.mark.long
 def test_a_departure_is_run_and_stands_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
     engineer.tick("stage_check_six_position")
     before = engineer.start()

@@ -184,6 +184,7 @@ def test_closing_during_a_run_asks_and_then_stops(operator: Operator) -> None:
     assert results(operator.place)[0]["outcome"] == "stopped"
 
 
+@pytest.mark.long
 def test_an_interrupted_run_is_offered_at_the_start_and_continued(operator: Operator, place: Place) -> None:
     place.write({"stages": ["six_position", "rate"]})
     operator.scan(SERIAL)

@@ -119,7 +119,8 @@ def operator(
     """An operator at the page, which stands alone below its header."""
     application = QApplication.instance()
     assert isinstance(application, QApplication)
-    application.setStyle("Fusion")
+    if not application.styleSheet():
+        application.setStyle("Fusion")
     language.use("en")
     theme.apply("light")
     monkeypatch.setattr("calstation.gui.context.Workshop", lambda: workshop)

@@ -77,6 +77,7 @@ def test_in_force_is_what_was_proved_last_and_not_what_was_kept(tmp_path: Path) 
         assert found == InForce(1e-4, 1.0, "2026-11-01T08:00:00+00:00")
 
 
+@pytest.mark.long
 def test_a_part_keeps_and_says_so(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = {"stages": ["six_position"]}
     place.write(whole, flash_file=str(place.folder / "flash.bin"))

@@ -111,6 +111,7 @@ def test_a_stopped_run_is_resumed_at_its_last_finished_stage(place: Place, befor
     assert History(place.folder / "runs").attempts("SN-000042") == 1
 
 
+@pytest.mark.long
 def test_a_resumed_run_can_be_resumed_again(place: Place, before: Verdict) -> None:
     first = before
     place.control.send(Command.STOP)

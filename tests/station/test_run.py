@@ -49,6 +49,7 @@ def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(place: Place)
         assert resolve(path).result["parameters"] == result["parameters"]
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_run(place: Place) -> None:
     first = place.run("six_position").result
     second = place.run("six_position").result
@@ -207,6 +208,7 @@ def test_every_outcome_is_handed_over_and_found_again(place: Place) -> None:
     assert [run.attempt for run in history.runs()] == [4, 3, 2, 1]
 
 
+@pytest.mark.long
 def test_a_hand_over_folder_that_is_missing_fails_no_run(place: Place) -> None:
     station = place.station.read_text("utf-8")
     place.station.write_text(f'{station}\n[handover]\nfolder = "share"\n', encoding="utf-8")

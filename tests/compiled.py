@@ -1,0 +1,16 @@
+"""For `make test`: compiles every kernel once, before two workers would both begin to."""
+
+import subprocess
+import sys
+
+ESTIMATION = "from calstation.estimation.warm import warm_up; warm_up()"
+BENCH = """
+from calstation.bench.config import BenchConfig
+from calstation.bench.process import warm_up
+warm_up(BenchConfig())
+"""
+
+
+if __name__ == "__main__":
+    working = [subprocess.Popen([sys.executable, "-c", code]) for code in (ESTIMATION, BENCH)]
+    sys.exit(max(process.wait() for process in working))

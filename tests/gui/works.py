@@ -1,0 +1,11 @@
+"""Work for the workshop that windows of several tests share."""
+
+import os
+
+from calstation.station.worker import Tell
+
+
+def live_in(tell: Tell, folder: str, home: str) -> None:
+    """Go to a test's place, as a process started there would be."""
+    os.chdir(folder)
+    os.environ["CALSTATION_HOME"] = home
