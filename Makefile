@@ -10,10 +10,10 @@ run: $(VENV)/installed
 
 test: $(VENV)/installed-dev
 	$(VENV)/bin/python tests/compiled.py
-	$(VENV)/bin/python -m pytest -n 2 --dist loadgroup $$($(VENV)/bin/python tests/without_window.py)
+	$(VENV)/bin/python -m pytest -n 3 --dist worksteal $$($(VENV)/bin/python tests/without_window.py)
 
 rehearse: $(VENV)/installed-dev
-	$(VENV)/bin/python -m pytest -m long -n 2 --dist loadgroup
+	$(VENV)/bin/python -m pytest -m long -n 2
 
 check: $(VENV)/installed-dev
 	$(VENV)/bin/ruff check .

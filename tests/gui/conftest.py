@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import tomli_w
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QCoreApplication, QEvent, Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
@@ -71,12 +71,13 @@ class Place:
 
 
 @pytest.fixture(autouse=True)
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Place:
-    """An empty place; configuration, settings and runs go nowhere else."""
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
+    """An empty place; configuration, settings and runs go nowhere else. Windows do not outlive their test."""
     made = Place(tmp_path)
     monkeypatch.setenv("CALSTATION_HOME", str(made.home))
     monkeypatch.chdir(tmp_path)
-    return made
+    yield made
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
 
 
 class LentWorkshop(Workshop):

@@ -174,6 +174,7 @@ def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(place: 
     assert handed == sorted([log.with_suffix(".json").name, Path(verdict.result_file).name])
 
 
+@pytest.mark.long
 def test_where_every_stage_was_finished_only_the_conclusion_is_left(place: Place) -> None:
     def watch(event: Event) -> None:
         if isinstance(event, StageSolved) and event.stage == "six_position":

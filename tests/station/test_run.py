@@ -188,6 +188,7 @@ def test_a_result_names_its_files_and_what_was_not_compared(
     assert "accel_bias_x within" in [check["name"] for check in result["checks"]]
 
 
+@pytest.mark.long
 def test_every_outcome_is_handed_over_and_found_again(place: Place) -> None:
     place.run("six_position")
     place.run("rate", on_event=place.once(StepStarted, Command.STOP))
