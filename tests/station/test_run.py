@@ -155,6 +155,7 @@ def test_a_stream_behind_the_registers_has_them_read_and_logged_first(
     assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
 
 
+@pytest.mark.long
 def test_a_failed_unit_is_advised_by_how_often_it_failed_and_then_not_taken_any_more(place: Place) -> None:
     place.write({"attempts_allowed": 3, "advice": ["reseat", "repeat"]}, out_of_limits=True)
     told = []

@@ -33,7 +33,7 @@ def outside(study: dict) -> list:
 @pytest.mark.parametrize(
     ("grade", "seeds", "names"),
     [
-        ("nav", 3, ("full", "full, no outer lever")),
+        ("nav", 2, ("full", "full, no outer lever")),
         ("nav", 12, ("rate", "six_position", "scale factors")),
         ("tactical", 2, ("full", "excitation")),
         ("mems", 3, ("full", "azimuth_flip")),
