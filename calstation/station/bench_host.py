@@ -99,7 +99,10 @@ def _first(lines: "SimpleQueue[bytes]", hear: Callable[[], None]) -> bytes:
 
 
 def _read_line(stream: IO[bytes], lines: "SimpleQueue[bytes]") -> None:
-    lines.put(stream.readline())
+    try:
+        lines.put(stream.readline())
+    except (OSError, ValueError):  # a stop closed the pipe while the bench came up: nobody waits for its line
+        return
 
 
 def _discard(stream: IO[bytes]) -> None:
