@@ -1,6 +1,5 @@
 """Who, which unit, which product, START and Pause: the operator page's part of the strip beside STOP."""
 
-import getpass
 import re
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.gui import theme
+from calstation.station.who import computer_user
 
 
 class RunHeader(QWidget):
@@ -87,7 +87,7 @@ class RunHeader(QWidget):
     @property
     def operator(self) -> str | None:
         """The badge, or the computer's user where none was given."""
-        return self.operator_edit.text().strip() or _user()
+        return self.operator_edit.text().strip() or computer_user()
 
     @property
     def product(self) -> Path | None:
@@ -201,10 +201,3 @@ class RunHeader(QWidget):
 
 
 _COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
-
-
-def _user() -> str | None:
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError, ImportError):
-        return None

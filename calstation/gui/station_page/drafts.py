@@ -1,12 +1,12 @@
 """All files being edited: one draft per file, so that a form and a text never tell different stories of it."""
 
-import getpass
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QSettings, Signal
 
 from calstation.gui.station_page.draft import Draft
 from calstation.station import library, settings, versions
+from calstation.station.who import computer_user
 
 
 class Drafts(QObject):
@@ -54,7 +54,7 @@ class Drafts(QObject):
     def author(self) -> str:
         """Who stands in the versions: the name given on this page, else the user of this computer."""
         given = str(self._settings.value("author", "")).strip()
-        return given or computer_user()
+        return given or who_saves()
 
     def save(self) -> None:
         """Store all that has been typed as the site's own files, each as a new version.
@@ -96,9 +96,6 @@ class Drafts(QObject):
         return draft
 
 
-def computer_user() -> str:
+def who_saves() -> str:
     """The user of this computer, "engineer" where it does not tell."""
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError, ImportError):
-        return "engineer"
+    return computer_user() or "engineer"

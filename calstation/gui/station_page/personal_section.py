@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 from calstation.errors import ConfigurationError
 from calstation.gui import language, theme
 from calstation.gui.context import AppContext
-from calstation.gui.station_page.drafts import Drafts, computer_user
+from calstation.gui.station_page.drafts import Drafts, who_saves
 from calstation.gui.station_page.fields import Row, at_top, tab_through
 from calstation.gui.station_page.inputs import ChoiceBox
 from calstation.station import role
@@ -46,7 +46,7 @@ class PersonalSection(QWidget):
         self.runs_button.setObjectName("runs_folder_button")
         self.runs_button.clicked.connect(self._choose_runs)
         self.author_edit.setObjectName("author_edit")
-        self.author_edit.setPlaceholderText(computer_user())
+        self.author_edit.setPlaceholderText(who_saves())
         self.author_edit.textEdited.connect(lambda text: app.settings.setValue("author", text.strip()))
         self._runs_note = QLabel()
         self._runs_note.setProperty("kind", "muted")
