@@ -13,7 +13,8 @@ from rich.table import Table
 
 from calstation.cli.wording import CHECKS
 from calstation.errors import ConfigurationError
-from calstation.physics.units import display, number
+from calstation.physics.units import DEGREE, display, number
+from calstation.station.place import LATITUDE
 from calstation.station.result import write_json
 
 
@@ -64,11 +65,15 @@ def result_table(console: Console, result: Mapping[str, Any]) -> None:
         console.print(table)
     for check in checks.values():
         verdict = "OUTSIDE" if not check["passed"] else "ok, near its limit" if check["near_miss"] else "ok"
-        unit = "" if check["unit"] == "1" else f" {check['unit']}"
+        unit, size = ("°", DEGREE) if check["name"] == LATITUDE else (check["unit"], 1.0)
+        unit = "" if unit == "1" else f" {unit}"
         where = f" at {check['where']}" if "where" in check else ""
         name = CHECKS.get(check["name"], check["name"])
+        limit = check["limit"]
+        bounds = limit if isinstance(limit, list) else [limit]
+        shown = " to ".join(f"{bound / size:.4g}" for bound in bounds)
         console.print(
-            f"{name}: {check['value']:.4g}{unit}{where} (limit {check['limit']:.4g}{unit})  {verdict}",
+            f"{name}: {check['value'] / size:.4g}{unit}{where} (limit {shown}{unit})  {verdict}",
             highlight=False,
         )
 

@@ -97,6 +97,7 @@ CHECKS: dict[str, str] = {
     "motion_improvement": "angle of motions against the reference, for what it was",
     "offline_online": "solved again against the run",
     "excitation": "part of a sigma that is left",
+    "latitude": "latitude as the gyros see the earth turn",
 }
 """What an acceptance check compares; parameters and stages speak for themselves."""
 

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.estimation.context import Belief, SolveContext
 from calstation.estimation.evidence import Evidence
+from calstation.estimation.latitude import SeenLatitude
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.motion import Step
@@ -77,6 +78,7 @@ class Solution:
     innovations : for who looks closer; no part of a result
     found : values by contract name that are none of the 30 parameters
     evidence : rests and motions of its samples, where the product's checks ask for them
+    latitude : as the gyros see it in all rests so far, where they are good enough
     """
 
     stage: str
@@ -90,6 +92,7 @@ class Solution:
     innovations: Innovations | None = None
     found: Mapping[str, Estimate] = field(default_factory=dict)
     evidence: Evidence | None = None
+    latitude: SeenLatitude | None = None
 
 
 class StageSolver(Protocol):

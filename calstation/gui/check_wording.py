@@ -8,7 +8,8 @@ from PySide6.QtCore import QCoreApplication
 
 from calstation.gui.wording import QT_TRANSLATE_NOOP, word_group, word_stage
 from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
-from calstation.physics.units import ARCSECOND, MICRO_G, display
+from calstation.physics.units import ARCSECOND, DEGREE, MICRO_G, display
+from calstation.station.place import LATITUDE
 
 _SENTENCES = {
     "gravity_at_rest": QT_TRANSLATE_NOOP("checks", "At every rest the force is as long as gravity"),
@@ -23,6 +24,7 @@ _SENTENCES = {
     ),
     "offline_online": QT_TRANSLATE_NOOP("checks", "Solved again, the log gives the run's answer"),
     "excitation": QT_TRANSLATE_NOOP("checks", "Every sigma is a small part of what it was"),
+    LATITUDE: QT_TRANSLATE_NOOP("checks", "The gyros see the earth turn as at the station's latitude"),
 }
 """What acceptance checks ask, by their names (`records.checks`)."""
 
@@ -133,6 +135,8 @@ def _word_parameter(name: str) -> str:
 
 def _unit(name: str, unit: str) -> tuple[str, float]:
     """In what a check's numbers are shown, and the size of that in SI."""
+    if name == LATITUDE:
+        return "°", DEGREE
     for part in name.split(" "):
         if part in INDEX or pair_parameter(part) is not None:
             shown = display(part, 1.0)

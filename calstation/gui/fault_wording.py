@@ -211,6 +211,21 @@ SENTENCES: tuple[str, ...] = (
         "{0}: the log cannot be written any more ({1}); make room on its disk, or bring its folder back, then"
         " resume the run",
     ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "site.latitude_deg = {0} in the station file, but the unit's gyros see the earth turn as at {1}° (sigma {2}°);"
+        " correct latitude and gravity of the place, or look at the gyros where another unit agrees with the file",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "{0}: site.gravity_mps2 is missing, and gyros of this grade do not feel the earth turn: a wrong latitude"
+        " would show nowhere; add the gravity surveyed at the place, from a gravity net or a gravimeter",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "{0}: site.gravity_mps2 = {1} does not belong to latitude {2}° and height {3} m, where normal gravity is {4};"
+        " correct gravity, latitude or height",
+    ),
     QT_TRANSLATE_NOOP("faults", "virtual bench: its process has ended; start the run again"),
     QT_TRANSLATE_NOOP("faults", "virtual bench: lost ({0}); start the run again"),
     QT_TRANSLATE_NOOP(
@@ -298,6 +313,11 @@ class FaultWords:
     place: str
     reason: str
     mend: str
+
+    @property
+    def sentences(self) -> str:
+        """What is wrong and what to do, one behind the other."""
+        return f"{self.reason} {self.mend}".strip()
 
 
 def word_fault(kind: str, text: str) -> FaultWords:

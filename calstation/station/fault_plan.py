@@ -25,6 +25,7 @@ from calstation.configuration import StrictModel, load, suggestion
 from calstation.records import raw_log
 from calstation.sequencer.events import Event, StageStarted, StepStarted
 from calstation.sequencer.ports import Emit
+from calstation.station.config import StationConfig
 
 ORDERS: tuple[str, ...] = get_args(OrderName)
 """Kinds that the running bench carries out."""
@@ -32,7 +33,7 @@ ORDERS: tuple[str, ...] = get_args(OrderName)
 _SET_UP: Mapping[str, Callable[[dict[str, Any], float], dict[str, Any]]] = {
     "wrong_unit": lambda bench, value: {"serial": f"{bench['serial']}-OTHER"},
     "mounted_otherwise": lambda bench, value: {"mount_deg": [value, value]},
-    "wrong_latitude": lambda bench, value: {"latitude_deg": bench["latitude_deg"] + value},
+    "wrong_latitude": lambda bench, value: {"latitude_deg": bench["latitude_deg"] - value},
     "wrong_gravity": lambda bench, value: {"gravity_mps2": (bench.get("gravity_mps2") or 9.8) + value},
     "watchdog_off": lambda bench, value: {"watchdog_ms": 0},
     "interlock_open": lambda bench, value: {"interlock_closed": False},
@@ -42,7 +43,8 @@ _SET_UP: Mapping[str, Callable[[dict[str, Any], float], dict[str, Any]]] = {
 _VALUES = {"mounted_otherwise": 20.0, "wrong_latitude": 10.0, "wrong_gravity": 0.05}
 SET_UP = tuple(_SET_UP)
 """Kinds that make the bench another from the start; `stage`, `step` and `time_s` do not belong to them. Values: degrees
-that the unit is turned, degrees and m/s² by which latitude and gravity differ from the station file's."""
+that the unit is turned; degrees added to the latitude in the station file, while its gravity stays; m/s² by which
+gravity is more than the station file's."""
 
 HOST = ("engine_killed", "disk_full", "runs_folder_gone")
 """Kinds that befall the computer: the engine's process dies, its disk seems full, the folder is taken away."""
@@ -91,17 +93,29 @@ class FaultPlan(StrictModel):
         drawn = random.Random(self.seed)
         return [drawn.uniform(*f.time_s) if isinstance(f.time_s, list) else f.time_s for f in self.fault]
 
+    def station(self, station: StationConfig) -> StationConfig:
+        """The station file with what is wrong in it."""
+        wrong = sum(self._value(fault) for fault in self.fault if fault.kind == "wrong_latitude")
+        site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + wrong})
+        return station.model_copy(update={"site": site})
+
     def bench(self, told: dict[str, Any]) -> dict[str, Any]:
-        """The bench's configuration with what is so from the start, and with faults by the second."""
+        """The bench's configuration with what is so from the start, and with faults by the second.
+
+        told : what the station file says, with what is wrong in it
+        """
         told = dict(told)
         orders = list(told.get("orders", []))
         for fault, time in zip(self.fault, self.times(), strict=True):
             if fault.kind in SET_UP:
-                value = _VALUES.get(fault.kind, 0.0) if fault.value is None else fault.value
-                told |= _SET_UP[fault.kind](told, value)
+                told |= _SET_UP[fault.kind](told, self._value(fault))
             elif fault.kind in ORDERS and fault.stage is None:
                 orders.append({"order": fault.kind, "at": time, **_value(fault)})
         return told | ({"orders": orders} if orders else {})
+
+    @staticmethod
+    def _value(fault: PlannedFault) -> float:
+        return _VALUES.get(fault.kind, 0.0) if fault.value is None else fault.value
 
 
 def load_fault_plan(path: Path) -> FaultPlan:

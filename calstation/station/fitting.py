@@ -5,7 +5,7 @@ from pathlib import Path
 from calstation.errors import ConfigurationError
 from calstation.station import library
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, check_hands, configured
+from calstation.station.setup import Setup, check_station, configured
 
 
 def fitting_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
@@ -21,7 +21,7 @@ def fitting_products(station: Path | None, instead_of: Path | None) -> list[tupl
         if setup is None:
             continue
         try:
-            check_hands(setup, path)
+            check_station(setup, path)
         except ConfigurationError:
             continue
         other = wanted is None or setup.product.imu != wanted.product.imu

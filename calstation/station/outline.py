@@ -12,7 +12,7 @@ from calstation.records.meta import context_from_meta
 from calstation.sequencer.fresh_data import DURATION
 from calstation.sequencer.preview import plan_time
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, check_hands, configured
+from calstation.station.setup import Setup, check_station, configured
 from procedures import method
 
 
@@ -71,7 +71,7 @@ def outline(request: RunRequest) -> Outline:
     Raises ConfigurationError with file, field and mend.
     """
     setup, product_path = configured(request)
-    check_hands(setup, product_path)
+    check_station(setup, product_path)
     load = setup.product.load_angle
     geometry = setup.table.geometry()
     meta = setup.meta(datetime.now(UTC), 1, {})

@@ -21,6 +21,7 @@ from calstation.records.facts import LogFacts
 from calstation.records.limits import NEAR, Check, check_limits, estimated_stage, not_compared, unobservable
 from calstation.records.meta import LogMeta, context_from_meta
 from calstation.station.part import is_part
+from calstation.station.place import check_latitude
 
 SCHEMA = "calstation.result/1"
 
@@ -52,10 +53,11 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     found = check_limits(limits, prior, solutions, near)
     if section is not None:
         found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
-    checks = tuple(found)
+    there = check_latitude(meta, solutions)
+    checks = (*found, *there)
     if not limits and section is None:
         return Judgement(checks, None)
-    passed = bool(checks) and all(check.passed for check in checks)
+    passed = bool(found) and all(check.passed for check in checks)
     return Judgement(checks, passed, tuple(not_compared(limits, solutions)))
 
 

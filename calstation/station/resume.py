@@ -24,6 +24,7 @@ from calstation.sequencer.events import to_json
 from calstation.sequencer.ports import Journal
 from calstation.sequencer.solved import told
 from calstation.station.history import History
+from calstation.station.place import LATITUDE
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup
 from calstation.station.solve import StageChain
@@ -109,6 +110,8 @@ def _offer(record: RunRecord) -> list[Resumable]:
     result = log.results[-1] if log.results else {}
     if (result.get("registers") or {}).get("new") is not None:
         return []  # the unit is another one now: its transfer is to be finished or taken back instead
+    if any(check["name"] == LATITUDE and not check["passed"] for check in result.get("checks", ())):
+        return []  # it was solved for another place
     return [
         Resumable(
             serial=record.serial,

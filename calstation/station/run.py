@@ -28,6 +28,7 @@ from calstation.station.fault_plan import FaultInjector
 from calstation.station.handover import HandOver, expect
 from calstation.station.history import History
 from calstation.station.incomplete import settle_incomplete
+from calstation.station.place import refuse_other_place, there
 from calstation.station.request import RunRequest
 from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.resume import Continuation
@@ -96,7 +97,11 @@ class _Run:
     registers: dict[str, Any] = field(default_factory=dict)
 
     def verify(self, solution: Solution) -> bool:
-        """Go on after a stage? Not where the product ends early and a limit is missed."""
+        """Go on after a stage? Not where the product ends early and a limit is missed.
+
+        Raises ConfigurationError where the station cannot be where its file says.
+        """
+        refuse_other_place(self.meta, tuple(self.chain.solutions))
         if not self.place.setup.product.end_on_failure:
             return True
         if judge(self.meta, self.chain.prior, tuple(self.chain.solutions)).passed:
@@ -110,7 +115,8 @@ class _Run:
         self.place.emit(event)
 
     def carry_on(self) -> LastSample | None:
-        """Begin with what was finished before; None for a fresh run. Raises StopRequested, InputError."""
+        """Begin with what was finished before; None for a fresh run. Raises StopRequested, InputError and
+        ConfigurationError as `verify`."""
         before = self.place.before
         if before is None:
             return None
@@ -121,7 +127,9 @@ class _Run:
                 self.tell(event)
             self.log.sync()
 
-        return before.copy(self.log, self.chain, self.place.hear, tell)
+        after = before.copy(self.log, self.chain, self.place.hear, tell)
+        refuse_other_place(self.meta, tuple(self.chain.solutions))
+        return after
 
 
 def execute(request: RunRequest, emit: Emit, control: Control) -> None:
@@ -253,7 +261,8 @@ def _close(run: _Run, ended: Ended, duration: float) -> None:
     place, log, serial = run.place, run.log, run.meta.imu.serial
     outcome = _OUTCOMES[ended.state]
     failures = place.history.failures(serial) + (outcome == "failed")
-    finished = bool(ended.solutions) and not run.registers.get("new")
+    judgement = judge(run.meta, run.chain.prior, ended.solutions)
+    finished = bool(ended.solutions) and not run.registers.get("new") and there(judgement.checks)
     ending = Ending(
         outcome,
         str(log.path),
@@ -264,7 +273,6 @@ def _close(run: _Run, ended: Ended, duration: float) -> None:
         stop_reason=place.control.stop_reason if outcome == "stopped" else None,
         advice=advice(place.setup.product, outcome, failures, finished),
     )
-    judgement = judge(run.meta, run.chain.prior, ended.solutions)
     result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending)
     result["passed"] = ended.state is State.PASSED
     log.add_result(result)

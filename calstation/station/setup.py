@@ -42,6 +42,7 @@ from calstation.station.config import (
     schedule_values,
 )
 from calstation.station.fault_plan import FaultPlan, load_fault_plan
+from calstation.station.place import check_place
 from calstation.station.request import RunRequest
 from procedures import method
 
@@ -242,7 +243,7 @@ def prepare(request: RunRequest) -> Setup:
     """Read and check everything that a run needs. Raises ConfigurationError with file, field and mend."""
     setup, product_path = configured(request)
     _check_serial(setup, product_path)
-    check_hands(setup, product_path)
+    check_station(setup, product_path)
     for stage in setup.stages:
         chosen = method(stage)
         if chosen.needs_no_table:  # some of these no table can drive at all
@@ -278,12 +279,22 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
         texts=texts,
         files={kind: _file(kind, path, texts[kind]) for kind, path in paths.items()},
     )
-    setup = replace(setup, faults=_faults(setup, station_path))
+    faults = _faults(setup, station_path)
+    setup = replace(setup, faults=faults, station=faults.station(station))
     _check_bench(setup, station_path)
     _check_targets("targets", product.targets, product_path)
     for stage, schedule in setup.schedules.items():
         _check_targets(f"schedule.{stage}.targets", getattr(schedule, "targets", {}), product_path)
     return setup, product_path
+
+
+def check_station(setup: Setup, product_path: Path) -> None:
+    """Whether the product can be calibrated at this station: its rig, and how well its place is known.
+
+    Raises ConfigurationError with field and mend, HandsError where it is the rig.
+    """
+    check_hands(setup, product_path)
+    check_place(setup.meta(datetime.now(UTC), 1, {}), load_station(setup.request.station)[0])
 
 
 def check_hands(setup: Setup, product_path: Path) -> None:

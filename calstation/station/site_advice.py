@@ -4,10 +4,7 @@ import math
 
 from calstation.physics.earth import normal_gravity
 from calstation.station.finding import Finding, Value
-
-_GRAVITY_OFF = 1e-3
-"""Largest fraction by which surveyed and normal gravity differ anywhere people calibrate: anomalies stay below
-5e-4 (0.5 Gal), so more than this is a slip of a digit."""
+from calstation.station.place import ANOMALY
 
 _NEAR_POLE = 80.0
 """Above this latitude, degrees, the earth's horizontal rate is too small to find an azimuth from."""
@@ -36,7 +33,7 @@ def advice(
     expected = normal(latitude_deg, height_m)
     if expected is not None and isinstance(gravity_mps2, float | int):
         off = gravity_mps2 / expected - 1.0
-        if abs(off) > _GRAVITY_OFF:
+        if abs(off) > ANOMALY:
             values: dict[str, Value] = {"ppm": off * 1e6, "percent": off * 1e2, "normal": expected}
             found.append(Finding("gravity_off", "look", values))
     if latitude_deg == 0 and longitude_deg == 0:

@@ -12,6 +12,7 @@ from calstation.configuration import validate
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.context import Belief
 from calstation.estimation.evidence import gather
+from calstation.estimation.latitude import RestingOutput, feels_earth
 from calstation.estimation.method import Progress, Solution, StageSolver
 from calstation.estimation.samples import SampleBlock
 from calstation.estimation.spool import Spool
@@ -51,6 +52,8 @@ class StageChain:
         checks = meta.product.checks if meta.product is not None else None
         self._gather = checks is not None and checks.need_samples
         self._kept = Spool()
+        imu = self._context.imu
+        self._resting = RestingOutput(imu) if feels_earth(imu) else None
         self.solutions: list[Solution] = []
 
     def warm(self) -> None:
@@ -78,6 +81,8 @@ class StageChain:
         self._solver.feed(block)
         if self._gather:
             self._kept.append(block)
+        if self._resting is not None:
+            self._resting.feed(block)
 
     def sigma(self) -> FloatArray:
         """Standard deviations of the 30 parameters so far, shape (30,), SI."""
@@ -103,6 +108,8 @@ class StageChain:
             data = stage_data(list(self._kept.blocks()), self._context.imu)
             found = gather(self._stage, data, self._context, self.prior.mean, solution.belief.mean)
             solution = replace(solution, evidence=found)
+        if self._resting is not None:
+            solution = replace(solution, latitude=self._resting.latitude(solution.belief))
         self._belief = solution.belief
         self.solutions.append(solution)
         return solution

@@ -79,6 +79,7 @@ class Floor:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.product: dict[str, Any] = PRODUCT
+        self.site: dict[str, Any] = {}
 
     def request(
         self, *faults: dict[str, Any], stages: tuple[str, ...] = ("rate",), **bench: Any
@@ -93,7 +94,7 @@ class Floor:
             **bench,
         }
         for name, content in (
-            ("station", {**STATION, "bench": settings}),
+            ("station", {**STATION, "site": {**STATION["site"], **self.site}, "bench": settings}),
             ("product", self.product),
             ("plan", {"fault": list(faults)}),
         ):

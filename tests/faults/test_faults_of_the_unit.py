@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calstation.errors import ConfigurationError
 from calstation.records.log import open_log
 from calstation.sequencer.events import Message, StepStarted, Trace
 from calstation.station import register_journal
+from calstation.station.resume import resumable
 from tests.faults.conftest import SERIAL, Floor, fault
-from tests.station.conftest import PRODUCT
+from tests.station.conftest import PRODUCT, QUICK
 
 pytestmark = pytest.mark.long
 
@@ -111,11 +113,41 @@ def test_an_adapter_that_was_unplugged_works_again_when_it_is_back(floor: Floor)
     assert floor.run().verdict.outcome == "passed"
 
 
-def test_a_wrong_latitude_is_never_a_pass(floor: Floor) -> None:
-    ran = floor.run({"kind": "wrong_latitude", "value": 5.0}, stages=("rate", "six_position"))
+def test_a_wrong_latitude_is_seen_by_the_gyros_before_anything_is_written(floor: Floor) -> None:
+    rests = {**PRODUCT["schedule"], "six_position": {"dwell_s": 10.0, **QUICK}}
+    floor.product = {**PRODUCT, "schedule": rests}
+    ran = floor.run(
+        {"kind": "wrong_latitude", "value": -2.0}, stages=("rate", "six_position", "azimuth_flip")
+    )
+    ran.assert_stopped("site.latitude_deg = 32.25", "as at 34.", "correct latitude")
+    assert ran.verdict.result["stages"] == ["rate", "six_position"]
+    assert not ran.verdict.result["registers"]
+    assert [c["name"] for c in ran.verdict.result["checks"] if not c["passed"]] == ["latitude"]
+    assert not register_journal.history(floor.folder / "runs", SERIAL)
+    assert ran.verdict.result["advice"] != "resume"
+    assert resumable(floor.folder / "runs") == []
+
+
+def test_a_wrong_latitude_is_seen_when_nothing_but_the_proof_can_tell(floor: Floor) -> None:
+    ran = floor.run({"kind": "wrong_latitude", "value": 5.0}, stages=("rate",))
     ran.assert_stopped("earth_rate_up", "old registers were put back", "latitude")
     (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
     assert entry.closing == "restored"
+
+
+@pytest.mark.parametrize("degrees", [-10.0, 10.0])
+def test_gyros_that_do_not_feel_the_earth_need_gravity_and_latitude_that_agree(
+    floor: Floor, degrees: float
+) -> None:
+    floor.product = {**PRODUCT, "imu": "bench_mems"}
+    with pytest.raises(ConfigurationError, match=r"site.gravity_mps2 is missing.*; add the gravity"):
+        floor.run(stages=("six_position",))
+    floor.site = {"gravity_mps2": 9.79547}
+    with pytest.raises(
+        ConfigurationError, match=r"does not belong to latitude .*; correct gravity, latitude"
+    ):
+        floor.run({"kind": "wrong_latitude", "value": degrees}, stages=("six_position",))
+    assert not list((floor.folder / "runs").glob("*.h5"))
 
 
 def test_a_wrong_gravity_is_never_a_pass(floor: Floor) -> None:

@@ -47,6 +47,7 @@ class Rig(Place):
     def write(self, product: dict | None = None, **bench: object) -> None:
         super().write({**PRODUCT, **(product or {})}, **bench)
         site = {key: value for key, value in STATION["site"].items() if key != "azimuth_deg"}
+        site["gravity_mps2"] = 9.79547
         station = {**STATION, "site": site, "table": {"profile": "hand_rails"}, "bench": {"seed": 5, **bench}}
         self.station.write_text(tomli_w.dumps(station), encoding="utf-8")
 

@@ -54,17 +54,17 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
         ("imus", "bench_nav", "sigma = 2.5e-05", "sigma = -1.0", 90, "prior.gyro_bias.sigma = -1.0"),
         ("imus", "bench_nav", "address = 12", "address = 11", 1, "overlap"),
         ("tables", "bench", "homed = 12", "homed = 16", 45, "status_bits.homed = 16 is out of range"),
-        ("stations", "virtual_bench", "seed = 1", "seed = -1", 15, "bench.seed = -1 is out of range"),
+        ("stations", "virtual_bench", "seed = 1", "seed = -1", 16, "bench.seed = -1 is out of range"),
         (
             "stations",
             "virtual_bench",
             'profile = "bench"',
             'profile = "x"',
-            11,
+            12,
             "table.profile = 'x' does not",
         ),
-        ("stations", "example_hardware", "baud = 921600", "baud = 9.5", 20, "must be a whole number"),
-        ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', 12, "did you mean 'port'?"),
+        ("stations", "example_hardware", "baud = 921600", "baud = 9.5", 21, "must be a whole number"),
+        ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', 13, "did you mean 'port'?"),
     ],
 )
 def test_a_wrong_entry_is_told_with_its_line(
@@ -171,10 +171,10 @@ def test_normal_gravity_is_shown_for_a_place_and_only_for_one() -> None:
     assert normal(91, 0) is None
 
 
-def test_gravity_off_by_a_thousandth_is_told_with_its_cost() -> None:
+def test_gravity_that_no_place_has_is_told_with_its_cost() -> None:
     right = normal(34.25, 400.0)
     assert right is not None
-    assert advice(34.25, 108.9, 400.0, 0.0, right * (1 + 0.9e-3)) == ()
+    assert advice(34.25, 108.9, 400.0, 0.0, right * (1 + 2.9e-4)) == ()
     (found,) = advice(34.25, 108.9, 400.0, 0.0, right * (1 + 1.2e-3))
     assert found.id == "gravity_off"
     assert found.values["ppm"] == pytest.approx(1200.0)

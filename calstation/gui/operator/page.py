@@ -237,8 +237,8 @@ class OperatorPage(Page):
             self._problem, choices = misfit.words, misfit.choices()
         except CalstationError as error:
             planned = None
-            text = str(error)
-            self._problem = lambda: text
+            told = (type(error).__name__, str(error))
+            self._problem = lambda: word_fault(*told).sentences
         self._starting.outline = planned
         self._stages.plan(planned)
         self._loading.plan(planned)

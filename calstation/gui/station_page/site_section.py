@@ -13,6 +13,8 @@ from calstation.gui.station_page.inputs import ChoiceBox, NumberEdit
 from calstation.station import site_advice
 
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
+_NOWHERE = 9.7
+"""Gravity, m/s², that stands in the input until the surveyed one is typed: no place has it, so nothing runs with it."""
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 
 
@@ -157,7 +159,8 @@ class SiteSection(QWidget):
         self._gravity_words.setText(
             self.tr(
                 "True gravity differs from it by 50 ppm as a rule. All three accelerometer scale factors carry any "
-                "error of gravity one to one: give a surveyed value where ppm matter."
+                "error of gravity one to one: give a surveyed value where ppm matter. Units whose gyros do not feel "
+                "the earth turn are not calibrated without one: nothing else would show a wrong latitude."
             )
         )
         for box in (self.azimuth_box, self.gravity_box):
@@ -171,13 +174,11 @@ class SiteSection(QWidget):
         super().changeEvent(event)
 
     def _choose(self, place: tuple[str, str], given: bool) -> None:
-        """Give a value of one's own, beginning with the last one or the computed one; or none."""
+        """Give a value of one's own, beginning with the last one; or none."""
         value = None
         self._fields[place[1]].editor.clearFocus()
         if given:
-            normal = self._normal()
-            fallback = round(normal, 5) if place == _GRAVITY and normal is not None else 0.0
-            value = self._last.get(place, fallback)
+            value = self._last.get(place, _NOWHERE if place == _GRAVITY else 0.0)
         self._draft.set({place: value})
 
     def _normal(self) -> float | None:
@@ -194,8 +195,8 @@ class SiteSection(QWidget):
         if off is None:
             return ""
         return self.tr(
-            "{percent:+.2f} % from normal gravity: hardly meant. All three accelerometer scale factors would be "
-            "off by {ppm:+.0f} ppm."
+            "{percent:+.2f} % from normal gravity: no run starts with it. All three accelerometer scale factors "
+            "would be off by {ppm:+.0f} ppm."
         ).format(**off)
 
     def _place_advice(self) -> str:

@@ -1,0 +1,84 @@
+"""Is the station where its file says? Latitude and gravity are believed, and accelerometer scale factors carry both.
+
+Where gyros feel the earth turn, the rests of a run tell the latitude; a run that contradicts the file ends before
+anything is written. Where they do not, nothing in a unit tells it: then gravity must be surveyed, and it must
+agree with the latitude, so that a slip in either shows before anything moves.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from calstation.errors import ConfigurationError
+from calstation.estimation.latitude import SeenLatitude, feels_earth
+from calstation.estimation.method import Solution
+from calstation.physics.earth import normal_gravity
+from calstation.records.limits import Check
+from calstation.records.meta import LogMeta, SiteSection, context_from_meta
+from procedures import method
+
+ANOMALY = 3e-4
+"""Largest part by which gravity is another than normal gravity where people calibrate: 300 mGal. Free-air anomalies
+beyond that are found on summits and islands only."""
+
+
+LATITUDE = "latitude"
+"""Name of the check of the latitude seen."""
+
+
+def check_place(meta: LogMeta, station_path: Path) -> None:
+    """Raises ConfigurationError where latitude and gravity contradict each other, or nothing could contradict them."""
+    site, context = meta.site, context_from_meta(meta)
+    if site.gravity_mps2 is not None:
+        _check_gravity(site, site.gravity_mps2, station_path)
+        return
+    stages = meta.run.stages if meta.run is not None else []
+    scaled = any("accel_scale_x" in method(stage).estimates(context) for stage in stages)
+    if scaled and not feels_earth(context.imu):
+        raise ConfigurationError(
+            f"{station_path}: site.gravity_mps2 is missing, and gyros of this grade do not feel the earth turn: a wrong"
+            " latitude would show nowhere; add the gravity surveyed at the place, from a gravity net or a gravimeter"
+        )
+
+
+def _check_gravity(site: SiteSection, gravity: float, station_path: Path) -> None:
+    normal = normal_gravity(float(np.deg2rad(site.latitude_deg)), site.height_m)
+    if abs(gravity / normal - 1.0) > ANOMALY:
+        raise ConfigurationError(
+            f"{station_path}: site.gravity_mps2 = {gravity:g} does not belong to latitude {site.latitude_deg:g}° and"
+            f" height {site.height_m:g} m, where normal gravity is {normal:.5f}; correct gravity, latitude or height"
+        )
+
+
+def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check]:
+    """Whether the latest rests agree with the file's latitude; nothing where gyros do not tell."""
+    seen = _seen(solutions)
+    if seen is None:
+        return []
+    latitude = context_from_meta(meta).site.latitude
+    limit = (latitude - seen.tolerance, latitude + seen.tolerance)
+    passed = limit[0] <= seen.value <= limit[1]
+    return [Check(LATITUDE, seen.value, limit, "rad", passed)]
+
+
+def refuse_other_place(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
+    """Raises ConfigurationError where the gyros see another latitude than the file's."""
+    seen = _seen(solutions)
+    if seen is None or all(check.passed for check in check_latitude(meta, solutions)):
+        return
+    latitude, sigma = np.rad2deg(seen.value), np.rad2deg(seen.sigma)
+    raise ConfigurationError(
+        f"site.latitude_deg = {meta.site.latitude_deg:g} in the station file, but the unit's gyros see the earth turn"
+        f" as at {latitude:.2f}° (sigma {sigma:.2f}°); correct latitude and gravity of the place, or look at the"
+        " gyros where another unit agrees with the file"
+    )
+
+
+def there(checks: Iterable[Check]) -> bool:
+    """Whether no check found the station elsewhere: what a run measured there is of no use to another."""
+    return all(check.passed for check in checks if check.name == LATITUDE)
+
+
+def _seen(solutions: tuple[Solution, ...]) -> SeenLatitude | None:
+    return solutions[-1].latitude if solutions else None

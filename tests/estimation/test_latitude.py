@@ -1,0 +1,108 @@
+"""The latitude that a unit sees: right within its sigma over many units, and None where the rests do not tell it."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from simulated_stages import block_of, context_of, cut, prior_of, simulate
+
+from calstation.bench.simulate import Simulator
+from calstation.bench.truth import BenchTruth
+from calstation.estimation.context import Belief
+from calstation.estimation.latitude import RestingOutput, SeenLatitude, feels_earth
+from calstation.estimation.samples import SampleBlock
+
+UNITS = 12
+
+
+def see(truth: BenchTruth, blocks: list[SampleBlock], belief: Belief | None = None) -> SeenLatitude | None:
+    resting = RestingOutput(context_of(truth).imu)
+    for block in blocks:
+        resting.feed(block)
+    return resting.latitude(prior_of(truth) if belief is None else belief)
+
+
+@cache
+def six_positions(grade: str, seed: int) -> tuple[BenchTruth, SampleBlock]:
+    truth = BenchTruth.draw(grade, seed, sample_rate=100.0)
+    return truth, block_of(simulate(Simulator(truth, seed), truth, "six_position", dwell_s=25.0))
+
+
+@pytest.mark.parametrize("grade", ["nav", "tactical"])
+def test_it_is_right_within_its_sigma(grade: str) -> None:
+    off = []
+    for seed in range(UNITS):
+        truth, block = six_positions(grade, seed)
+        known = replace_gyros(truth)
+        seen = see(truth, [block], known)
+        assert seen is not None
+        off.append((seen.value - truth.table.latitude) / seen.sigma)
+    assert np.abs(off).max() < 4.0
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.6  # chi-square of 12, 99.9 %: 0.47 to 1.58
+
+
+def replace_gyros(truth: BenchTruth) -> Belief:
+    """The parameters known, as after a whole calibration."""
+    return Belief(truth.imu.parameters, prior_of(truth).covariance * 1e-6)
+
+
+@pytest.mark.parametrize("grade", ["nav", "tactical"])
+def test_before_the_matrix_of_the_gyros_is_known_the_sigma_says_so(grade: str) -> None:
+    for seed in range(UNITS):
+        truth, block = six_positions(grade, seed)
+        seen, known = see(truth, [block]), see(truth, [block], replace_gyros(truth))
+        assert seen is not None
+        assert known is not None
+        assert abs(seen.value - truth.table.latitude) < seen.tolerance
+        assert seen.sigma > known.sigma
+
+
+def test_it_is_the_same_however_the_samples_came_in_blocks() -> None:
+    truth, block = six_positions("nav", 0)
+    whole = see(truth, [block])
+    assert whole is not None
+    for places in ([1, 2, 3], [99, 100, 101, 250], list(range(7, len(block), 7))):
+        assert see(truth, cut(block, places)) == whole
+
+
+def test_spoilt_and_missing_samples_take_their_second_with_them() -> None:
+    truth, block = six_positions("nav", 1)
+    counts, valid = block.counts.copy(), block.valid.copy()
+    counts[1000:1010] *= 50.0
+    valid[1000:1010] = False
+    spoilt = replace(block, counts=counts, valid=valid)
+    torn = [block.part(0, 2000), block.part(2050, len(block))]
+    for blocks in ([spoilt], torn):
+        seen = see(truth, blocks, replace_gyros(truth))
+        assert seen is not None
+        assert abs(seen.value - truth.table.latitude) < 4.0 * seen.sigma
+
+
+def test_without_turning_the_unit_over_there_is_none() -> None:
+    truth = BenchTruth.draw("nav", 3, sample_rate=100.0)
+    assert see(truth, [block_of(simulate(Simulator(truth, 3), truth, "azimuth_flip"))]) is None
+    assert see(truth, []) is None
+
+
+def test_a_table_that_shakes_widens_the_sigma() -> None:
+    truth, block = six_positions("nav", 4)
+    calm = see(truth, [block], replace_gyros(truth))
+    shaken = block.counts.copy()
+    shaken[:, :3] += np.random.default_rng(1).normal(
+        0.0,
+        40.0
+        * truth.imu.gyro_arw
+        * 10.0
+        / truth.imu.gyro_lsb
+        * (0.01 if truth.imu.output == "increment" else 1.0),
+        (len(block), 3),
+    )
+    rough = see(truth, [replace(block, counts=shaken)], replace_gyros(truth))
+    assert calm is not None
+    assert rough is None or rough.sigma > 5.0 * calm.sigma
+
+
+def test_who_feels_the_earth_turn() -> None:
+    felt = {g: feels_earth(context_of(BenchTruth.draw(g, 1)).imu) for g in ("nav", "tactical", "mems")}
+    assert felt == {"nav": True, "tactical": True, "mems": False}

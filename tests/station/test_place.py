@@ -1,0 +1,76 @@
+"""Latitude and gravity of a station: what contradicts itself is refused before anything is opened."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.errors import ConfigurationError
+from calstation.estimation.context import Belief
+from calstation.estimation.latitude import SeenLatitude
+from calstation.estimation.method import Consistency, Solution
+from calstation.physics.parameters import COUNT
+from calstation.records.meta import LogMeta
+from calstation.station.place import check_latitude, check_place, refuse_other_place, there
+
+HERE = Path("station.toml")
+NAV = {"gyro_arw": 2.9e-7, "gyro_bias_instability": 4.8e-9}
+MEMS = {"gyro_arw": 8.7e-5, "gyro_bias_instability": 2.4e-5}
+
+
+def meta(noise: dict[str, float], *stages: str, **site: Any) -> LogMeta:
+    imu = {"serial": "1", "sample_rate_hz": 100.0, "output": "rate", "gyro_lsb": 1e-9, "accel_lsb": 1e-6}
+    return LogMeta.model_validate(
+        {
+            "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, **site},
+            "imu": {**imu, "accel_vrw": 1e-4, **noise},
+            "run": {"stages": list(stages), "software": "1", "started_utc": "2026-01-01T00:00:00+00:00"},
+        }
+    )
+
+
+@pytest.mark.parametrize("gravity", [9.79547, 9.7928, 9.7981])
+def test_surveyed_gravity_within_what_the_earth_does_is_believed(gravity: float) -> None:
+    check_place(meta(MEMS, "six_position", gravity_mps2=gravity), HERE)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"gravity_mps2": 9.7924}, {"gravity_mps2": 9.7985}, {"latitude_deg": 39.25}, {"height_m": 4000.0}],
+)
+@pytest.mark.parametrize("noise", [NAV, MEMS])
+def test_a_slip_in_gravity_latitude_or_height_contradicts_the_others(
+    noise: dict[str, float], wrong: dict[str, float]
+) -> None:
+    with pytest.raises(ConfigurationError, match=r"station.toml: site.gravity_mps2 = .*; correct"):
+        check_place(meta(noise, "rate", **{"gravity_mps2": 9.79547, **wrong}), HERE)
+
+
+def test_only_who_feels_the_earth_turn_needs_no_surveyed_gravity() -> None:
+    check_place(meta(NAV, "six_position"), HERE)
+    check_place(meta(MEMS, "rate"), HERE)  # turned both ways, a gyro's scale factor carries no latitude
+    for stage in ("six_position", "excitation", "multi_position"):
+        with pytest.raises(ConfigurationError, match=r"site.gravity_mps2 is missing.*; add"):
+            check_place(meta(MEMS, "rate", stage), HERE)
+
+
+def solved(latitude: SeenLatitude | None) -> tuple[Solution, ...]:
+    belief = Belief([0.0] * COUNT, [[0.0] * COUNT] * COUNT)  # type: ignore[arg-type]
+    return (Solution("six_position", belief, (), Consistency(1.0, 0.9, 1.1, 1), latitude=latitude),)
+
+
+def test_a_latitude_seen_elsewhere_is_a_check_that_fails_and_ends_the_run() -> None:
+    told = meta(NAV, "six_position")
+    for seen, agrees in ((SeenLatitude(0.5978, 1e-4), True), (SeenLatitude(0.60, 1e-4), False)):
+        (check,) = check_latitude(told, solved(seen))
+        assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
+        assert there([check]) is agrees
+    with pytest.raises(ConfigurationError, match=r"as at 34.38° \(sigma 0.01°\); correct latitude"):
+        refuse_other_place(told, solved(SeenLatitude(0.60, 1e-4)))
+
+
+def test_where_nothing_is_seen_nothing_is_said() -> None:
+    told = meta(NAV, "rate")
+    for solutions in ((), solved(None)):
+        assert check_latitude(told, solutions) == []
+        refuse_other_place(told, solutions)
