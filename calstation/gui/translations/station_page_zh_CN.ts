@@ -406,12 +406,12 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>此纬度和高度的正常重力（WGS-84）</translation>
     </message>
     <message>
-        <source>True gravity differs from it by 50 ppm as a rule. All three accelerometer scale factors carry any error of gravity one to one: give a surveyed value where ppm matter.</source>
-        <translation>实际重力与它一般相差约 50 ppm。重力的误差会原样进入三个加表的刻度系数；对 ppm 级精度有要求时，请填写实测值。</translation>
+        <source>True gravity differs from it by 50 ppm as a rule. All three accelerometer scale factors carry any error of gravity one to one: give a surveyed value where ppm matter. Units whose gyros do not feel the earth turn are not calibrated without one: nothing else would show a wrong latitude.</source>
+        <translation>实际重力与之通常相差约 50 ppm。重力的误差会一比一地进入三个加表刻度系数：要求到 ppm 时请填写实测值。陀螺感受不到地球自转的产品没有实测值就不能标定：否则纬度填错无从发现。</translation>
     </message>
     <message>
-        <source>{percent:+.2f} % from normal gravity: hardly meant. All three accelerometer scale factors would be off by {ppm:+.0f} ppm.</source>
-        <translation>与正常重力相差 {percent:+.2f} %，多半是误填。三个加表的刻度系数都会偏 {ppm:+.0f} ppm。</translation>
+        <source>{percent:+.2f} % from normal gravity: no run starts with it. All three accelerometer scale factors would be off by {ppm:+.0f} ppm.</source>
+        <translation>与正常重力相差 {percent:+.2f} %：用此值不能开始标定。三个加表刻度系数都会偏 {ppm:+.0f} ppm。</translation>
     </message>
     <message>
         <source>Latitude and longitude are both 0: hardly meant.</source>

@@ -238,6 +238,10 @@
         <translation>每个标准差只是原来的一小部分</translation>
     </message>
     <message>
+        <source>The gyros see the earth turn as at the station&apos;s latitude</source>
+        <translation>陀螺测得的地球自转与台站纬度一致</translation>
+    </message>
+    <message>
         <source>force at rest</source>
         <translation>静止比力</translation>
     </message>
@@ -479,6 +483,18 @@
     <message>
         <source>IMU: the unit refused to commit its registers; power it off and on, try again</source>
         <translation>惯组：产品拒绝保存寄存器；请断电重启后再试</translation>
+    </message>
+    <message>
+        <source>site.latitude_deg = {0} in the station file, but the unit&apos;s gyros see the earth turn as at {1}° (sigma {2}°); correct latitude and gravity of the place, or look at the gyros where another unit agrees with the file</source>
+        <translation>台站文件中 site.latitude_deg = {0}，但产品陀螺测得的地球自转对应纬度 {1}°（标准差 {2}°）；请改正台站的纬度和重力，若另一产品与文件一致则检查本产品的陀螺</translation>
+    </message>
+    <message>
+        <source>{0}: site.gravity_mps2 is missing, and gyros of this grade do not feel the earth turn: a wrong latitude would show nowhere; add the gravity surveyed at the place, from a gravity net or a gravimeter</source>
+        <translation>{0}：缺少 site.gravity_mps2，这一等级的陀螺感受不到地球自转，纬度填错将无从发现；请填写当地实测重力（取自重力网或重力仪）</translation>
+    </message>
+    <message>
+        <source>{0}: site.gravity_mps2 = {1} does not belong to latitude {2}° and height {3} m, where normal gravity is {4}; correct gravity, latitude or height</source>
+        <translation>{0}：site.gravity_mps2 = {1} 与纬度 {2}°、高度 {3} m 不符，该处正常重力为 {4}；请改正重力、纬度或高度</translation>
     </message>
     <message>
         <source>virtual bench: its process has ended; start the run again</source>
