@@ -44,13 +44,7 @@ PRODUCT: dict[str, Any] = {
 
 STATION: dict[str, Any] = {
     "name": "test bench",
-    "site": {
-        "latitude_deg": 34.25,
-        "longitude_deg": 108.9,
-        "height_m": 400.0,
-        "gravity_mps2": 9.79547,
-        "azimuth_deg": 0.0,
-    },
+    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "azimuth_deg": 0.0},
     "table": {"profile": "bench"},
 }
 

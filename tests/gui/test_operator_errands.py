@@ -186,7 +186,7 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
     assert "The bench's own hands turn the rails" in operator.says()
     assert operator.widget("start_button").isEnabled()
 
-    app.set_station(operator.place.station)
+    app.set_station(library.find("stations", "virtual_bench"))
     assert "is driven; what is chosen is turned by hand" in operator.says()
     assert ".toml" not in operator.says()
     assert "manual" not in operator.says()
