@@ -128,6 +128,8 @@ def _sentence(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> str:
         return f"{field} = {value!r} is unknown; it must be {context['expected']}"
     if kind in _KINDS:
         return f"{field} = {value!r} must be {_KINDS[kind]}"
+    if kind in ("string_too_short", "too_short") and not value:
+        return f"{field} is empty; add what belongs there"
     if kind == "value_error":
         return f"{field + ': ' if field else ''}{context['error']}"
     return f"{field} = {value!r}: {detail['msg']}"

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 from typing import Literal
 
 import numpy as np
+from pydantic import model_validator
 
 from calstation.configuration import StrictModel
 from calstation.errors import DeviceFaultError
@@ -42,6 +43,12 @@ class Convention(StrictModel):
     negated: bool = False
     offset: Literal["before", "after"] = "before"
     added: bool = False
+
+    @model_validator(mode="after")
+    def _sign(self) -> "Convention":
+        if self.negated and self.identity:
+            raise ValueError("negated belongs to identity = false; remove one of both")
+        return self
 
 
 def matrix_slots(sensor: str) -> tuple[str, ...]:

@@ -1,5 +1,7 @@
 """The frame of a profile (`[frame]`): where packets begin and end, what checks them, where numbers stand."""
 
+from collections.abc import Collection
+from itertools import combinations, pairwise
 from typing import Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -49,6 +51,13 @@ class FrameField(StrictModel):
         if item is not None:
             hex_bytes(item)
         return item
+
+    @field_validator("scale")
+    @classmethod
+    def _scale(cls, scale: float) -> float:
+        if scale == 0.0:
+            raise ValueError("is 0, so every value would be; give the value of 1 in the frame")
+        return scale
 
     @model_validator(mode="after")
     def _orders(self) -> "FrameField":
@@ -224,12 +233,44 @@ class FrameSection(StrictModel):
     @property
     def body(self) -> int:
         """First byte behind sync, length and id, where fields begin that say nothing else."""
-        ends = [len(self.sync_bytes)]
+        return max(end for _, end in self._header().values())
+
+    def _header(self) -> dict[str, tuple[int, int]]:
+        """First byte of sync, length and id, and the one behind each."""
+        found = {"sync": (0, len(self.sync_bytes))}
         if self.length is not None:
-            ends.append(self.length.at + number(self.length.type).width)
+            found["length"] = (self.length.at, self.length.at + number(self.length.type).width)
         if self.id is not None:
-            ends.append(self.id.at + len(hex_bytes(self.id.value)))
-        return max(ends)
+            found["id"] = (self.id.at, self.id.at + len(hex_bytes(self.id.value)))
+        return found
+
+    def least_size(self, names: Collection[str] = ()) -> int:
+        """Bytes that a frame with the fields of these names takes at least; with all fields where none are told."""
+        wanted = {f.name for f in self.fields if f.name in names or not names}
+        behind = self.crc.size + len(self.tail_bytes)
+        if (
+            self.format == "text"
+        ):  # a digit and a separator each, the mark, two digits for a byte of the check
+            return len(self.sync_bytes) + 2 * len(self.fields) + 1 + self.crc.size + behind
+        if self.items is None:
+            ends = [end for f, _, end in self._places() if f.name in wanted or self.length is None]
+            return max(ends, default=self.body) + behind
+        ends_of: dict[str, int] = {}
+        for f, _, end in self._places():
+            if f.name in wanted:
+                ends_of[f.item or ""] = max(end, ends_of.get(f.item or "", 0))
+        return self.items.at + sum(self.items.header + end for end in ends_of.values()) + behind
+
+    def _places(self) -> list[tuple[FrameField, int, int]]:
+        """Each field with its first byte, in the frame or in its item, and the one behind its last."""
+        ends: dict[str, int] = {}
+        found = []
+        for f in self.fields:
+            key = f.item or ""
+            begin = ends.get(key, 0 if key else self.body) if f.at is None else f.at
+            ends[key] = begin + f.width
+            found.append((f, begin, ends[key]))
+        return found
 
     def field(self, name: str) -> FrameField | None:
         """The field of a name, None where there is none."""
@@ -246,6 +287,10 @@ class FrameSection(StrictModel):
             return self
         if "byte_order" not in self.model_fields_set:
             raise ValueError("byte_order is missing; add it")
+        for f in self.fields:
+            if f.prefix or f.base != 10:
+                raise ValueError(f"field '{f.name}': prefix and base belong to a text frame; remove them")
+        self._check_header()
         if self.items is not None:
             self._check_items(self.items)
         else:
@@ -258,9 +303,32 @@ class FrameSection(StrictModel):
                 raise ValueError(f"{name} does not belong to a text frame; remove it")
         if not self.tail_bytes:
             raise ValueError("tail is empty, but a text frame needs an end of line")
+        if self.crc.start > len(self.sync_bytes) + 1:
+            raise ValueError(
+                f"crc.start = {self.crc.start} lies behind sync, so some of the numbers would not be checked;"
+                " correct it"
+            )
         for f in self.fields:
             if f.item is not None or f.word_order is not None:
                 raise ValueError(f"field '{f.name}': item and word_order do not belong to a text frame")
+
+    def _check_header(self) -> None:
+        """Sync, length and id lie apart, and the check begins before the frame ends."""
+        for (a, at), (b, other) in combinations(self._header().items(), 2):
+            if at[0] < other[1] and other[0] < at[1]:
+                raise ValueError(f"{b}.at = {other[0]} overlaps {a}, bytes {at[0]}-{at[1] - 1}; correct it")
+        end = self.least_size() - self.crc.size - len(self.tail_bytes)
+        if self.crc.start >= end:
+            raise ValueError(
+                f"crc.start = {self.crc.start} lies behind what it is to check, bytes 0-{end - 1}; correct it"
+            )
+        if self.length is not None and self.items is None:
+            longest = (1 << 8 * number(self.length.extended or self.length.type).width) - 1 + self.length.adds
+            if min(longest, self.max_size) < self.least_size():
+                raise ValueError(
+                    f"length tells no more than {min(longest, self.max_size)} bytes, the fields need"
+                    f" {self.least_size()}; correct length.type, length.adds or max_size"
+                )
 
     def _check_items(self, items: ItemSection) -> None:
         if self.length is None:
@@ -270,6 +338,17 @@ class FrameSection(StrictModel):
                 raise ValueError(f"field '{f.name}' must name the item that carries it; add item")
             if len(hex_bytes(f.item)) != number(items.id).width:
                 raise ValueError(f"field '{f.name}': item '{f.item}' is not as long as an id")
+        if items.at < self.body:
+            raise ValueError(
+                f"items.at = {items.at} lies within sync, length and id, which end at byte {self.body - 1}; correct it"
+            )
+        ordered = sorted(self._places(), key=lambda place: (place[0].item or "", place[1]))
+        for (first, _, end), (second, begin, _) in pairwise(ordered):
+            if first.item == second.item and begin < end:
+                raise ValueError(
+                    f"fields '{first.name}' and '{second.name}' overlap at byte {begin} of item '{first.item}';"
+                    " correct at"
+                )
 
     def _check_plain(self) -> None:
         if self.length is not None and self.length.extended and any(f.at is not None for f in self.fields):

@@ -10,6 +10,13 @@ from calstation.configuration import StrictModel, load, suggestion
 from calstation.devices.channels import CHANNELS
 from calstation.devices.checks import CRC_WIDTHS
 from calstation.devices.frame_profile import FrameSection, hex_bytes, unknown_field
+from calstation.devices.imu_checks import (
+    check_baud,
+    check_modbus_map,
+    check_nanoseconds,
+    check_samples,
+    check_status,
+)
 from calstation.devices.link import SerialSettings
 from calstation.devices.numbers import ByteOrder, WordOrder, number
 from calstation.devices.register_profile import RegisterEntry, check_registers
@@ -179,6 +186,14 @@ class VectorNavSection(StrictModel):
     commit_timeout_s: float = Field(default=3.0, gt=0, le=120)
     reset_timeout_s: float = Field(default=30.0, gt=0)
 
+    @field_validator("start")
+    @classmethod
+    def _lines(cls, start: list[str]) -> list[str]:
+        for line in start:
+            if not line or not line.isascii() or not line.isprintable() or set(line) & set("$*"):
+                raise ValueError(f"{line!r} must be one line of ASCII without $ and check; correct it")
+        return start
+
 
 _SECTIONS = {"framed": "commands", "modbus": "modbus", "vectornav": "vectornav"}
 """The section that each protocol needs."""
@@ -200,7 +215,7 @@ class ImuProfile(StrictModel):
     """
 
     name: str
-    model: str
+    model: str = Field(min_length=1)
     protocol: Literal["framed", "modbus", "vectornav", "stream"] = "framed"
     link: SerialSettings
     stream: StreamSection
@@ -220,19 +235,7 @@ class ImuProfile(StrictModel):
         for f in frame.fields:
             if f.name not in FIELDS and not f.name.startswith("spare"):
                 raise ValueError(unknown_field(f.name, FIELDS))
-            if f.reach is not None and f.name not in CHANNELS:
-                raise ValueError(f"field '{f.name}' is no channel and has no reach; remove it")
-        for name in ("counter", *CHANNELS):
-            if frame.field(name) is None:
-                raise ValueError(f"field '{name}' is missing; add it in its place")
-        counter = frame.field("counter")
-        if counter is not None and (number(counter.type).kind != "u" or number(counter.type).fraction):
-            raise ValueError(f"field 'counter' has type '{counter.type}'; it must be u8 to u64")
-        words = [f for f in frame.fields if f.name in STATUS_WORDS]
-        for f in words:
-            if not number(f.type).whole or (len(words) > 1 and f.width > 2):
-                allowed = "u8 or u16" if len(words) > 1 else "a whole number"
-                raise ValueError(f"field '{f.name}' has type '{f.type}'; it must be {allowed}")
+        check_samples(frame, STATUS_WORDS)
         return frame
 
     @field_validator("prior")
@@ -287,6 +290,17 @@ class ImuProfile(StrictModel):
             if self.protocol == "modbus" and number(entry.type).width % 2:
                 raise ValueError(f"{entry}: type {entry.type} does not fill 16-bit registers; correct it")
         check_registers(self.registers, self.prior_sigmas(), self.without_register, pages=pages)
+        if self.modbus is not None:
+            check_modbus_map(self.modbus, self.registers)
+        return self
+
+    @model_validator(mode="after")
+    def _stream_whole(self) -> "ImuProfile":
+        check_status(self.status, self.frame, STATUS_WORDS)
+        if "baud" in self.link.model_fields_set:
+            check_baud(self.link, self.frame, self.stream.sample_rate_hz)
+        if self.protocol == "vectornav":
+            check_nanoseconds(self.frame, self.stream.sample_rate_hz)
         return self
 
     @model_validator(mode="after")

@@ -22,6 +22,11 @@ from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
 _LEGAL = 3.0
 """A unit's parameter may lie this many sigmas of its prior from zero."""
 
+_COARSEST = 0.01
+"""A value may read back otherwise by no more than this share of its range."""
+
+_LARGEST_ADDRESS = 0xFFFF
+
 _KNOWN = (
     *NAMES,
     *SLOTS,
@@ -98,6 +103,12 @@ class RegisterEntry(StrictModel):
         return self.address + self.span * index
 
     @property
+    def step(self) -> float:
+        """Smallest difference of two SI values; 0 of floats, whose digits follow the value."""
+        kind = number(self.type)
+        return 0.0 if kind.kind == "f" else abs(self.scale) * 2.0**-kind.fraction
+
+    @property
     def bounds(self) -> tuple[float, float]:
         """SI values that type and scale can hold."""
         low, high = (bound * self.scale for bound in number(self.type).bounds)
@@ -155,8 +166,16 @@ def _check_entry(entry: RegisterEntry, sigmas: Mapping[str, float], pages: bool)
     slots = [name for name in entry.names if name in SLOTS]
     if entry.convention is not None and not slots:
         raise ValueError(f"{entry}: convention belongs to registers of a matrix or an offset; remove it")
+    if entry.end - 1 > _LARGEST_ADDRESS:
+        raise ValueError(f"{entry} runs past address {_LARGEST_ADDRESS}; correct it")
+    if entry.tolerance > _COARSEST * (high - low):
+        raise ValueError(
+            f"{entry}: tolerance = {entry.tolerance:g} is more than a hundredth of the range, so hardly any value read"
+            " back would be wrong; state what the unit rounds by"
+        )
     legal = {name: _LEGAL * sigma for name, sigma in sigmas.items()}
     for i, name in enumerate(entry.names):
+        _check_known(entry, name, sigmas)
         if name in SLOTS:
             needed = legal_range(name, legal, entry.convention or Convention())
         else:
@@ -167,6 +186,23 @@ def _check_entry(entry: RegisterEntry, sigmas: Mapping[str, float], pages: bool)
                 f"{entry}: {name} in register {entry.place(i)} may need {needed[0]:.6g} to {needed[1]:.6g} (from the"
                 f" prior of {parameter}), its range is {low:g} to {high:g}; widen the range or correct the prior"
             )
+
+
+def _check_known(entry: RegisterEntry, name: str, sigmas: Mapping[str, float]) -> None:
+    """What a parameter may be is known, and the register tells such values apart."""
+    parameter = parameter_of(name) if name in SLOTS else name
+    if not parameter:
+        return
+    if parameter not in sigmas:
+        raise ValueError(
+            f"{entry}: {parameter} has a register but no prior, so nobody knows whether its values fit; add"
+            f" [prior.{PARAMETERS[NAMES.index(parameter)].group}]"
+        )
+    if entry.step > sigmas[parameter]:
+        raise ValueError(
+            f"{entry}: a step of type {entry.type} × {entry.scale:g} is more than the prior of {parameter},"
+            f" {sigmas[parameter]:g}, so the register could not tell units apart; correct scale or type"
+        )
 
 
 def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
@@ -187,6 +223,8 @@ def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
                 raise ValueError(
                     f"{seen[slots[0]]} and {seen[slot]}: one matrix or offset has one convention"
                 )
+    if matrix and offset:
+        _check_one_word(seen[matrix[0]], seen[offset[0]])
     places = {slot.rsplit("_", 1)[1] for slot in matrix}
     whole = {a + b for a in "xyz" for b in "xyz"}
     if places and places not in (whole, {p for p in whole if p[0] >= p[1]}, {"xx", "yy", "zz"}):
@@ -196,6 +234,21 @@ def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
         )
     if offset and len(offset) < 3:
         raise ValueError(f"{seen[offset[0]]}: the {sensor}'s offset needs registers for x, y and z")
+
+
+def _check_one_word(matrix: RegisterEntry, offset: RegisterEntry) -> None:
+    """What one entry says of the other's part is what that one says: nothing is said in vain."""
+    for told, other, fields in (
+        (offset, matrix, ("matrix", "identity", "negated")),
+        (matrix, offset, ("offset", "added")),
+    ):
+        said = told.convention.model_fields_set if told.convention else set()
+        for name in fields:
+            mine, its = getattr(_convention(told), name), getattr(_convention(other), name)
+            if name in said and mine != its:
+                raise ValueError(
+                    f"{told}: convention.{name} = {mine!r} contradicts {other}, which has {its!r}; correct one"
+                )
 
 
 def _convention(entry: RegisterEntry) -> Convention:
