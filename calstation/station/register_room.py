@@ -73,8 +73,6 @@ def _needed(entry: RegisterEntry, name: str, interval: tuple[float, float]) -> t
     parameter = parameter_of(name) if name in SLOTS else None
     if parameter is None:
         return interval
-    reach = legal_range(
-        name, {parameter: max(map(abs, interval))}, entry.convention or Convention()
-    )
+    reach = legal_range(name, {parameter: max(map(abs, interval))}, entry.convention or Convention())
     assert reach is not None
     return reach

@@ -12,12 +12,13 @@ from pydantic import BaseModel
 from tomlkit.items import AbstractTable
 
 from calstation.configuration import complaints, read_toml
-from calstation.devices.imu_profile import ImuProfile
+from calstation.devices.imu_profile import ImuProfile, load_imu_profile
 from calstation.devices.table_profile import TableProfile
 from calstation.errors import ConfigurationError
 from calstation.sequencer.stop_rule import named
 from calstation.station import library
 from calstation.station.config import ProductConfig, StationConfig, schedule_values
+from calstation.station.register_room import register_room
 from calstation.station.toml_lines import line_of
 from procedures import method
 
@@ -116,6 +117,8 @@ def _of_product(product: ProductConfig) -> list[Problem]:
     if not product.limits:
         text = "limits are missing; add [limits.NAME] before a unit is judged by it"
         problems.append(Problem((), "missing", text, 0, {"field": "limits"}))
+    if not problems:
+        problems += _no_room(product)
     problems += _unknown_targets(("targets",), product.targets)
     for stage in dict.fromkeys((*product.stages, *product.schedule)):
         place: Place = ("schedule", stage) if stage in product.schedule else ("stages",)
@@ -130,6 +133,18 @@ def _of_product(product: ProductConfig) -> list[Problem]:
         if place[0] == "schedule" and isinstance(targets, dict) and targets != product.targets:
             problems += _unknown_targets((*place, "targets"), targets)
     return problems
+
+
+def _no_room(product: ProductConfig) -> list[Problem]:
+    """Limits that the unit's registers do not hold; a profile that is wrong itself is told by its own file."""
+    try:
+        profile = load_imu_profile(library.find("imus", product.imu))
+    except ConfigurationError:
+        return []
+    return [
+        Problem(place, "value_error", f"{'.'.join(place)} {words}", 0)
+        for place, words in register_room(product, profile)
+    ]
 
 
 def _complaints(place: Place, model: type[BaseModel], data: Any) -> list[Problem]:

@@ -14,7 +14,9 @@ from pydantic import BaseModel
 from calstation import __version__
 from calstation.configuration import validate
 from calstation.devices.channels import span
+from calstation.devices.imu_checks import check_baud
 from calstation.devices.imu_profile import ImuProfile, load_imu_profile
+from calstation.devices.opening import SOCKETS
 from calstation.devices.table_profile import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.physics.earth import normal_gravity
@@ -43,6 +45,7 @@ from calstation.station.config import (
 )
 from calstation.station.fault_plan import FaultPlan, load_fault_plan
 from calstation.station.place import check_place
+from calstation.station.register_room import register_room
 from calstation.station.request import RunRequest
 from procedures import method
 
@@ -282,6 +285,9 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
     faults = _faults(setup, station_path)
     setup = replace(setup, faults=faults, station=faults.station(station))
     _check_bench(setup, station_path)
+    for place, words in register_room(product, setup.imu):
+        raise ConfigurationError(f"{product_path}: {'.'.join(place)} {words}")
+    _check_line(setup, station_path)
     _check_targets("targets", product.targets, product_path)
     for stage, schedule in setup.schedules.items():
         _check_targets(f"schedule.{stage}.targets", getattr(schedule, "targets", {}), product_path)
@@ -329,6 +335,19 @@ def _file(kind: str, path: Path, text: str) -> FileSection:
     """Which file it is, and which of its saved versions."""
     version = version_store.number_of(f"{kind}s", path.stem, text)
     return FileSection(name=path.stem, version=version, sha256=version_store.sha256(text))
+
+
+def _check_line(setup: Setup, station_path: Path) -> None:
+    """A place's own baud carries the unit's stream; of a socket nobody knows."""
+    own, port = setup.station.imu.serial, setup.station.imu.port or ""
+    if own is None or "baud" not in own.model_fields_set or port.startswith(SOCKETS):
+        return
+    try:
+        check_baud(own, setup.imu.frame, setup.imu.stream.sample_rate_hz)
+    except ValueError as exc:
+        raise ConfigurationError(
+            f"{station_path}: imu.serial: {str(exc).replace('link.baud', 'baud')}"
+        ) from None
 
 
 def _check_targets(field: str, targets: Iterable[str], product_path: Path) -> None:

@@ -1,0 +1,87 @@
+"""A product whose units may pass and yet not fit into their registers is refused before anything moves."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.errors import ConfigurationError
+from calstation.station import library, settings
+from calstation.station.setup import configured
+from tests.station.conftest import STATION
+
+NAV = Path(library.shipped_folder()) / "imus" / "bench_nav.toml"
+
+
+@pytest.fixture
+def coarse(place: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Changes the bench's IMU profile at the site, and the product that names it."""
+    home = tmp_path / "home"
+    (home / "imus").mkdir(parents=True)
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+
+    def write(entry: dict[str, Any], limits: dict[str, Any]) -> None:
+        data = tomllib.loads(NAV.read_text(encoding="utf-8"))
+        data["registers"][0] |= entry
+        (home / "imus" / "coarse.toml").write_text(tomli_w.dumps(data), encoding="utf-8")
+        place.write({"imu": "coarse", "limits": limits})
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("entry", "limit", "words"),
+    [
+        (
+            {"range": [-1e-4, 1e-4]},
+            {"within": 2e-4, "sigma_below": 1e-5},
+            "limits.gyro_bias.within lets gyro_bias_x be -0.0002 to 0.0002, but register 0-2 of IMU profile",
+        ),
+        (
+            {"range": [-1e-4, 1e-4]},
+            {"within": [-1e-5, 3e-4]},
+            "limits.gyro_bias.within lets gyro_bias_x be -1e-05 to 0.0003",
+        ),
+        (
+            {"type": "i16", "scale": 1e-5, "range": [-0.1, 0.1]},
+            {"within": 1e-3, "sigma_below": 1e-6},
+            "limits.gyro_bias.sigma_below = 1e-06 is finer than register 0-2 of IMU profile",
+        ),
+        (
+            {"tolerance": 1e-4},
+            {"sigma_below": 1e-6},
+            "limits.gyro_bias.sigma_below = 1e-06 is finer than the tolerance = 0.0001 of register 0-2",
+        ),
+    ],
+)
+def test_limits_and_registers_are_compared(
+    place: Any, coarse: Any, entry: dict[str, Any], limit: dict[str, Any], words: str
+) -> None:
+    coarse(entry, {"gyro_bias": limit})
+    with pytest.raises(ConfigurationError) as caught:
+        configured(place.request("rate"))
+    assert str(caught.value).startswith(f"{place.product}: {words}")
+    assert "; " in str(caught.value)
+    (problem,) = settings.check("products", place.product.read_text(encoding="utf-8"))
+    assert problem.text.startswith(words)
+    assert problem.line > 1
+
+
+def test_a_matrix_is_compared_by_its_parameters(place: Any) -> None:
+    place.write({"imu": "vectornav_vn100", "limits": {"gyro_scale": {"within": 0.9}}})
+    with pytest.raises(ConfigurationError, match=r"lets gyro_matrix_xx be -0\.35 to 2\.35, but register 84"):
+        configured(place.request("rate"))
+
+
+@pytest.mark.parametrize("port", ["/dev/ttyUSB0", "socket://127.0.0.1:5000"])
+def test_a_station_s_own_baud_must_carry_the_stream(place: Any, port: str) -> None:
+    hardware = {**STATION, "table": {"profile": "bench", "port": "tcp://127.0.0.1:502"}}
+    hardware["imu"] = {"port": port, "serial": {"baud": 19200}}
+    place.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
+    if port.startswith("socket"):  # of a socket's other end nobody knows
+        configured(place.request("rate"))
+        return
+    with pytest.raises(ConfigurationError, match=r"imu\.serial: baud = 19200 is too slow"):
+        configured(place.request("rate"))
