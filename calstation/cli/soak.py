@@ -66,7 +66,8 @@ def _run(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool]
             last = soak_.runs[-1]
             what = ", ".join(last.injected) or "no fault"
             bar.update(task, advance=1, now=f"{last.outcome} ({what})")
-            line = f"{last.planned.number + 1}/{runs} {last.outcome} in {last.seconds:.0f} s: {what}"
+            how = f"{last.outcome} in {last.seconds:.0f} s ({last.planned.devices})"
+            line = f"{last.planned.number + 1}/{runs} {how}: {what}"
             if not console.is_terminal:
                 console.print(line, highlight=False, markup=False, soft_wrap=True)
             for text in (*last.wrong, *last.lost, *(["the table was not left safe"] if last.unsafe else [])):

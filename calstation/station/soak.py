@@ -26,9 +26,22 @@ _SHORT: dict[str, Any] = {
     "warm_up": {"time_s": 0.0},
     "schedule": {
         "rate": {"turns": 1, "dwell_s": 2.0, **_QUICK},
-        "six_position": {"dwell_s": 3.0, **_QUICK},
+        "six_position": {"dwell_s": 6.0, **_QUICK},
     },
 }
+_MEMS = {"bench_grade": "mems", "limits": "mems_c"}
+
+DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
+    "Modbus TCP, frames": (8, {}, {}),
+    "Modbus RTU": (1, {"bench": {"table_transport": "rtu"}}, {}),
+    "ATL": (1, {"table": {"profile": "aerosmith_atl"}}, {}),
+    "ACL": (1, {"table": {"profile": "acutronic_acl"}}, {}),
+    "MN": (1, {"table": {"profile": "mn_ascii"}}, {}),
+    "indexing unit": (1, {"table": {"profile": "indexing_unit"}}, {}),
+    "VN-100": (1, {}, {"imu": "vectornav_vn100", **_MEMS}),
+    "DSP by Modbus": (1, {}, {"imu": "dsp_modbus", **_MEMS}),
+}
+"""What a station may have: how often in how many, and what its files then say otherwise."""
 
 STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("corrupt_frames", 3),
@@ -71,7 +84,6 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("wrong_unit", None),
     ("mounted_otherwise", None),
     ("wrong_latitude", 2.0),
-    ("wrong_latitude", -10.0),
     ("wrong_gravity", None),
     ("watchdog_off", None),
     ("interlock_open", None),
@@ -85,18 +97,24 @@ _FROM_LISTENER = ("operator_stop", "window_killed")
 _HANGS_AFTER = 300.0
 """Host time without the end of a run that counts as a hang, s; ten times of it for a whole schedule."""
 
+_GROWTH = 20.0
+"""Besides a tenth, what a process may take until everything was used once, MB."""
 _LATEST = 20.0
 """Seconds of device time into a stage, or a step of it, at most, at which faults strike."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """One run of a soak: the bench's seed, what is wrong with the unit, what is to happen (kind, value)."""
+    """One run of a soak: the bench's seed, what is wrong with the unit, what is to happen (kind, value).
+
+    devices : of the station, one of `DEVICES`
+    """
 
     number: int
     seed: int
     faulty_unit: bool
     faults: tuple[tuple[str, float | None], ...]
+    devices: str = "Modbus TCP, frames"
 
 
 @dataclass
@@ -118,6 +136,7 @@ class Soak:
         return {
             "runs": len(self.runs),
             "outcomes": dict(Counter(run.outcome for run in self.runs)),
+            "devices": dict(Counter(run.planned.devices for run in self.runs)),
             "faults": {
                 kind: {
                     "injected": count,
@@ -142,6 +161,7 @@ class Soak:
                 {
                     "run": run.planned.number,
                     "seed": run.planned.seed,
+                    "devices": run.planned.devices,
                     "faults": list(run.injected),
                     "what": what,
                 }
@@ -152,9 +172,13 @@ class Soak:
 
     @property
     def sound(self) -> bool:
-        """Nothing wrong, lost, unsafe or hung."""
+        """Nothing wrong, lost, unsafe or hung, and no growth of what lives through all runs."""
         counts = self.counts()
-        return not any(counts[name] for name in ("wrong_verdicts", "lost_records", "unsafe", "hung"))
+        memory = counts["parent_memory_mb"]
+        grown = memory["last"] > 1.1 * memory["first"] + _GROWTH
+        return not grown and not any(
+            counts[name] for name in ("wrong_verdicts", "lost_records", "unsafe", "hung")
+        )
 
 
 def plans(runs: int, seed: int) -> Iterator[Planned]:
@@ -169,7 +193,9 @@ def plans(runs: int, seed: int) -> Iterator[Planned]:
                 deck = [*STAGE_FAULTS, *OTHER_FAULTS]
                 drawn.shuffle(deck)
             faults.append(deck.pop())
-        yield Planned(number, drawn.randrange(2**31), drawn.random() < 0.1, tuple(faults))
+        seed_of_run, faulty = drawn.randrange(2**31), drawn.random() < 0.1
+        (devices,) = drawn.choices(list(DEVICES), [often for often, _, _ in DEVICES.values()])
+        yield Planned(number, seed_of_run, faulty, tuple(faults), devices)
 
 
 def soak(
@@ -245,14 +271,19 @@ def _written(planned: Planned, folder: Path, stages: tuple[str, ...]) -> RunRequ
     """Station, product and plan of a run, as files; the request that uses them."""
     drawn = random.Random(planned.seed)
     (folder / "bench").mkdir(parents=True, exist_ok=True)
+    _, other_station, other_product = DEVICES[planned.devices]
     station = read_toml(library.shipped_folder() / "stations" / f"{DEFAULT_STATION}.toml")
+    station |= {name: section for name, section in other_station.items() if name != "bench"}
     station["bench"] = {
         "seed": planned.seed,
         "out_of_limits": planned.faulty_unit,
         "flash_file": str(folder / "bench" / f"{planned.number}.flash"),
         "report_file": str(folder / "bench" / f"{planned.number}.json"),
+        **other_station.get("bench", {}),
     }
-    product = read_toml(library.shipped_folder() / "products" / f"{DEFAULT_PRODUCT}.toml")
+    product = _product(DEFAULT_PRODUCT) | other_product
+    if other_product:
+        product["limits"] = _product(other_product["limits"])["limits"]
     if stages:
         limits = {name: {"within": limit["within"]} for name, limit in product["limits"].items()}
         product |= {"name": "soak", **_SHORT, "limits": limits, "stages": list(stages)}
@@ -271,6 +302,10 @@ def _written(planned: Planned, folder: Path, stages: tuple[str, ...]) -> RunRequ
         operator="soak",
         faults=folder / "plan.toml",
     )
+
+
+def _product(name: str) -> dict[str, Any]:
+    return read_toml(library.shipped_folder() / "products" / f"{name}.toml")
 
 
 def _fault(kind: str, value: float | None, stages: tuple[str, ...], drawn: random.Random) -> dict[str, Any]:

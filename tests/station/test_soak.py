@@ -66,18 +66,20 @@ def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
     row = {"value": float(truth[INDEX["accel_bias_x"]]), "sigma": 1e-4}
     check = {"name": "accel_bias_x within", "limit": [-0.0074, 0.0074], "passed": True}
     result: dict[str, Any] = {"parameters": {"accel_bias_x": row}, "checks": [check]}
-    assert _wrong(GOOD, request, result, "passed", False) == []
+    assert _wrong(GOOD, request, result, "passed", ()) == []
     row["value"] += 7e-4
-    (what,) = _wrong(GOOD, request, result, "passed", False)
+    (what,) = _wrong(GOOD, request, result, "passed", ())
     assert "accel_bias_x off by 7.0 sigma" in what
     check["limit"], row["value"] = [-1e-9, 1e-9], float(truth[INDEX["accel_bias_x"]])
-    (what,) = _wrong(GOOD, request, result, "passed", False)
+    (what,) = _wrong(GOOD, request, result, "passed", ())
     assert "outside its limits" in what
     failed = {**result, "checks": [{**check, "passed": False}]}
-    assert _wrong(GOOD, request, failed, "failed", False)
-    assert not _wrong(GOOD, request, failed, "failed", True)
-    assert not _wrong(replace(GOOD, faulty_unit=True), request, failed, "failed", False)
-    assert _wrong(GOOD, request, {}, "hung", False)
+    assert _wrong(GOOD, request, failed, "failed", ())
+    assert _wrong(GOOD, request, failed, "failed", ("jam",))
+    assert not _wrong(GOOD, request, failed, "failed", ("wrong_gravity",))
+    assert _wrong(GOOD, request, result, "passed", ("wrong_gravity",)) == ["passed with wrong_gravity"]
+    assert not _wrong(replace(GOOD, faulty_unit=True), request, failed, "failed", ())
+    assert _wrong(GOOD, request, {}, "hung", ())
 
 
 def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
