@@ -11,6 +11,9 @@ from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
 REST_WINDOW = 0.5
 """Width of the window in which rest is judged, s."""
+BIAS_SIGMAS = 3.0
+SLOWEST = np.deg2rad(0.1)
+"""A unit rests where its rate, its bias taken off, is below so many sigmas of the bias and so many rad/s besides."""
 REST_MARGIN = 0.3
 """Cut from both ends of a rest found in the data, s: a table creeps before it settles."""
 
@@ -92,9 +95,8 @@ def rests(
 ) -> list[tuple[int, int]]:
     """Stretches of a segment in which the unit rests, found from the data, (start, stop).
 
-    Rates are judged as means over `REST_WINDOW`. Where they are small (3 sigma of bias, 5 of noise, a floor of
-    0.1 °/s) and flat, their median is the unit's rate at rest, bias and earth; rest is where no window departs
-    from it by more than noise and 0.03 °/s (the earth turns with 0.004), so that a table still creeping does not
+    Rates are judged as means over `REST_WINDOW`. Where they are small (`BIAS_SIGMAS`, 5 sigma of noise, `SLOWEST`)
+    and flat, their median is the unit's rate at rest, bias and earth; rest is where no window departs from it by more than noise and 0.03 °/s (the earth turns with 0.004), so that a table still creeping does not
     count. A step of the specific force (`FORCE_STEP`) parts two rests even where no rotation between them was
     recorded.
     """
@@ -106,7 +108,7 @@ def rests(
     noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.gyro_lsb * (
         1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
     )
-    small = np.abs(mean).max(axis=1) < 3.0 * bias_sigma + 5.0 * noise + np.deg2rad(0.1)
+    small = np.abs(mean).max(axis=1) < BIAS_SIGMAS * bias_sigma + 5.0 * noise + SLOWEST
     flat = np.zeros(len(mean), dtype=np.bool_)
     flat[width:] = np.abs(mean[width:] - mean[:-width]).max(axis=1) < 5.0 * noise + np.deg2rad(0.01)
     if not np.any(small & flat):

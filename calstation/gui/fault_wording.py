@@ -75,6 +75,11 @@ SENTENCES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP("faults", "IMU: the unit reports a failed self-test; replace the unit"),
     QT_TRANSLATE_NOOP(
         "faults",
+        "IMU: gyro {0} measures {1} °/s at rest, expected {2} to {3} °/s; replace the unit, or correct prior.gyro_bias"
+        " in the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
         "IMU: temperature still drifts by {0} °C/min after {1} s; "
         "wait, or allow more in the product's warm_up",
     ),

@@ -2,7 +2,7 @@
 
 import re
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,6 +33,7 @@ class PreflightLimits:
         warm_up_timeout : s, after which a still drifting unit is a fault
     gravity : m/s², expected at rest; gravity_tolerance : fraction of it
     direction_tolerance : rad, between declared and measured directions
+    rate_low, rate_high : rad/s, between which each gyro measures at rest, shape (3,)
     turn : rad, the small turn of each joint; turn_rate : rad/s; turn_tolerance : fraction of the turn
     flow : s of data without a gap
     by_hand : nothing drives the axes and nothing knows their angles: power, home, direction and turns are left out
@@ -48,6 +49,8 @@ class PreflightLimits:
     warm_up_timeout: float = 1800.0
     gravity_tolerance: float = 0.03
     direction_tolerance: float = np.deg2rad(5.0)
+    rate_low: FloatArray = field(default_factory=lambda: np.full(3, -np.inf))
+    rate_high: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
     turn: float = np.deg2rad(5.0)
     turn_rate: float = np.deg2rad(5.0)
     turn_tolerance: float = 0.1
@@ -197,6 +200,7 @@ class Preflight:
                 "check the IMU profile's accel_lsb and output, and the unit"
             )
         rates: FloatArray = mean[:3]
+        self._check_rates(rates)
         if limits.by_hand:
             return rates
         up = self._geometry.body_to_home(*self._runner.position()).T @ np.array([0.0, 0.0, 1.0])
@@ -207,6 +211,17 @@ class Preflight:
                 "check how the unit is mounted and the table profile's axes"
             )
         return rates
+
+    def _check_rates(self, rates: FloatArray) -> None:
+        """A gyro so far from what its profile expects finds no rest in the data of any stage."""
+        for axis, rate, low, high in zip(
+            "xyz", rates, self._limits.rate_low, self._limits.rate_high, strict=True
+        ):
+            if not low <= rate <= high:
+                raise DeviceFaultError(
+                    f"IMU: gyro {axis} measures {np.rad2deg(rate):.3g} °/s at rest, expected {np.rad2deg(low):.3g} to"
+                    f" {np.rad2deg(high):.3g} °/s; replace the unit, or correct prior.gyro_bias in the IMU profile"
+                )
 
     def _check_signs(self, bias: FloatArray) -> None:
         """A small turn of each joint, there and back: the gyro must see it with its size, axis and sign."""

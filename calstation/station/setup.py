@@ -19,8 +19,10 @@ from calstation.devices.imu_profile import ImuProfile, load_imu_profile
 from calstation.devices.opening import SOCKETS
 from calstation.devices.table_profile import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
+from calstation.estimation.stage_data import BIAS_SIGMAS, SLOWEST
 from calstation.physics.earth import normal_gravity
 from calstation.physics.motion import Step
+from calstation.physics.parameters import group_indices
 from calstation.records.meta import (
     FileSection,
     ImuSection,
@@ -30,6 +32,7 @@ from calstation.records.meta import (
     RunSection,
     TableSection,
     context_from_meta,
+    prior_from_meta,
 )
 from calstation.sequencer.acquisition import StatusMasks
 from calstation.sequencer.preflight import PreflightLimits
@@ -206,6 +209,8 @@ class Setup:
         context = context_from_meta(meta)
         geometry = self.table.geometry()
         gravity = context.site.gravity or normal_gravity(context.site.latitude, context.site.height)
+        prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
+        room = BIAS_SIGMAS * prior.sigma[biases] + SLOWEST
         warm_up, load, status = self.product.warm_up, self.product.load_angle, self.imu.status
         return Task(
             stages=tuple(StagePlan(s, self._steps(s), _stop_rule(self.schedules[s])) for s in self.stages),
@@ -213,6 +218,8 @@ class Setup:
                 serial=self.request.serial,
                 serial_pattern=self.product.serial_pattern,
                 gravity=gravity,
+                rate_low=prior.mean[biases] - room,
+                rate_high=prior.mean[biases] + room,
                 warm_up=warm_up.time_s,
                 warm_up_slope=warm_up.slope_c_per_min,
                 warm_up_timeout=warm_up.timeout_s,

@@ -28,6 +28,8 @@ TOLD = [
     "/runs/SN-1.h5: its disk is nearly full, less than 32 MB are left; make room on it, then resume the run",
     "/runs/SN-1.h5: the log cannot be written any more (No such file or directory); make room on its disk, or bring its"
     " folder back, then resume the run",
+    "IMU: gyro x measures 2 °/s at rest, expected -0.959 to 0.959 °/s; replace the unit, or correct prior.gyro_bias"
+    " in the IMU profile",
     "site.latitude_deg = 32.25 in the station file, but the unit's gyros see the earth turn as at 34.21° (sigma 0.08°);"
     " correct latitude and gravity of the place, or look at the gyros where another unit agrees with the file",
     "/s.toml: site.gravity_mps2 = 9.8 does not belong to latitude 34.25° and height 400 m, where normal gravity is"

@@ -466,3 +466,14 @@ def test_output_that_saturates_in_the_small_turns_is_told() -> None:
     (fault,) = scene.told(Fault)
     assert "saturates though the table rests or turns slowly" in fault.text
     assert scene.table.told[-1] == "disable"
+
+
+def test_a_gyro_far_from_what_its_profile_expects_is_told_before_it_turns() -> None:
+    scene = Scene()
+    high = np.array([1.0, -0.1, 1.0])
+    scene.task = replace(scene.task, preflight=replace(scene.task.preflight, rate_high=high))
+    assert scene.run().state is State.FAULT
+    (fault,) = scene.told(Fault)
+    assert "IMU: gyro y measures" in fault.text
+    assert "; replace the unit, or correct prior.gyro_bias" in fault.text
+    assert not scene.told(StageStarted)
