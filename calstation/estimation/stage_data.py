@@ -96,9 +96,9 @@ def rests(
     """Stretches of a segment in which the unit rests, found from the data, (start, stop).
 
     Rates are judged as means over `REST_WINDOW`. Where they are small (`BIAS_SIGMAS`, 5 sigma of noise, `SLOWEST`)
-    and flat, their median is the unit's rate at rest, bias and earth; rest is where no window departs from it by more than noise and 0.03 °/s (the earth turns with 0.004), so that a table still creeping does not
-    count. A step of the specific force (`FORCE_STEP`) parts two rests even where no rotation between them was
-    recorded.
+    and flat, their median is the unit's rate at rest, bias and earth; rest is where no window departs from it by
+    more than noise and 0.03 °/s (the earth turns with 0.004), so that a table still creeping does not count. A step
+    of the specific force (`FORCE_STEP`) parts two rests even where no rotation between them was recorded.
     """
     start, stop = segment
     width = max(round(REST_WINDOW / data.dt), 2)

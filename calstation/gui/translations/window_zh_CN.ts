@@ -433,6 +433,10 @@
         <translation>惯组：产品自检不通过；请更换产品</translation>
     </message>
     <message>
+        <source>IMU: gyro {0} measures {1} °/s at rest, expected {2} to {3} °/s; replace the unit, or correct prior.gyro_bias in the IMU profile</source>
+        <translation>惯组：静止时陀螺 {0} 测得 {1} °/s，预期 {2} 至 {3} °/s；请更换产品，或改正惯组文件中的 prior.gyro_bias</translation>
+    </message>
+    <message>
         <source>IMU: temperature still drifts by {0} °C/min after {1} s; wait, or allow more in the product&apos;s warm_up</source>
         <translation>惯组：{1} s 后温度仍以 {0} °C/min 变化；请再等一等，或放宽产品的预热条件（warm_up）</translation>
     </message>
