@@ -68,16 +68,7 @@ class SerialLink:
         self.name = name
         device = resolve(port, name)
         try:
-            self._serial = serial.serial_for_url(
-                device,
-                baudrate=settings.baud,
-                bytesize=settings.data_bits,
-                parity=settings.parity,
-                stopbits=settings.stop_bits,
-                timeout=0,
-                write_timeout=settings.write_timeout_s,
-                exclusive=True,  # two readers of one port would each get half of the bytes
-            )
+            self._serial = _opened(device, settings)
         except ValueError as exc:
             raise ConfigurationError(f"{name}: port {port}: {exc}; correct the port's settings") from exc
         except LINK_ERRORS as exc:
@@ -122,6 +113,25 @@ class SerialLink:
         return PortLostError(
             f"{self.name}: port {self.port} was lost ({_reason(exc)}); check cable and power"
         )
+
+
+def _opened(device: str, settings: SerialSettings) -> serial.Serial:
+    port = serial.serial_for_url(
+        device,
+        baudrate=settings.baud,
+        bytesize=settings.data_bits,
+        parity=settings.parity,
+        stopbits=settings.stop_bits,
+        timeout=0,
+        write_timeout=settings.write_timeout_s,
+        exclusive=True,  # two readers of one port would each get half of the bytes
+    )
+    try:
+        port.parity = settings.parity  # a port that has none may take it at first and drop it silently
+    except LINK_ERRORS:
+        port.close()
+        raise
+    return port
 
 
 def _reason(exc: BaseException) -> str:

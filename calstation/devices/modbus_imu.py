@@ -11,49 +11,18 @@ from calstation.devices.imu_profile import ImuProfile, TextRegisters, WordComman
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.link import SerialLink
 from calstation.devices.modbus_link import MEANINGS
+from calstation.devices.modbus_rtu import READ, REFUSED, WRITE, WRITE_MANY, RtuReply
 from calstation.devices.numbers import ByteOrder, WordOrder, number
 from calstation.devices.register_profile import RegisterEntry
 from calstation.devices.registered_imu import RegisteredImu
 from calstation.devices.streamed_imu import ImuRefusalError
 from calstation.errors import DeviceFaultError
 
-_READ, _WRITE, _WRITE_MANY, _REFUSED = 0x03, 0x06, 0x10, 0x80
 _ATTEMPTS = 3
 _MOST = 120
 """Registers in one transfer."""
 _POLL = 0.02
 """Host time between two looks whether a commit is done, s."""
-
-
-class RtuReply:
-    """Frames of Modbus RTU that answer; meets `frames.ReplyKind`.
-
-    Parameters
-    ----------
-    unit : number of the unit that answers
-    """
-
-    def __init__(self, unit: int) -> None:
-        self.sync = bytes([unit])
-
-    def size(self, buffer: bytes, place: int) -> int | None:
-        """See `packets.PacketKind`."""
-        if len(buffer) < place + 3:
-            return None
-        function = buffer[place + 1]
-        if function == _READ:
-            return 5 + buffer[place + 2]
-        if function in (_WRITE, _WRITE_MANY):
-            return 8
-        return 5 if function & ~_REFUSED in (_READ, _WRITE, _WRITE_MANY) else 0
-
-    def sound(self, packet: bytes) -> bool:
-        """See `packets.PacketKind`."""
-        return check_bytes("crc16_modbus", packet[:-2], "little") == packet[-2:]
-
-    def reply(self, packet: bytes) -> Reply:
-        """Function and data."""
-        return Reply(packet[1], packet[2:-2])
 
 
 class ModbusImu(RegisteredImu):
@@ -163,7 +132,7 @@ class ModbusImu(RegisteredImu):
                 self._write(stream.address, [stream.on])
 
     def _read(self, address: int, count: int, attempts: int = _ATTEMPTS) -> list[int]:
-        data = self._ask(_READ, struct.pack(">HH", address, count), bytes([2 * count]), attempts)
+        data = self._ask(READ, struct.pack(">HH", address, count), bytes([2 * count]), attempts)
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
     def _write(
@@ -171,11 +140,11 @@ class ModbusImu(RegisteredImu):
     ) -> None:
         if len(values) == 1:
             payload = struct.pack(">HH", address, values[0])
-            self._ask(_WRITE, payload, payload, attempts, timeout)
+            self._ask(WRITE, payload, payload, attempts, timeout)
             return
         head = struct.pack(">HH", address, len(values))
         body = struct.pack(f">B{len(values)}H", 2 * len(values), *values)
-        self._ask(_WRITE_MANY, head + body, head, attempts, timeout)
+        self._ask(WRITE_MANY, head + body, head, attempts, timeout)
 
     def _ask(
         self, function: int, payload: bytes, begins: bytes, attempts: int, timeout: float | None = None
@@ -183,7 +152,7 @@ class ModbusImu(RegisteredImu):
         """Send a request and wait for its answer, whose data must begin with `begins`."""
 
         def take(reply: Reply) -> bytes | None:
-            if reply.op == function | _REFUSED:
+            if reply.op == function | REFUSED:
                 code = reply.payload[0]
                 address = int.from_bytes(payload[:2], "big")
                 raise ImuRefusalError(

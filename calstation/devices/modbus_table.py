@@ -4,6 +4,7 @@ from calstation.devices.link import SerialSettings
 from calstation.devices.modbus_link import ModbusLink
 from calstation.devices.register_table import RegisterTable, decode, encode
 from calstation.devices.table_profile import TableProfile
+from calstation.errors import DeviceFaultError
 
 __all__ = ["ModbusTable", "decode", "encode"]
 
@@ -23,3 +24,20 @@ class ModbusTable(RegisterTable):
         assert modbus is not None
         link = ModbusLink(port, modbus.unit, modbus.timeout_s, serial or modbus.serial)
         super().__init__(link, profile, modbus.gap)
+        self._port = port
+        self._told: dict[str, str] = {}
+        link.greet = self._greet
+
+    def _text(self, name: str) -> str:
+        self._told[name] = super()._text(name)
+        return self._told[name]
+
+    def _greet(self) -> None:
+        """A link that was opened anew leads to the table that it led to before."""
+        for name, told in self._told.items():
+            found = super()._text(name)
+            if found != told:
+                raise DeviceFaultError(
+                    f"table: '{found}' answers on {self._port} where '{told}' did; nothing was told to it; check"
+                    " which adapter is plugged in where"
+                )

@@ -23,14 +23,11 @@ _LARGEST_READ = 120  # registers in one transfer
 
 
 class RegisterLink(Protocol):
-    """What carries the registers. Both calls are bounded in time and raise DeviceFaultError where they fail.
+    """What carries the registers. Both calls are bounded in time and raise DeviceFaultError where they fail."""
 
-    Attributes
-    ----------
-    heard : the bytes that came last, whether they make sense or not
-    """
-
-    heard: bytes
+    @property
+    def heard(self) -> bytes:
+        """The bytes that came last, whether they make sense or not."""
 
     def read(self, address: int, count: int) -> list[int]:
         """Read registers; a lost transfer is repeated."""

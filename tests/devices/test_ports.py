@@ -63,6 +63,38 @@ def test_an_adapter_with_several_ports_is_named_port_by_port(plugged: list[objec
         resolve("usb:Q4", "table")
 
 
+def test_adapters_with_one_number_are_named_by_their_place_on_the_bus(plugged: list[object]) -> None:
+    first, second = listed("/dev/ttyUSB0", "0001", "1-1"), listed("/dev/ttyUSB1", "0001", "1-2")
+    dual = [listed("/dev/ttyUSB3", "0001", "1-3:1.1"), listed("/dev/ttyUSB2", "0001", "1-3:1.0")]
+    plugged += [first, second, *dual]
+    names = ["usb:0001@1-1", "usb:0001@1-2", "usb:0001@1-3/1", "usb:0001@1-3/2"]
+    assert [p.usb for p in found_ports()] == names
+    assert [resolve(name, "IMU")[-1] for name in names] == ["0", "1", "2", "3"]
+    with pytest.raises(
+        DeviceFaultError, match=r"port usb:0001/2 means 4 ports; name one of them: usb:0001@1-1 "
+    ):
+        resolve("usb:0001/2", "IMU")
+
+
+def test_an_adapter_that_was_pulled_out_leaves_its_name_to_no_other(plugged: list[object]) -> None:
+    plugged += [listed("/dev/ttyUSB0", "0001", "1-2")]  # that at 1-1 was pulled
+    assert resolve("usb:0001@1-2", "table") == "/dev/ttyUSB0"
+    for name in ("usb:0001@1-1", "usb:0001/1", "usb:0001/2"):
+        with pytest.raises(
+            DeviceFaultError, match=f"port {name} is not plugged in; name one of them: usb:0001 "
+        ):
+            resolve(name, "table")
+
+
+def test_adapters_with_one_number_of_which_no_place_is_known_have_no_name(plugged: list[object]) -> None:
+    plugged += [listed("COM3", "0001"), listed("COM4", "0001")]
+    assert [p.usb for p in found_ports()] == [None, None]
+    with pytest.raises(
+        DeviceFaultError, match=r"port usb:0001 means 2 ports; name one of them: COM3 or COM4$"
+    ):
+        resolve("usb:0001", "table")
+
+
 def test_an_adapter_that_is_not_there_is_told_with_those_that_are(plugged: list[object]) -> None:
     plugged.append(listed("/dev/ttyUSB0", "B1", "1-1"))
     message = r"^{}: port usb:A9: no USB adapter .* plug it in, .* found: usb:B1 \(/dev/ttyUSB0\)$"

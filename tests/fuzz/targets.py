@@ -10,7 +10,7 @@ import file_targets
 from calstation.devices.frame_profile import FrameSection
 from calstation.devices.frames import FrameDecoder, ReplyKind
 from calstation.devices.imu_profile import CommandSection, load_imu_profile
-from calstation.devices.modbus_imu import RtuReply
+from calstation.devices.modbus_rtu import RtuReply
 from calstation.devices.numbers import number
 from calstation.devices.registers import RegisterMap
 from calstation.devices.sample_count import SampleCount

@@ -1,0 +1,84 @@
+"""A Modbus RTU device on a pseudo-terminal that answers in order, each answer as late as a test says."""
+
+import os
+import struct
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+
+from fastcrc import crc16
+
+
+def crc(data: bytes) -> bytes:
+    return struct.pack("<H", crc16.modbus(data))
+
+
+class RtuServer(threading.Thread):
+    """Register n holds n where `words` says nothing else; answer k is `late[k]` s late, or is not given: None."""
+
+    def __init__(
+        self, late: Mapping[int, float | None] | None = None, words: Mapping[int, int] | None = None
+    ) -> None:
+        import tty
+
+        super().__init__(daemon=True)
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._master)
+        tty.setraw(self._slave)
+        self.port = os.ttyname(self._slave)
+        self.late = dict(late or {})
+        self.words = dict(words or {})
+        self.requests: list[tuple[int, int, int]] = []
+        self.start()
+
+    def close(self) -> None:
+        """Pull the plug."""
+        for end in (self._slave, self._master):
+            with suppress(OSError):
+                os.close(end)
+
+    def obey(self, function: int, address: int, values: Iterable[int]) -> int:
+        """Store what is written; the exception it is answered with, 0 for none."""
+        self.words |= {address + i: value for i, value in enumerate(values)}
+        return 0
+
+    def tell(self, address: int) -> int | None:
+        """What a register holds, None where it is not told now: exception 6."""
+        return self.words.get(address, address)
+
+    def run(self) -> None:
+        buffer = b""
+        with suppress(OSError):
+            while True:
+                buffer += os.read(self._master, 4096)
+                while len(buffer) >= 8:
+                    size = 9 + buffer[6] if buffer[1] == 16 else 8
+                    if len(buffer) < size:
+                        break
+                    frame, buffer = buffer[:size], buffer[size:]
+                    if crc(frame[:-2]) != frame[-2:]:
+                        buffer = b""
+                        break
+                    self._answer(frame)
+
+    def _answer(self, frame: bytes) -> None:
+        unit, function, address, second = struct.unpack(">BBHH", frame[:6])
+        self.requests.append((function, address, second))
+        refused = 0
+        body = frame[:6]
+        if function == 3:
+            told = [self.tell(address + i) for i in range(second)]
+            words = [word for word in told if word is not None]
+            refused = 6 if len(words) < second else 0
+            body = frame[:2] + struct.pack(f">B{len(words)}H", 2 * len(words), *words)
+        else:
+            values = [second] if function == 6 else struct.unpack(f">{second}H", frame[7:-2])
+            refused = self.obey(function, address, values)
+        if refused:
+            body = bytes([unit, function | 0x80, refused])
+        late = self.late.get(len(self.requests) - 1, 0.0)
+        if late is None:
+            return
+        time.sleep(late)
+        os.write(self._master, body + crc(body))

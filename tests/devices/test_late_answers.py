@@ -1,0 +1,159 @@
+"""An answer that comes late is never taken for the next request's: no angle, limit or register is another's."""
+
+import socket
+import struct
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rtu_server import RtuServer
+
+from calstation.devices.link import SerialSettings
+from calstation.devices.modbus_link import ModbusLink, ModbusRefusalError
+from calstation.devices.modbus_rtu import Barriers, RtuRequest
+from calstation.devices.modbus_table import ModbusTable
+from calstation.devices.table_profile import load_table_profile
+from calstation.devices.unanswered import Unanswered
+from calstation.errors import DeviceFaultError
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+
+DATA = Path(__file__).parents[2] / "data"
+TIMEOUT = 0.3
+LATE = TIMEOUT + 0.03
+
+
+@contextmanager
+def link(late: Mapping[int, float | None], **server: object) -> Iterator[tuple[ModbusLink, RtuServer]]:
+    device = RtuServer(late, **server)  # type: ignore[arg-type]
+    opened = ModbusLink(device.port, 1, TIMEOUT, SerialSettings())
+    try:
+        yield opened, device
+    finally:
+        opened.close()
+        device.close()
+
+
+@pytest.mark.parametrize(
+    "late",
+    [{1: LATE}, {1: LATE, 2: 0.02}, {1: 2 * TIMEOUT}, {1: LATE, 2: LATE}, {1: None}, {1: None, 2: LATE}],
+    ids=str,
+)
+def test_every_block_that_is_read_is_the_one_that_was_asked_for(late: Mapping[int, float | None]) -> None:
+    with link(late) as (table, _):
+        for address in (10, 20, 30, 40, 50, 60):
+            try:
+                found = table.read(address, 4)
+            except DeviceFaultError:
+                continue
+            assert found == [address, address + 1, address + 2, address + 3]
+        assert table.read(70, 4) == [70, 71, 72, 73], "and the line is in order again"
+
+
+def test_a_device_that_is_always_too_late_is_a_fault_and_never_another_s_register() -> None:
+    with link(dict.fromkeys(range(1, 9), LATE)) as (table, _):
+        assert table.read(10, 4) == [10, 11, 12, 13]
+        with pytest.raises(DeviceFaultError, match="registers 20-23 cannot be read"):
+            table.read(20, 4)
+        for address in (30, 40, 50, 60):
+            try:
+                assert table.read(address, 4)[0] == address
+            except DeviceFaultError:
+                continue
+        assert table.read(70, 4)[0] == 70
+
+
+def test_a_stop_is_said_at_once_and_again_at_once_though_an_answer_is_still_to_come() -> None:
+    with link({0: None, 1: None, 2: None, 3: None}) as (table, device):
+        with pytest.raises(DeviceFaultError, match="cannot be read"):
+            table.read(10, 4)
+        asked = len(device.requests)
+        table.write(22, [2])
+        assert set(device.requests[asked:]) == {(6, 22, 2)}
+        assert table.read(10, 4)[0] == 10
+
+
+def test_targets_that_differ_are_not_told_while_the_same_echo_may_still_come() -> None:
+    with link({0: None, 1: None, 2: LATE}) as (table, device):
+        with pytest.raises(DeviceFaultError, match="register 34 cannot be written"):
+            table.write(34, [1, 2])
+        table.write(34, [3, 4])
+        assert [device.words[34], device.words[35]] == [3, 4]
+        told = [request for request in device.requests if request[0] == 16]
+        assert device.requests.index((3, 0, 1)) == len(told) - 1, "another read stands between"
+
+
+def test_a_refusal_that_may_be_an_older_request_s_is_passed_over() -> None:
+    class Forbidding(RtuServer):
+        def tell(self, address: int) -> int | None:
+            return None if address == 99 else address
+
+    device = Forbidding({0: LATE})
+    table = ModbusLink(device.port, 1, TIMEOUT, SerialSettings())
+    try:
+        with pytest.raises(ModbusRefusalError, match="busy"):
+            table.read(99, 1)
+        assert table.read(20, 2) == [20, 21]
+    finally:
+        table.close()
+        device.close()
+
+
+def test_a_table_with_gaps_tells_its_own_angles_and_limits_however_late_an_answer_is() -> None:
+    profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
+    assert profile.modbus is not None
+    profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})
+    clean, hurt = [], []
+    for late, seen in (({}, clean), ({1: LATE, 2: 0.02}, hurt)):
+        device = RtuServer(late)
+        table = ModbusTable(device.port, profile, SerialSettings())
+        try:
+            seen += [table.status() for _ in range(3)]
+        finally:
+            table.close()
+            device.close()
+    for status in hurt:
+        np.testing.assert_array_equal(status.angles, clean[0].angles)
+        assert status.limits == clean[0].limits
+
+
+def test_over_tcp_an_answer_with_another_transaction_s_number_is_not_taken() -> None:
+    def serve() -> None:
+        older = b""
+        with suppress(OSError):
+            while True:
+                peer, _ = server.accept()
+                with peer:
+                    while len(head := peer.recv(12)) == 12:
+                        words = struct.pack(
+                            ">B2H", 4, *(int.from_bytes(head[8:10], "big") + i for i in range(2))
+                        )
+                        answer = head[:4] + struct.pack(">HBB", 7, head[6], 3) + words
+                        peer.sendall(older + answer)
+                        older = answer
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=serve, daemon=True).start()
+        table = ModbusLink(f"tcp://127.0.0.1:{server.getsockname()[1]}", 1, TIMEOUT, SerialSettings())
+        assert [table.read(address, 2) for address in (10, 20, 30)] == [[10, 11], [20, 21], [30, 31]]
+        table.close()
+        server.shutdown(socket.SHUT_RDWR)
+
+
+def test_what_is_asked_in_between_has_a_length_of_its_own() -> None:
+    barriers, due = Barriers(), Unanswered()
+    barriers.asked(1, 17, 4)
+    barriers.asked(1, 0, 8)
+    due.add(RtuRequest.read(1, 30, 4).look)
+    seen = []
+    for _ in range(20):
+        read = barriers.next(1, due)
+        assert read.look not in due
+        due.add(read.look)
+        seen.append(read.begins[0] // 2)
+    assert seen[:8] == [8, 1, 2, 3, 5, 6, 7, 4], "all lengths before one is used again"
+    assert len(due) == 8

@@ -1,0 +1,86 @@
+"""A link that has to be opened anew leads to the port that its name means then, and only to the device it led to."""
+
+import struct
+import sys
+from types import SimpleNamespace
+
+import pytest
+from rtu_server import RtuServer
+from serial.tools import list_ports
+from test_modbus_table import image, quick
+
+from calstation.devices.link import SerialSettings
+from calstation.devices.modbus_table import ModbusTable
+from calstation.errors import DeviceFaultError
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+
+ADAPTER = "A9XYZ"
+
+
+def table_at(serial: str) -> RtuServer:
+    """A table that says who it is."""
+    texts = ((0, b"bench-table"), (8, serial.encode()))
+    words = dict(enumerate(image()))
+    for address, text in texts:
+        words |= {address + i: word for i, word in enumerate(struct.unpack(">8H", text.ljust(16, b"\0")))}
+    return RtuServer(words=words)
+
+
+@pytest.fixture
+def plugged(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names that the adapter has had, the last of them now."""
+    had: list[str] = []
+    about = {"description": "UART", "manufacturer": "FTDI", "location": "1-2", "serial_number": ADAPTER}
+    monkeypatch.setattr(
+        list_ports,
+        "comports",
+        lambda: [SimpleNamespace(device=had[-1], name=had[-1], **about)] if had else [],
+    )
+    return had
+
+
+def test_an_adapter_that_comes_back_under_another_name_is_found_there(plugged: list[str]) -> None:
+    first, second = table_at("T-0001"), table_at("T-0001")
+    plugged.append(first.port)
+    table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())
+    try:
+        assert table.identify().serial == "T-0001"
+        first.close()
+        plugged.append(second.port)
+        table.stop()
+        assert second.requests == [(3, 0, 8), (3, 8, 8), (6, 22, 2)], "who it is before what it is to do"
+    finally:
+        table.close()
+        second.close()
+
+
+def test_another_table_behind_the_same_name_is_told_nothing(plugged: list[str]) -> None:
+    first, other = table_at("T-0001"), table_at("T-0002")
+    plugged.append(first.port)
+    table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())
+    try:
+        table.identify()
+        first.close()
+        plugged.append(other.port)
+        for order in (table.stop, table.heartbeat, lambda: table.move(0.1, 0.1, 0.1, 0.1)):
+            with pytest.raises(
+                DeviceFaultError, match=r"'T-0002' answers on usb:A9XYZ where 'T-0001' did; .* plugged"
+            ):
+                order()
+        assert {function for function, _, _ in other.requests} == {3}
+    finally:
+        table.close()
+        other.close()
+
+
+def test_an_adapter_that_is_still_out_is_a_lost_link(plugged: list[str]) -> None:
+    first = table_at("T-0001")
+    plugged.append(first.port)
+    table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())
+    first.close()
+    plugged.clear()
+    with pytest.raises(
+        DeviceFaultError, match=r"cannot be read on usb:A9XYZ \(the link is gone\); check cable"
+    ):
+        table.status()
