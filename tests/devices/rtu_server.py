@@ -1,11 +1,11 @@
 """A Modbus RTU device on a pseudo-terminal that answers in order, each answer as late as a test says."""
 
 import os
+import select
 import struct
 import threading
 import time
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 
 from fastcrc import crc16
 
@@ -30,13 +30,15 @@ class RtuServer(threading.Thread):
         self.late = dict(late or {})
         self.words = dict(words or {})
         self.requests: list[tuple[int, int, int]] = []
+        self._closing = threading.Event()
         self.start()
 
     def close(self) -> None:
         """Pull the plug."""
+        self._closing.set()
+        self.join(5.0)
         for end in (self._slave, self._master):
-            with suppress(OSError):
-                os.close(end)
+            os.close(end)
 
     def obey(self, function: int, address: int, values: Iterable[int]) -> int:
         """Store what is written; the exception it is answered with, 0 for none."""
@@ -49,18 +51,19 @@ class RtuServer(threading.Thread):
 
     def run(self) -> None:
         buffer = b""
-        with suppress(OSError):
-            while True:
-                buffer += os.read(self._master, 4096)
-                while len(buffer) >= 8:
-                    size = 9 + buffer[6] if buffer[1] == 16 else 8
-                    if len(buffer) < size:
-                        break
-                    frame, buffer = buffer[:size], buffer[size:]
-                    if crc(frame[:-2]) != frame[-2:]:
-                        buffer = b""
-                        break
-                    self._answer(frame)
+        while not self._closing.is_set():
+            if not select.select([self._master], [], [], 0.02)[0]:
+                continue
+            buffer += os.read(self._master, 4096)
+            while len(buffer) >= 8:
+                size = 9 + buffer[6] if buffer[1] == 16 else 8
+                if len(buffer) < size:
+                    break
+                frame, buffer = buffer[:size], buffer[size:]
+                if crc(frame[:-2]) != frame[-2:]:
+                    buffer = b""
+                    break
+                self._answer(frame)
 
     def _answer(self, frame: bytes) -> None:
         unit, function, address, second = struct.unpack(">BBHH", frame[:6])
