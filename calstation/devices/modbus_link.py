@@ -110,18 +110,23 @@ class ModbusLink:
         """The bytes that came last, whether they make sense or not."""
         return self._carrier.heard
 
-    def read(self, address: int, count: int) -> list[int]:
-        """Read `count` registers; repeats a lost transfer. Raises DeviceFaultError."""
+    def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
+        """Read `count` registers, of another unit on the line where one is told; repeats a lost transfer.
+
+        Raises DeviceFaultError.
+        """
+        asked = self._unit if unit is None else unit
         return self._transfer(
-            lambda again: self._carrier.read(self._unit, address, count),
+            lambda again: self._carrier.read(asked, address, count),
             f"registers {address}-{address + count - 1} cannot be read",
             _ATTEMPTS,
         )
 
-    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
-        """Write registers; a lost transfer is repeated only where `repeat`. Raises DeviceFaultError."""
+    def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
+        """Write registers, as `read`; a lost transfer is repeated only where `repeat`. Raises DeviceFaultError."""
+        asked = self._unit if unit is None else unit
         self._transfer(
-            lambda again: self._carrier.write(self._unit, address, values, again),
+            lambda again: self._carrier.write(asked, address, values, again),
             f"register {address} cannot be written",
             _ATTEMPTS if repeat else 1,
         )

@@ -23,7 +23,8 @@ class ModbusTable(RegisterTable):
         modbus = profile.modbus
         assert modbus is not None
         link = ModbusLink(port, modbus.unit, modbus.timeout_s, serial or modbus.serial)
-        super().__init__(link, profile, modbus.gap)
+        inner = None if modbus.inner_unit is None else OtherUnit(link, modbus.inner_unit)
+        super().__init__(link, profile, modbus.gap, inner)
         self._port = port
         self._told: dict[str, str] = {}
         link.greet = self._greet
@@ -41,3 +42,29 @@ class ModbusTable(RegisterTable):
                     f"table: '{found}' answers on {self._port} where '{told}' did; nothing was told to it; check"
                     " which adapter is plugged in where"
                 )
+
+
+class OtherUnit:
+    """Registers of a second unit on the line of a first, which keeps the port; meets `register_table.RegisterLink`.
+
+    Parameters
+    ----------
+    link : of the first unit
+    unit : number of the second
+    """
+
+    heard = b""
+
+    def __init__(self, link: ModbusLink, unit: int) -> None:
+        self._link, self._unit = link, unit
+
+    def read(self, address: int, count: int) -> list[int]:
+        """See `RegisterLink`."""
+        return self._link.read(address, count, self._unit)
+
+    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
+        """See `RegisterLink`."""
+        self._link.write(address, values, repeat, self._unit)
+
+    def close(self) -> None:
+        """The first unit hangs up."""

@@ -1,24 +1,21 @@
 """A two-axis table behind 16-bit registers, laid out as its profile says (CiA 402 words), whatever carries them."""
 
+import math
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 
 from calstation.devices.endless import check_endless
 from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableIdentity, TableStatus
-from calstation.devices.table_profile import JOINTS, RATE_COMMAND, ModbusRegister, TableProfile
-from calstation.errors import ConfigurationError
+from calstation.devices.table_map import JOINTS, RATE_COMMAND, ModbusRegister
+from calstation.devices.table_profile import TableProfile
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.samples import snap_angles
 from calstation.physics.table import JointLimits
 
 SHUTDOWN, SWITCH_ON, ENABLE, FAULT_RESET = 0x06, 0x07, 0x0F, 0x86
-_POLLED = (
-    "statusword",
-    "fault",
-    "interlock",
-    "watchdog",
-    *(f"{joint}_{name}" for joint in JOINTS for name in ("position", "rate", "low", "high")),
-)
+_POLLED = ("statusword", "status2", "fault", "interlock", "watchdog", "position", "rate", "low", "high")
 _LARGEST_READ = 120  # registers in one transfer
 
 
@@ -40,28 +37,29 @@ class RegisterLink(Protocol):
 
 
 def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
-    """A value in the profile's unit as registers, high word first.
+    """A value in the profile's unit as registers, in their order.
 
     Raises ConfigurationError where it does not fit.
     """
-    raw = round(value / register.scale)
-    low, high = register.bounds
-    if not low <= raw <= high:
+    try:
+        return _words(register, value / register.scale)
+    except ValueError:
+        low, high = register.bounds
         raise ConfigurationError(
-            f"table: {name} = {value:g} does not fit its register ({low * register.scale:g} to"
-            f" {high * register.scale:g}); correct the schedule or the table profile"
-        )
-    return [raw >> shift & 0xFFFF for shift in range(16 * (register.count - 1), -1, -16)]
+            f"table: {name} = {value:g} does not fit its register ({low:g} to {high:g}); correct the schedule or the"
+            " table profile"
+        ) from None
 
 
 def decode(register: ModbusRegister, words: list[int]) -> float:
-    """Registers, high word first, as a value in the profile's unit."""
-    raw = 0
-    for word in words:
-        raw = raw << 16 | word
-    if register.type[0] == "i" and raw >> (16 * register.count - 1):
-        raw -= 1 << 16 * register.count
-    return raw * register.scale
+    """Registers as a value in the profile's unit; NaN or infinite where a float holds no number."""
+    wire = b"".join(word.to_bytes(2, "big") for word in words)
+    return register.number.unpack(wire, "big", register.word_order) * register.scale
+
+
+def _words(register: ModbusRegister, raw: float) -> list[int]:
+    wire = register.number.pack(raw, "big", register.word_order)
+    return [int.from_bytes(wire[i : i + 2], "big") for i in range(0, len(wire), 2)]
 
 
 class RegisterTable:
@@ -74,111 +72,125 @@ class RegisterTable:
     link : carries the registers
     profile : what they mean
     gap : unused registers that may be read along
+    inner : carries those of the inner axis's own drive, where it has one
     """
 
-    def __init__(self, link: RegisterLink, profile: TableProfile, gap: int) -> None:
-        self._link = link
-        self._profile = profile
+    def __init__(
+        self, link: RegisterLink, profile: TableProfile, gap: int, inner: RegisterLink | None = None
+    ) -> None:
+        section = profile.modbus or profile.imu_link
+        assert section is not None
+        self._link, self._inner = link, inner
+        self._profile, self._map = profile, profile.map
+        self._rest_rate = section.rest_rate_dps
         self._powered = False
-        self._spans = _spans([profile.registers[name] for name in _POLLED], gap)
-        geometry = profile.geometry().limits
-        self._rate, self._acceleration = geometry.rate, geometry.acceleration
+        self._polled = [own for name in _POLLED for own in self._map.names(name)]
+        self._spans = [
+            (drive, *span)
+            for drive in (link, inner)
+            if drive is not None
+            for span in _spans([self._map.registers[n] for n in self._polled if self._drive(n) is drive], gap)
+        ]
+        self._limits = profile.geometry().limits
 
     def identify(self) -> TableIdentity:
-        """Model and serial number; raises OtherModelError where another model answers."""
-        identity = TableIdentity(self._text("model"), self._text("serial"))
-        if self._profile.model not in identity.model:
-            raise OtherModelError(
-                f"table: model '{identity.model}' answers, the profile is for '{self._profile.model}';"
-                " choose the right table profile in the station file",
-                identity.model,
-                self._profile.model,
-            )
-        return identity
+        """Model and serial number, of two drives both; raises OtherModelError where another model answers."""
+        models = [self._text(name) for name in self._map.names("model")]
+        serials = [self._text(name) for name in self._map.names("serial")]
+        for model in models:
+            if self._profile.model not in model:
+                raise OtherModelError(
+                    f"table: model '{model}' answers, the profile is for '{self._profile.model}';"
+                    " choose the right table profile in the station file",
+                    model,
+                    self._profile.model,
+                )
+        return TableIdentity(" + ".join(dict.fromkeys(models)), " + ".join(serials))
 
     def status(self) -> TableStatus:
-        """Poll the table, in one transfer where the profile's layout allows."""
-        words = {start: self._link.read(start, end - start) for start, end in self._spans}
-        value = {name: self._pick(words, name) for name in _POLLED}
-        bits = self._profile.status_bits
-        word = int(value["statusword"])
-        degrees = {
-            n: np.array([value[f"{j}_{n}"] for j in JOINTS]) for n in ("position", "rate", "low", "high")
-        }
-        low, high = np.deg2rad(degrees["low"]), np.deg2rad(degrees["high"])
+        """Poll the table, in one transfer of each drive where the profile's layout allows."""
+        words = [(drive, start, drive.read(start, end - start)) for drive, start, end in self._spans]
+        value = {name: self._pick(words, name) for name in self._polled}
+        position, rate = (
+            np.array([value[f"{joint}_{name}"] for joint in JOINTS]) for name in ("position", "rate")
+        )
+        at_rest = bool(np.all(np.abs(rate) < self._rest_rate))
         return TableStatus(
-            angles=snap_angles(np.deg2rad(degrees["position"])),
-            rates=np.deg2rad(degrees["rate"]),
-            enabled=bool(word >> bits["enabled"] & 1),
-            homed=bool(word >> bits["homed"] & 1),
-            moving=bool(word >> bits["moving"] & 1),
-            settled=bool(word >> bits["settled"] & 1),
-            fault=self._fault(word, int(value["fault"])),
-            interlock_closed=int(value["interlock"]) == 1,
-            watchdog=value["watchdog"],
+            angles=snap_angles(np.deg2rad(position)),
+            rates=np.deg2rad(rate),
+            enabled=all(self._flags("enabled", value)),
+            homed=all(self._flags("homed", value)),
+            moving=any(self._flags("moving", value) or [not at_rest]),
+            settled=all(self._flags("settled", value)),
+            fault=self._fault(value),
+            interlock_closed=all(self._flags("interlock", value))
+            and all(value[name] == 1 for name in self._map.names("interlock")),
+            watchdog=min((value[name] for name in self._map.names("watchdog")), default=math.inf),
             limits=JointLimits(
-                (float(low[0]), float(low[1])),
-                (float(high[0]), float(high[1])),
-                self._rate,
-                self._acceleration,
+                self._ends("low", value, self._limits.low),
+                self._ends("high", value, self._limits.high),
+                self._limits.rate,
+                self._limits.acceleration,
             ),
         )
 
     def enable(self) -> None:
         """Switch both axes on, by the CiA 402 sequence."""
         for word in (SHUTDOWN, SWITCH_ON, ENABLE):
-            self._write("controlword", word)
+            self._put("controlword", word)
         self._powered = True
 
     def disable(self) -> None:
-        """Switch both axes off."""
+        """Switch both axes off, one where the other's drive is gone."""
         self._powered = False
-        self._write("controlword", SHUTDOWN)
+        self._on_both([("controlword", SHUTDOWN)])
 
     def home(self) -> None:
         """Start homing; a lost answer is a fault, never a second homing."""
-        self._write("command", self._profile.commands["home"], repeat=False)
+        self._order("home", repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
         """Start both joints towards absolute angles; rad, rad/s, rad/s²."""
-        for joint, angle in zip(JOINTS, (outer, inner), strict=True):
-            self._write_together(
+        told = [
+            self._encoded(
                 {
-                    f"{joint}_target": float(np.rad2deg(angle)),
-                    f"{joint}_target_rate": float(np.rad2deg(rate)),
-                    f"{joint}_acceleration": float(np.rad2deg(acceleration)),
+                    f"{joint}_target": angle,
+                    f"{joint}_target_rate": rate,
+                    f"{joint}_acceleration": acceleration,
                 }
             )
-        self._write("command", self._profile.commands["move"])
+            for joint, angle in zip(JOINTS, (outer, inner), strict=True)
+        ]
+        for words in told:
+            self._write_together(words)
+        self._order("move")
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
         """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
-        command = self._profile.commands.get(RATE_COMMAND)
-        if command is None:
+        if RATE_COMMAND not in self._profile.commands:
             raise ConfigurationError("table: the profile has no commands.rate; add it")
         check_endless(self._profile, self.status().watchdog, (outer, inner), acceleration)
-        for joint, rate in zip(JOINTS, (outer, inner), strict=True):
-            self._write_together(
-                {
-                    f"{joint}_target_rate": float(np.rad2deg(rate)),
-                    f"{joint}_acceleration": float(np.rad2deg(acceleration)),
-                }
-            )
-        self._write("command", command)
+        told = [
+            self._encoded({turning: rate, f"{joint}_acceleration": acceleration})
+            for joint, turning, rate in zip(JOINTS, self._map.turning(), (outer, inner), strict=True)
+        ]
+        for words in told:
+            self._write_together(words)
+        self._order(RATE_COMMAND)
 
     def stop(self) -> None:
-        """Decelerate to rest."""
-        self._write("command", self._profile.commands["stop"])
+        """Decelerate to rest, one axis where the other's drive is gone."""
+        self._on_both(self._writes("stop"))
 
     def reset_fault(self) -> None:
         """Clear a latched fault by a rising edge of the reset bit; the axes stay off."""
         self._powered = False
         for word in (SHUTDOWN, FAULT_RESET, SHUTDOWN):
-            self._write("controlword", word)
+            self._put("controlword", word)
 
     def heartbeat(self) -> None:
-        """Feed the table's watchdog."""
-        self._write("heartbeat", 1)
+        """Feed the table's watchdog, where it has one to feed."""
+        self._put("heartbeat", 1)
 
     def close(self) -> None:
         """Hang up."""
@@ -189,50 +201,113 @@ class RegisterTable:
         """The bytes that came last, whether they make sense or not."""
         return self._link.heard
 
-    def _fault(self, word: int, code: int) -> str | None:
+    def _drive(self, name: str) -> RegisterLink:
+        """What carries a register: the inner axis's own may be behind another drive."""
+        return self._inner if self._inner is not None and name.startswith("inner_") else self._link
+
+    def _flags(self, name: str, value: Mapping[str, float]) -> list[bool]:
+        """A flag of each drive; empty where the profile does not say where it stands."""
+        bit = self._profile.status_bits.get(name)
+        if bit is None:
+            return []
+        if bit.bit is None:
+            return [bool(bit.always)]
+        return [bool(int(value[word]) >> bit.bit & 1) for word in self._map.names(bit.word)]
+
+    def _fault(self, value: Mapping[str, float]) -> str | None:
         """What is latched, or keeps the table from obeying: a fault first, then what bits 5, 9 and 11 say."""
-        bits = self._profile.status_bits
-        if word >> bits["fault"] & 1 or code != 0:
+        codes = [int(value[name]) for name in self._map.names("fault")]
+        if any(self._flags("fault", value)) or any(codes):
+            code = next((code for code in codes if code), 0)
             return self._profile.faults.get(str(code), f"code {code}")
-        if "remote" in bits and not word >> bits["remote"] & 1:
+        if not all(self._flags("remote", value)):
             return LOCAL_CONTROL
         # A drive that is off may show anything in this bit (CiA 402-2, table 30).
-        if "quick_stop" in bits and self._powered and not word >> bits["quick_stop"] & 1:
+        if self._powered and not all(self._flags("quick_stop", value)):
             return "quick stop"
-        if "limit" in bits and word >> bits["limit"] & 1:
-            return "limit"
-        return None
+        return "limit" if any(self._flags("limit", value)) else None
 
-    def _write(self, name: str, value: float, repeat: bool = True) -> None:
-        register = self._profile.registers[name]
-        self._link.write(register.address, encode(register, value, name), repeat)
+    def _writes(self, command: str) -> list[tuple[str, int]]:
+        """Registers and raw values of a command, in order."""
+        return [write for told in self._profile.commands[command] for write in told.items()]
 
-    def _write_together(self, values: dict[str, float]) -> None:
-        """Write neighbouring registers in one transfer, others in one each."""
-        registers = self._profile.registers
+    def _on_both(self, writes: list[tuple[str, int]]) -> None:
+        """Write on every drive that answers. Raises the first DeviceFaultError once the others are done."""
+        lost: dict[int, DeviceFaultError] = {}
+        for name, raw in writes:
+            for own in self._map.names(name):
+                drive = id(self._drive(own))
+                if drive in lost:
+                    continue
+                try:
+                    self._put_one(own, raw)
+                except DeviceFaultError as exc:
+                    lost[drive] = exc
+        if lost:
+            raise next(iter(lost.values()))
+
+    def _put(self, name: str, raw: int, repeat: bool = True) -> None:
+        """Write a raw value, for both axes where each has the register."""
+        for own in self._map.names(name):
+            self._put_one(own, raw, repeat)
+
+    def _put_one(self, own: str, raw: int, repeat: bool = True) -> None:
+        register = self._map.registers[own]
+        self._drive(own).write(register.address, _words(register, raw), repeat)
+
+    def _order(self, command: str, repeat: bool = True) -> None:
+        for name, raw in self._writes(command):
+            self._put(name, raw, repeat)
+
+    def _ends(
+        self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]
+    ) -> tuple[float, float]:
+        """An end of both joints' travel as the table has it set, rad; the profile's where it does not tell."""
+        told = [value.get(f"{joint}_{end}") for joint in JOINTS]
+        outer, inner = (
+            known if degrees is None else float(np.deg2rad(degrees))
+            for degrees, known in zip(told, otherwise, strict=True)
+        )
+        return outer, inner
+
+    def _encoded(self, values: Mapping[str, float]) -> dict[str, list[int]]:
+        """Values (rad, rad/s, rad/s²) of registers of one axis, by rising address; raises where one does not fit."""
+        registers = self._map.registers
+        ordered = sorted(values, key=lambda name: registers[name].address)
+        return {name: encode(registers[name], float(np.rad2deg(values[name])), name) for name in ordered}
+
+    def _write_together(self, encoded: Mapping[str, list[int]]) -> None:
+        """Write neighbouring registers of one axis in one transfer, others in one each."""
+        drive = self._drive(next(iter(encoded)))
         pending: list[int] = []
         start = end = -1
-        for name in sorted(values, key=lambda n: registers[n].address):
-            register = registers[name]
+        for name, words in encoded.items():
+            register = self._map.registers[name]
             if register.address != end:
                 if pending:
-                    self._link.write(start, pending)
+                    drive.write(start, pending)
                 pending, start = [], register.address
-            pending = pending + encode(register, values[name], name)
-            end = register.address + register.count
-        self._link.write(start, pending)
+            pending = pending + words
+            end = register.end
+        drive.write(start, pending)
 
-    def _pick(self, words: dict[int, list[int]], name: str) -> float:
-        register = self._profile.registers[name]
-        for start, values in words.items():
-            if start <= register.address < start + len(values):
+    def _pick(self, words: list[tuple[RegisterLink, int, list[int]]], name: str) -> float:
+        register, drive = self._map.registers[name], self._drive(name)
+        for source, start, values in words:
+            if source is drive and start <= register.address < start + len(values):
                 place = register.address - start
-                return decode(register, values[place : place + register.count])
+                value = decode(register, values[place : place + register.count])
+                if not math.isfinite(value):
+                    raise DeviceFaultError(
+                        f"table: registers.{name} ({register}) holds no number; check its address, type and word_order"
+                        " in the table profile"
+                    )
+                return value
         raise KeyError(name)
 
     def _text(self, name: str) -> str:
-        register = self._profile.registers[name]
-        words = self._link.read(register.address, register.count)
+        register = self._map.registers[name]
+        words = self._drive(name).read(register.address, register.count)
         raw = b"".join(word.to_bytes(2, "big") for word in words)
         return raw.split(b"\0")[0].decode("ascii", errors="replace").strip()
 

@@ -1,88 +1,53 @@
 """Table profiles (`data/tables`): axes, limits, accuracy and Modbus registers, checked as a whole."""
 
 import math
-from collections.abc import Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from calstation.configuration import StrictModel, load, suggestion
+from calstation.configuration import StrictModel, load
 from calstation.devices.link import SerialSettings
+from calstation.devices.table_map import Axis, Bit, ModbusRegister, TableMap, Writes
 from calstation.devices.text_profile import TextSection
+from calstation.errors import ConfigurationError
 from calstation.physics.table import JointLimits, TableGeometry
 
-RegisterType = Literal["u16", "i16", "u32", "i32", "text"]
-JOINTS = ("outer", "inner")
-JOINT_REGISTERS = ("position", "rate", "target", "target_rate", "acceleration", "low", "high")
-REGISTERS = (
-    "model",
-    "serial",
-    "controlword",
-    "statusword",
-    "fault",
-    "interlock",
-    "watchdog",
-    "heartbeat",
-    "command",
-    *(f"{joint}_{name}" for joint in JOINTS for name in JOINT_REGISTERS),
-)
-STATUS_BITS = ("enabled", "fault", "settled", "homed", "moving")
-HINDRANCE_BITS = ("quick_stop", "remote", "limit")
-"""Bits that a profile may name besides: 0 while a quick stop is in force, 0 under local control, 1 at a limit."""
-COMMANDS = ("move", "stop", "home")
-RATE_COMMAND = "rate"
-"""The command that a profile may name besides: turn endlessly at the target rates."""
-_WORDS = {"u16": 1, "i16": 1, "u32": 2, "i32": 2}
-
-
-class ModbusRegister(StrictModel):
-    """A holding register, 0-based; value = raw × scale in degrees, °/s, °/s² or s; text has `words`."""
-
-    address: int = Field(ge=0, le=0xFFFF)
-    type: RegisterType
-    scale: float = Field(default=1.0, gt=0)
-    words: int | None = Field(default=None, ge=1, le=64)
-
-    @property
-    def count(self) -> int:
-        """Registers that it takes."""
-        return self.words if self.words is not None else _WORDS[self.type]
-
-    @property
-    def bounds(self) -> tuple[int, int]:
-        """Lowest and highest raw value."""
-        bits = 16 * self.count
-        return (-(1 << bits - 1), (1 << bits - 1) - 1) if self.type[0] == "i" else (0, (1 << bits) - 1)
-
-    @model_validator(mode="after")
-    def _words_for_text(self) -> "ModbusRegister":
-        if (self.type == "text") != (self.words is not None):
-            raise ValueError('words belongs to type "text" and only there; add or remove it')
-        return self
-
-
-class ModbusSection(StrictModel):
-    """`[modbus]`: unit number, timeouts and what may be read in one transfer.
-
-    timeout_s : host time for an answer; gap : unused registers that may be read along
-    """
-
-    unit: int = Field(ge=0, le=255)
-    timeout_s: float = Field(gt=0, le=60)
-    gap: int = Field(default=0, ge=0, le=100)
-    serial: SerialSettings = SerialSettings()
+_COARSEST = 3.0
+"""An angle in a line may be rounded by this many sigmas of the encoder."""
 
 
 class ImuLinkSection(StrictModel):
     """`[imu_link]`: axes commanded through the link of an inertial system that has them.
 
     gap : unused registers that may be read along
+    word_order : of numbers of several registers, where one does not say otherwise
+    rest_rate_dps : below which an axis is at rest, where no bit of the status tells that it moves
     """
 
     gap: int = Field(default=0, ge=0, le=100)
+    word_order: Literal["big", "little"] = "big"
+    rest_rate_dps: float = Field(default=0.002, gt=0)
+
+
+class ModbusSection(ImuLinkSection):
+    """`[modbus]`: unit number, timeouts and what may be read in one transfer.
+
+    timeout_s : host time for an answer
+    inner_unit : number of the inner axis's own drive, where each axis has one: its registers are those named `inner_`
+    """
+
+    unit: int = Field(ge=0, le=255)
+    inner_unit: int | None = Field(default=None, ge=1, le=247)
+    timeout_s: float = Field(gt=0, le=60)
+    serial: SerialSettings = SerialSettings()
+
+    @model_validator(mode="after")
+    def _two_drives(self) -> "ModbusSection":
+        if self.unit == self.inner_unit:
+            raise ValueError(f"unit and inner_unit are both {self.unit}; correct one, or remove inner_unit")
+        return self
 
 
 class JointSection(StrictModel):
@@ -96,7 +61,14 @@ class JointSection(StrictModel):
     @model_validator(mode="after")
     def _ordered(self) -> "JointSection":
         if self.low_deg >= self.high_deg:
-            raise ValueError(f"low_deg = {self.low_deg:g} must be below high_deg = {self.high_deg:g}")
+            raise ValueError(
+                f"low_deg = {self.low_deg:g} must be below high_deg = {self.high_deg:g}; correct one"
+            )
+        if not self.low_deg <= 0.0 <= self.high_deg:
+            raise ValueError(
+                f"low_deg = {self.low_deg:g} to high_deg = {self.high_deg:g} leaves out home, which is 0; count angles"
+                " from home and correct them"
+            )
         return self
 
 
@@ -123,14 +95,15 @@ class TableProfile(StrictModel):
     protocol : "modbus", by the sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
         registers behind the link of the IMU that the axes belong to, with `[imu_link]`; or text by `[text]`: "atl"
         with a prompt, "acl" in plain lines, "mn" in checked lines; or "hand", rails that nobody drives, with neither
-    status_bits : bit numbers in the statusword; commands : values of the command register
+    status_bits : bit numbers in the statusword, or where else a flag stands
+    commands : values of the command register, or what else each command writes
     faults : meaning of the fault codes; settle_s : from the end of a move's course until the table says settled
     link_loss_stop_s : a table without a watchdog stops its axes by itself so long after the last line that it
         hears, s; left out where it does not: then only moves to angles are allowed, never an endless rate
     """
 
     name: str
-    model: str
+    model: str = Field(min_length=1)
     protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "hand"]
     outer_axis: list[float] = Field(min_length=3, max_length=3)
     inner_axis: list[float] = Field(min_length=3, max_length=3)
@@ -143,8 +116,8 @@ class TableProfile(StrictModel):
     faults: dict[str, str]
     modbus: ModbusSection | None = None
     imu_link: ImuLinkSection | None = None
-    status_bits: dict[str, int] = Field(default_factory=dict)
-    commands: dict[str, int] = Field(default_factory=dict)
+    status_bits: dict[str, Bit] = Field(default_factory=dict)
+    commands: dict[str, Writes] = Field(default_factory=dict)
     registers: dict[str, ModbusRegister] = Field(default_factory=dict)
     text: TextSection | None = None
 
@@ -174,29 +147,11 @@ class TableProfile(StrictModel):
         return self
 
     def _check_registers(self) -> None:
-        _complete("status_bits", self.status_bits, STATUS_BITS, HINDRANCE_BITS)
-        _complete("commands", self.commands, COMMANDS, (RATE_COMMAND,))
-        _complete("registers", self.registers, REGISTERS)
-        for name, bit in self.status_bits.items():
-            if not 0 <= bit <= 15:
-                raise ValueError(f"status_bits.{name} = {bit} is out of range; it must be 0 to 15")
-        for code in self.faults:
-            if not code.isdecimal():
-                raise ValueError(f'faults.{code} must be a number in quotes, like "2"')
-        ordered = sorted(self.registers.items(), key=lambda item: item[1].address)
-        for (first, a), (second, b) in pairwise(ordered):
-            if b.address < a.address + a.count:
-                raise ValueError(
-                    f"registers.{first} ({a.address}-{a.address + a.count - 1}) and registers.{second}"
-                    f" ({b.address}) overlap; correct an address"
-                )
-        if RATE_COMMAND in self.commands:
-            for joint in JOINTS:
-                if self.registers[f"{joint}_target_rate"].type[0] == "u":
-                    raise ValueError(
-                        f"commands.rate: registers.{joint}_target_rate has no sign, so it cannot turn both ways;"
-                        " correct its type or remove the command"
-                    )
+        axes = [
+            Axis(joint.low_deg, joint.high_deg, joint.max_rate_dps, joint.max_acceleration_dps2)
+            for joint in (self.outer, self.inner)
+        ]
+        self.map.check(axes, self.accuracy.encoder_sigma_deg, self.faults)
 
     def _no_registers(self) -> None:
         for name in ("status_bits", "commands", "registers"):
@@ -210,14 +165,36 @@ class TableProfile(StrictModel):
 
     def _check_text(self, text: TextSection) -> None:
         self._no_registers()
-        if (self.protocol == "atl") != bool(text.prompt):
+        for protocol, entry, there in (
+            ("atl", "text.prompt", bool(text.prompt)),
+            ("mn", "[text.checked]", text.checked is not None),
+        ):
+            if self.protocol == protocol and not there:
+                raise ValueError(f'protocol = "{protocol}" needs {entry}; add it')
+            if self.protocol != protocol and there:
+                raise ValueError(
+                    f'{entry} belongs to protocol = "{protocol}", not "{self.protocol}"; remove it'
+                )
+        step = 10.0**-text.decimals
+        if step > _COARSEST * self.accuracy.encoder_sigma_deg:
             raise ValueError(
-                f'text.prompt belongs to protocol = "atl", not "{self.protocol}"; add or remove it'
+                f"text.decimals = {text.decimals} tells angles to {step:g}°, too coarse for"
+                f" accuracy.encoder_sigma_deg = {self.accuracy.encoder_sigma_deg:g}; correct one"
             )
-        if (self.protocol == "mn") != (text.checked is not None):
-            raise ValueError(
-                f'[text.checked] belongs to protocol = "mn", not "{self.protocol}"; add or remove it'
-            )
+
+    @property
+    def map(self) -> TableMap:
+        """Registers, bits and commands, each register with the word order that it has on the link."""
+        section = self.modbus or self.imu_link
+        order = section.word_order if section is not None else "big"
+        registers = {
+            name: register
+            if register.type == "text" or register.word_order is not None
+            else register.model_copy(update={"word_order": order})
+            for name, register in self.registers.items()
+        }
+        apart = self.modbus is not None and self.modbus.inner_unit is not None
+        return TableMap(registers, self.status_bits, self.commands, apart)
 
     @property
     def by_hand(self) -> bool:
@@ -243,12 +220,20 @@ class TableProfile(StrictModel):
         return self.modbus.unit if self.modbus is not None else None
 
     def at_place(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
-        """The profile with a station's own time for an answer and unit number, where it has them."""
+        """The profile with a station's own time for an answer and unit number, where it has them.
+
+        Raises ConfigurationError where that is the number of the inner axis's drive.
+        """
         if self.text is not None:
             changed = {"timeout_s": timeout_s} if timeout_s is not None else {}
             return self.model_copy(update={"text": self.text.model_copy(update=changed)})
         if self.modbus is None:
             return self
+        if unit is not None and unit == self.modbus.inner_unit:
+            raise ConfigurationError(
+                f"table.unit = {unit} is the inner axis's own drive (modbus.inner_unit of the table profile); give the"
+                " outer one's"
+            )
         told = {"timeout_s": timeout_s, "unit": unit}
         modbus = self.modbus.model_copy(update={k: v for k, v in told.items() if v is not None})
         return self.model_copy(update={"modbus": modbus})
@@ -266,18 +251,6 @@ class TableProfile(StrictModel):
                 acceleration=_radians(joints[0].max_acceleration_dps2, joints[1].max_acceleration_dps2),
             ),
         )
-
-
-def _complete(
-    section: str, found: Mapping[str, object], needed: tuple[str, ...], allowed: tuple[str, ...] = ()
-) -> None:
-    for name in needed:
-        if name not in found:
-            raise ValueError(f"{section}.{name} is missing; add it")
-    known = needed + allowed
-    for name in found:
-        if name not in known:
-            raise ValueError(f"{section}.{name} is unknown{suggestion(name, known) or '; remove it'}")
 
 
 def _radians(outer: float, inner: float) -> tuple[float, float]:

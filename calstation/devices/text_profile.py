@@ -1,6 +1,9 @@
 """The lines of a table that is commanded in text (`[text]`): what to send, what the answers mean."""
 
 import re
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from string import Formatter
 from typing import Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -10,10 +13,10 @@ from calstation.devices.link import SerialSettings
 
 COMMAND_VALUES = ("axis", "angle", "rate", "acceleration")
 """What a command's line may name in braces, in degrees, °/s and °/s²; also `outer_angle`, `inner_rate` and so on."""
-_PLACES = (
-    *COMMAND_VALUES,
-    *(f"{joint}_{name}" for joint in ("outer", "inner") for name in COMMAND_VALUES[1:]),
-)
+_VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration")}
+"""Values that each command has to tell; the first it must."""
+_MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
+_NEVER_ALWAYS = ("fault", "moving", "settled")
 _FLAGS = ("enabled", "homed", "moving", "settled", "fault", "interlock", "remote")
 
 
@@ -33,15 +36,67 @@ class CommandLines(StrictModel):
     heartbeat: list[str] = Field(default_factory=list)
 
     @model_validator(mode="after")
-    def _places_known(self) -> "CommandLines":
+    def _can_be_sent(self) -> "CommandLines":
         for name in type(self).model_fields:
-            for line in getattr(self, name):
-                for place in re.findall(r"\{([^}]*)\}", line):
-                    if place not in _PLACES:
-                        raise ValueError(
-                            f"{name}: '{{{place}}}' in '{line}' is unknown{suggestion(place, _PLACES)}"
-                        )
+            values, lines = _VALUES.get(name, ()), getattr(self, name)
+            told: set[str] = set()
+            for line in lines:
+                told |= _check_line(f"{name}: {line!r}", line, values)
+            if values and lines:
+                _check_told(name, values[0], told)
+        self._check_distinct()
         return self
+
+    def _check_distinct(self) -> None:
+        lines = {name: getattr(self, name) for name in type(self).model_fields if getattr(self, name)}
+        for a, b in combinations(lines, 2):
+            if lines[a] == lines[b] and {a, b} not in _MAY_BE_ALIKE:
+                raise ValueError(f"{a} and {b} send the same lines; correct one")
+
+
+def _check_told(name: str, value: str, told: set[str]) -> None:
+    """Where to, or how fast, is told of both axes."""
+    for joint in ("outer", "inner"):
+        if value not in told and f"{joint}_{value}" not in told:
+            missing = f"{joint}_{value}" if any(place.endswith(f"_{value}") for place in told) else value
+            raise ValueError(
+                f"{name}: no line tells {{{missing}}}, so the table would go by what it was told before; add it"
+            )
+
+
+def _check_line(entry: str, line: str, values: Sequence[str]) -> set[str]:
+    """What a line names in braces. Raises ValueError where it cannot be filled in and sent.
+
+    Parameters
+    ----------
+    entry : how messages call it; values : what its command has to tell
+    """
+    if not line.isascii() or not line.isprintable():
+        raise ValueError(f"{entry} must be one line of ASCII; remove what is not")
+    own = ("axis", *values)
+    known = (*own, *(f"{joint}_{name}" for joint in ("outer", "inner") for name in values))
+    try:
+        parts = list(Formatter().parse(line))
+    except ValueError:
+        raise ValueError(f"{entry} has a brace alone; write {{axis}}, or {{{{ for the character") from None
+    told = set()
+    for _, place, form, conversion in parts:
+        if place is None:
+            continue
+        if form or conversion or place not in known:
+            wrong = place + (f"!{conversion}" if conversion else "") + (f":{form}" if form else "")
+            raise ValueError(
+                f"{entry}: '{{{wrong}}}' is unknown here{suggestion(place, known) or '; it may name '}"
+                f"{'' if suggestion(place, known) else ', '.join(known)}"
+            )
+        told.add(place)
+    for place in sorted(told & set(values)):
+        if "axis" not in told:
+            raise ValueError(
+                f"{entry} tells {{{place}}} without {{axis}}, so it would be the outer axis's alone; write"
+                f" {{outer_{place}}} and {{inner_{place}}}, or add {{axis}}"
+            )
+    return told
 
 
 class Query(StrictModel):
@@ -50,8 +105,14 @@ class Query(StrictModel):
     answer : a regular expression, searched in the reply; its named groups are the values
     """
 
-    send: str
+    send: str = Field(min_length=1)
     answer: str
+
+    @field_validator("send")
+    @classmethod
+    def _line(cls, send: str) -> str:
+        _check_line(repr(send), send, ())
+        return send
 
     @field_validator("answer")
     @classmethod
@@ -114,10 +175,10 @@ class TextSection(StrictModel):
         than this over so many polls
     """
 
-    axes: list[str] = Field(min_length=2, max_length=2)
+    axes: list[str]
     timeout_s: float = Field(default=0.5, gt=0, le=60)
     gap_s: float = Field(default=0.0, ge=0, le=5)
-    line_end: str = "\r\n"
+    line_end: str = Field(default="\r\n", min_length=1)
     prompt: str = ""
     checked: CheckedLines | None = None
     silent: str | None = None
@@ -131,6 +192,15 @@ class TextSection(StrictModel):
     commands: CommandLines
     queries: dict[str, Query]
     flags: dict[str, Flag]
+
+    @field_validator("axes")
+    @classmethod
+    def _two(cls, axes: list[str]) -> list[str]:
+        if len(axes) != 2 or axes[0] == axes[1] or not all(axes):
+            raise ValueError(
+                f'= {axes} must be two different names, of outer and inner axis, like ["1", "2"]; correct it'
+            )
+        return axes
 
     @field_validator("silent", "refused")
     @classmethod
@@ -146,36 +216,66 @@ class TextSection(StrictModel):
         for name in ("identity", "position", "rate"):
             if name not in self.queries:
                 raise ValueError(f"queries.{name} is missing; add it")
-        if "model" not in re.compile(self.queries["identity"].answer).groupindex:
+        if "model" not in self._groups("identity"):
             raise ValueError("queries.identity: the answer needs a group model; add it")
         for name in ("position", "rate"):
             self._needs_joints(name)
+        for end in ("low", "high") if "limits" in self.queries else ():
+            if end not in self._groups("limits"):
+                raise ValueError(f"queries.limits: the answer needs a group {end}; add it")
+        if "watchdog" in self.queries and "value" not in self._groups("watchdog"):
+            raise ValueError("queries.watchdog: the answer needs a group value, in seconds; add it")
+        self._check_patterns()
+        self._check_flags()
         if self.flush is not None and self.flush not in self.queries:
             raise ValueError(
                 f"flush: there is no query '{self.flush}'{suggestion(self.flush, tuple(self.queries))}"
             )
+        for name in ("enabled", "homed", "fault"):
+            if name not in self.flags:
+                raise ValueError(f"flags.{name} is missing; add it")
+        return self
+
+    def _groups(self, name: str) -> Mapping[str, int]:
+        """Named groups of a query's answer."""
+        return re.compile(self.queries[name].answer).groupindex
+
+    def _check_patterns(self) -> None:
+        """Questions are answered, and not every answer refuses."""
+        for name, query in self.queries.items():
+            if self.silent is not None and re.search(self.silent, query.send):
+                raise ValueError(
+                    f"silent matches queries.{name} '{query.send}', which would never be answered; narrow the pattern"
+                )
+        if self.refused is not None and re.search(self.refused, ""):
+            raise ValueError("refused matches every reply; narrow the pattern, or remove it")
+
+    def _check_flags(self) -> None:
+        seen: dict[tuple[str | None, str, int | str | None], str] = {}
         for name, flag in self.flags.items():
             if name not in _FLAGS:
                 raise ValueError(f"flags.{name} is unknown{suggestion(name, _FLAGS) or '; remove it'}")
             if flag.query is None:
+                if name in _NEVER_ALWAYS:
+                    raise ValueError(f"flags.{name} cannot be always the same; say which query tells it")
                 continue
             query = self.queries.get(flag.query)
             if query is None:
                 raise ValueError(
                     f"flags.{name}: there is no query '{flag.query}'{suggestion(flag.query, tuple(self.queries))}"
                 )
-            if flag.group not in re.compile(query.answer).groupindex:
+            if flag.group not in self._groups(flag.query):
                 raise ValueError(
                     f"flags.{name}: query '{flag.query}' has no group '{flag.group}'; correct it"
                 )
-        for name in ("enabled", "homed", "fault"):
-            if name not in self.flags:
-                raise ValueError(f"flags.{name} is missing; add it")
-        return self
+            place = (flag.query, flag.group, flag.matches if flag.bit is None else flag.bit)
+            if other := seen.get(place):
+                raise ValueError(f"flags.{name} and flags.{other} are told by the same; correct one")
+            seen[place] = name
 
     def _needs_joints(self, name: str) -> None:
         query = self.queries[name]
-        groups = re.compile(query.answer).groupindex
+        groups = self._groups(name)
         needed = ("value",) if "{axis}" in query.send else ("outer", "inner")
         for group in needed:
             if group not in groups:

@@ -8,7 +8,8 @@ import numpy as np
 from calstation.devices.endless import check_endless
 from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableIdentity, TableStatus
 from calstation.devices.link import SerialSettings
-from calstation.devices.table_profile import JOINTS, TableProfile
+from calstation.devices.table_map import JOINTS
+from calstation.devices.table_profile import TableProfile
 from calstation.devices.text_link import TextLink, UnlikeAnswerError
 from calstation.devices.text_profile import Flag
 from calstation.errors import ConfigurationError, DeviceFaultError

@@ -13,7 +13,8 @@ from calstation.devices.modbus_link import ModbusRefusalError
 from calstation.devices.modbus_table import ModbusTable
 from calstation.devices.opening import host_and_port
 from calstation.devices.register_table import RegisterTable
-from calstation.devices.table_profile import JOINTS, TableProfile
+from calstation.devices.table_map import JOINTS
+from calstation.devices.table_profile import TableProfile
 from calstation.devices.text_link import TextRefusalError, UnlikeAnswerError
 from calstation.devices.text_table import TextTable
 from calstation.errors import DeviceFaultError

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calstation.devices.modbus_table import ModbusTable, decode, encode
-from calstation.devices.table_profile import ModbusRegister, TableProfile, load_table_profile
+from calstation.devices.table_map import ModbusRegister
+from calstation.devices.table_profile import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError, DeviceFaultError
 
 PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "bench.toml")

@@ -136,14 +136,14 @@ def text_table(name: str) -> dict[str, Any]:
     ("name", "where", "value", "told"),
     [
         ("aerosmith_atl", "protocol", "mn", 'text.prompt belongs to protocol = "atl", not "mn"'),
-        ("aerosmith_atl", "text/prompt", "", 'text.prompt belongs to protocol = "atl"'),
-        ("mn_ascii", "text/checked", None, '[text.checked] belongs to protocol = "mn"'),
+        ("aerosmith_atl", "text/prompt", "", 'protocol = "atl" needs text.prompt; add it'),
+        ("mn_ascii", "text/checked", None, 'protocol = "mn" needs [text.checked]; add it'),
         ("mn_ascii", "modbus", {"unit": 1, "timeout_s": 1.0}, "[modbus] does not belong to protocol"),
         (
             "mn_ascii",
             "text/commands/move",
             ["POS,{axes},{angle}"],
-            "move: '{axes}' in 'POS,{axes},{angle}' is unknown",
+            "move: 'POS,{axes},{angle}': '{axes}' is unknown here; did you mean 'axis'?",
         ),
         ("mn_ascii", "text/commands/stop", [], "text.commands.stop"),
         ("mn_ascii", "text/queries/state/answer", "(?P<value", "is no regular expression"),
