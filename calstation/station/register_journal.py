@@ -1,14 +1,14 @@
 """The journal of every unit's registers: what was to be written when, by whom, and how far it came.
 
-One file for a serial number in the folder `registers` beside the runs, a JSON object a line, only ever added to, each
-line on disk before what it announces is done. A line that a power cut tore announces nothing that happened.
+One file for a serial number, a checked line for every event (`checked_lines`), each on disk before what it announces is
+done. A journal that does not read as it was written refuses its unit: what it had announced is not known then.
+
+Units on hardware have theirs in the site's own folder, whatever folder a run writes into: flash cycles and interrupted
+transfers belong to the unit. Those of a virtual bench stand beside the runs, whose units they are.
 """
 
-import json
-import os
 import secrets
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,12 +17,20 @@ from urllib.parse import quote, unquote
 
 from calstation.devices.transfer import Closing, Step
 from calstation.errors import ConfigurationError
-from calstation.records.atomic import sync_folder
+from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
 
 FOLDER = "registers"
-"""Beside the runs; a copy of the folder of the runs takes its units' history along."""
+"""In the site's folder, or beside the runs."""
 
 _SUFFIX = ".jsonl"
+
+_BOTH = {"event", "id", "utc"}
+_KEYS = {
+    "intended": _BOTH | {"serial", "by", "why", "source", "old", "new"},
+    "step": _BOTH | {"step"},
+    "closed": _BOTH | {"closing"},
+}
+"""Of every event's line; one without a check has these and no others."""
 
 
 @dataclass
@@ -79,9 +87,16 @@ def begin(
     by: str | None,
     why: str,
     source: str,
+    site: Path | None = None,
 ) -> Transfer:
-    """Put an intention down, on disk when this returns. Raises ConfigurationError; nothing was written then."""
-    path = _path(runs, serial)
+    """Put an intention down, on disk when this returns.
+
+    `site` : the site's folder where the unit is on hardware, None for one of a virtual bench
+
+    Raises ConfigurationError, also where the unit's journal is damaged; nothing was written to the unit then.
+    """
+    history(runs, serial, site)
+    path = _path(site or runs, serial)
     ident = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(3)}"
     made = Transfer(path, ident, serial, _now(), dict(old), dict(new), by, why, source)
     intention = {"event": "intended", "id": ident, "serial": serial, "utc": made.utc, "by": by, "why": why}
@@ -89,107 +104,121 @@ def begin(
     return made
 
 
-def history(runs: Path, serial: str) -> list[Transfer]:
-    """Every transfer to a unit that this folder knows, oldest first. Raises ConfigurationError."""
-    path = _path(runs, serial)
-    transfers: dict[str, Transfer] = {}
-    for line in _lines(path):
-        known = transfers.get(str(line.get("id")))
-        if line.get("event") == "intended" and line.get("serial") == serial:
-            with suppress(KeyError, TypeError, ValueError, AttributeError):  # no line of this program
-                transfers[str(line["id"])] = _intended(path, line)
-        elif known is not None and line.get("event") == "step":
-            known.steps.append(str(line.get("step")))
-        elif known is not None and line.get("event") == "closed":
-            known.closing = str(line.get("closing"))
-    return list(transfers.values())
+def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]:
+    """Every transfer to a unit, oldest first.
+
+    `site` : see `begin`; what was written on hardware before the site had journals is found beside the runs
+
+    Raises ConfigurationError where a journal cannot be read, or does not read as it was written.
+    """
+    if site is None:
+        return [transfer for transfer, _ in _transfers(_path(runs, serial), serial)]
+    before = [transfer for transfer, checked in _transfers(_path(runs, serial), serial) if not checked]
+    return before + [transfer for transfer, _ in _transfers(_path(site, serial), serial)]
 
 
-def interrupted(runs: Path, serial: str) -> Transfer | None:
-    """The unit's transfer that was begun and not closed, None where there is none; a later one replaces it."""
-    transfers = history(runs, serial)
+def interrupted(runs: Path, serial: str, site: Path | None = None) -> Transfer | None:
+    """The unit's transfer that was begun and not closed, None where there is none; a later one replaces it.
+
+    Raises ConfigurationError as `history`.
+    """
+    transfers = history(runs, serial, site)
     return transfers[-1] if transfers and transfers[-1].closing is None else None
 
 
-def serials(runs: Path) -> list[str]:
-    """Units that have a journal, sorted."""
-    return sorted(unquote(path.name.removesuffix(_SUFFIX)) for path in (runs / FOLDER).glob(f"*{_SUFFIX}"))
+def torn(runs: Path, serial: str, site: Path | None = None) -> Path | None:
+    """The unit's journal where a power cut tore its last line, None where it is whole. Raises ConfigurationError."""
+    path = _path(site or runs, serial)
+    return path if _lines(path, serial).torn else None
 
 
-def cycles(runs: Path, serial: str) -> int:
-    """Flash cycles that the transfers of this folder cost a unit."""
-    return sum(transfer.cycles for transfer in history(runs, serial))
-
-
-def _intended(path: Path, line: Mapping[str, Any]) -> Transfer:
-    old, new = ({str(k): float(v) for k, v in line[which].items()} for which in ("old", "new"))
-    return Transfer(
-        path,
-        str(line["id"]),
-        str(line["serial"]),
-        str(line["utc"]),
-        old,
-        new,
-        line.get("by"),
-        str(line["why"]),
-        str(line.get("source", "")),
+def serials(folder: Path) -> list[str]:
+    """Units that have a journal in a folder of runs or the site's, sorted."""
+    return sorted(
+        unquote(path.name.removesuffix(_SUFFIX)) for path in (folder / FOLDER).glob(f"*{_SUFFIX}")
     )
 
 
-def _path(runs: Path, serial: str) -> Path:
-    return runs / FOLDER / f"{quote(serial, safe='')}{_SUFFIX}"
+def cycles(runs: Path, serial: str, site: Path | None = None) -> int:
+    """Flash cycles that the transfers known here cost a unit. Raises ConfigurationError."""
+    return sum(transfer.cycles for transfer in history(runs, serial, site))
+
+
+def _transfers(path: Path, serial: str) -> list[tuple[Transfer, bool]]:
+    """A journal's transfers to a unit, each with whether a check proves its intention. Raises ConfigurationError."""
+    found: dict[str, tuple[Transfer, bool]] = {}
+    for line in _lines(path, serial).lines:
+        try:
+            _take(found, path, line)
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as exc:
+            raise _damaged(path, serial, line.number, "says nothing that this program knows") from exc
+    # A file system that takes capitals for small letters gives two numbers one file.
+    return [(transfer, checked) for transfer, checked in found.values() if transfer.serial == serial]
+
+
+def _take(found: dict[str, tuple[Transfer, bool]], path: Path, line: Line) -> None:
+    """Put a line into the transfers found so far. Raises any of many errors where it is none of this program's."""
+    content = line.content
+    keys = _KEYS[content["event"]]
+    if not (keys <= content.keys() if line.checked else keys - {"source"} <= content.keys() <= keys):
+        raise ValueError("other keys")
+    ident = str(content["id"])
+    if content["event"] == "intended":
+        if ident in found:
+            raise ValueError("begun twice")
+        found[ident] = _intended(path, content), line.checked
+    elif content["event"] == "step":
+        found[ident][0].steps.append(str(Step(content["step"])))
+    else:
+        found[ident][0].closing = str(Closing(content["closing"]))
+
+
+def _intended(path: Path, content: Mapping[str, Any]) -> Transfer:
+    old, new = ({name: float(value) for name, value in content[which].items()} for which in ("old", "new"))
+    return Transfer(
+        path,
+        str(content["id"]),
+        str(content["serial"]),
+        str(content["utc"]),
+        old,
+        new,
+        content["by"],
+        str(content["why"]),
+        str(content.get("source", "")),
+    )
+
+
+def _path(folder: Path, serial: str) -> Path:
+    return folder / FOLDER / f"{quote(serial, safe='')}{_SUFFIX}"
 
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def _lines(path: Path) -> list[dict[str, Any]]:
+def _lines(path: Path, serial: str) -> Lines:
     try:
-        content = path.read_bytes()
-    except (FileNotFoundError, NotADirectoryError):
-        return []
+        return read_lines(path)
+    except DamagedLineError as exc:
+        raise _damaged(path, serial, exc.number, exc.why) from exc
     except OSError as exc:
         raise ConfigurationError(
             f"{path}: the register journal cannot be read ({exc.strerror or exc}); mend its folder"
         ) from exc
-    lines = []
-    for text in content.split(b"\n"):
-        try:
-            line = json.loads(text)
-        except (ValueError, RecursionError):
-            continue  # torn by a power cut: what it was to announce did not happen
-        if isinstance(line, dict):
-            lines.append(line)
-    return lines
+
+
+def _damaged(path: Path, serial: str, number: int, why: str) -> ConfigurationError:
+    return ConfigurationError(
+        f"{path}, line {number}: {why}, so it is not known what was written to unit '{serial}'; compare the unit's"
+        " registers with those of its last result (Engineer page), then move this file away"
+    )
 
 
 def _append(path: Path, line: Mapping[str, Any]) -> None:
-    """Add a line, on disk when this returns; a torn line before it is ended first."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        new = not path.exists()
-        flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
-        handle = os.open(path, flags, 0o644)
-        try:
-            size = os.fstat(handle).st_size
-            os.lseek(handle, max(0, size - 1), os.SEEK_SET)
-            torn = os.read(handle, 1) not in (b"", b"\n")
-            text = json.dumps(line, ensure_ascii=False)
-            _write(handle, (b"\n" if torn else b"") + text.encode() + b"\n")
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-        if new:
-            sync_folder(path.parent)
-            sync_folder(path.parent.parent)
+        append_line(path, line)
     except OSError as exc:
         raise ConfigurationError(
             f"{path}: the register journal cannot be written ({exc.strerror or exc}), so nothing further was"
-            " written to the unit; make room or choose another folder for the runs"
+            " written to the unit; make room or mend its folder"
         ) from exc
-
-
-def _write(handle: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(handle, data) :]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from calstation.devices.transfer import Closing, Holds, finish, recognise, restore, transfer
 from calstation.errors import CalstationError
+from calstation.records import checked_lines
 from calstation.station import register_journal
 from tests.devices.dsp import MAP, NAMES, SERIAL, Dark, Supply, Unit
 
@@ -28,7 +29,7 @@ class Station:
 
 @pytest.fixture(autouse=True)
 def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
-    write = register_journal._write
+    write = checked_lines._write
 
     def write_while_powered(handle: int, data: bytes) -> None:
         given = Station.supply.take(len(data))
@@ -36,7 +37,7 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
         if given < len(data) or Station.supply.dark:
             raise Dark
 
-    monkeypatch.setattr(register_journal, "_write", write_while_powered)
+    monkeypatch.setattr(checked_lines, "_write", write_while_powered)
     # The cut is at a byte of these files, not of a real disk: nothing need wait for one.
     monkeypatch.setattr("os.fsync", lambda handle: None)
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.samples import SampleBlock
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
@@ -125,7 +125,12 @@ def journal(data: bytes) -> None:
     path.unlink(missing_ok=True)
     entry = register_journal.begin(runs, "SN-7", {"a": 0.0}, {"a": 1.0}, by=None, why="run", source="")
     path.write_bytes(path.read_bytes() + data)
-    assert entry.id in [known.id for known in register_journal.history(runs, "SN-7")]
+    said = ""
+    try:
+        assert entry.id in [known.id for known in register_journal.history(runs, "SN-7")]
+    except ConfigurationError as error:
+        said = str(error)
+    assert "\n" not in said
 
 
 def result(data: bytes) -> None:
