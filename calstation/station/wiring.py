@@ -20,6 +20,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.sequencer.ports import Clock
 from calstation.station.bench_host import BenchHost
 from calstation.station.clock import BenchClock, RealClock
+from calstation.station.port_lock import owned
 from calstation.station.setup import Setup
 
 
@@ -71,9 +72,11 @@ def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
 
 @contextmanager
 def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
-    """The ports of a station, or those of its virtual bench, which lives as long as the context.
+    """The ports of a station, owned as long as the context, or those of its virtual bench, which lives as long.
 
     hear : called while the bench comes up, may raise
+
+    Raises DeviceFaultError where another program owns one, ConfigurationError.
     """
     config = setup.bench_config()
     if config is None:
@@ -82,7 +85,8 @@ def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
         if not setup.table.by_hand:
             assert table is not None
             _check_ports(setup, table, imu)
-        yield Endpoints(table or "", imu, RealClock())
+        with owned(port for port in (table, imu) if port):
+            yield Endpoints(table or "", imu, RealClock())
         return
     with BenchHost.start(config, hear) as bench:
         told = bench.endpoints
