@@ -18,15 +18,20 @@ from calstation.bench.imu_frames import (
 from calstation.bench.stream_truth import StreamOutput
 from calstation.bench.table_machine import OutOfRange, Refusal
 from calstation.bench.table_registers import SIZE, WRITABLE, TableRegisters
+from calstation.bench.unit_correction import Correction, Requantiser
 from calstation.physics.arrays import FloatArray
 
 MODEL = "bench-imu"
 FIRMWARE = "1.0.0"
 
-# Registers: gyro bias from 0, gyro matrix 3, accel bias 12, accel matrix 15, quadratic 24, inner levers 27.
+# Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27: the
+# sensors' errors, measured = (I + M) true + b, force with K force² besides, which the corrected stream takes off.
 
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, READ_WORDS, WRITE_WORDS, ERROR = 1, 2, 3, 4, 5, 6, 7, 8, 0xFF
 BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
+
+#: What the stream is switched to: off, as the sensors give it, or corrected by the registers.
+OFF, RAW, CORRECTED = 0, 1, 2
 
 #: Device time during which the flash is busy after a commit, and silence after power-up or reset, s.
 FLASH_TIME = 0.2
@@ -46,6 +51,8 @@ class ImuUnit:
     Attributes
     ----------
     axes : registers of its own axes, where its line carries them
+    scale : of a count of the sensors, rad/s and m/s², shape (6,); increments : a count is one, over the sample
+    corrected : the stream is behind the registers
     counter : of the next sample
     fails_writing, fails_committing : bytes after which the power breaks down for a moment while registers are
         written, or flash is burnt; None for a sound supply
@@ -68,6 +75,8 @@ class ImuUnit:
         self.flash_file = flash_file
         self._flash = Flash(flash_banks, flash_file)
         self.axes: TableRegisters | None = None
+        self.scale: FloatArray = np.ones(6)
+        self.increments = True
         self.fails_writing: int | None = None
         self.fails_committing: int | None = None
         self._busy_until = -np.inf
@@ -83,6 +92,8 @@ class ImuUnit:
         self.registers = self._flash.load()
         self._started = time
         self.counter = 0
+        self.corrected = False
+        self._requantiser = Requantiser()
 
     def temperature(self, time: float) -> float:
         """Sensor temperature, °C."""
@@ -102,8 +113,23 @@ class ImuUnit:
             return b""
         status = np.where(ends >= self._started + self._ready_time, READY, 0)
         status |= np.where(output.saturated, SATURATED, 0)
-        return stream_frames(
-            counter[awake], output.counts[awake], self.temperature(float(ends[-1])), status[awake]
+        counts = output.counts[awake]
+        if self.corrected:
+            values = self.correction().applied(counts * self.scale)
+            counts = self._requantiser.counts(values, self.scale, carry=self.increments)
+        return stream_frames(counter[awake], counts, self.temperature(float(ends[-1])), status[awake])
+
+    def correction(self) -> Correction:
+        """What the registers say now."""
+        held: FloatArray = self.registers.astype(np.float64)
+        return Correction(
+            gyro=np.asarray(np.linalg.inv(np.eye(3) + held[3:12].reshape(3, 3))),
+            before=held[0:3],
+            after=np.zeros(3),
+            accel=np.asarray(np.linalg.inv(np.eye(3) + held[15:24].reshape(3, 3))),
+            bias=held[12:15],
+            quadratic=held[24:27],
+            levers=held[27:30],
         )
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
@@ -201,5 +227,7 @@ class ImuUnit:
     def _stream(self, payload: bytes, time: float) -> bytes | int:
         if len(payload) != 1:
             return BAD_ADDRESS
-        self.streaming = payload != b"\x00"
+        if payload[0] not in (OFF, RAW, CORRECTED):
+            return BAD_VALUE
+        self.streaming, self.corrected = payload[0] != OFF, payload[0] == CORRECTED
         return payload

@@ -107,9 +107,11 @@ class LiveBench:
         )
         if config.table_protocol == "imu_link":
             self.unit.axes = self.registers
+        imu = self.truth.imu
+        self.unit.increments = imu.output == "increment"
+        per_count = imu.sample_rate if self.unit.increments else 1.0
+        self.unit.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
         if isinstance(self.unit, VectorNavUnit):
-            imu = self.truth.imu
-            self.unit.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
             self.unit.rate = imu.sample_rate
             self.faults.frame_size = VECTORNAV.itemsize
 

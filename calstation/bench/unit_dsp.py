@@ -2,21 +2,25 @@
 
 Holding registers, 0-based, unit 1, high byte first:
 
-    0 model, 8 serial, 16 firmware (text)   20 stream on   21 commit (0x5A5A)   22 reset (0xA5A5)   23 page
+    0 model, 8 serial, 16 firmware (text)   20 stream: 0 off, 1 of the sensors, 2 corrected
+    21 commit (0x5A5A)   22 reset (0xA5A5)   23 page
     page 1: 100 gyro matrix, 9 f32, low word first   118 gyro offset, 3 f64
     page 2: 200 accelerometer matrix, 6 i32, 2^-30   212 bias, 3 i32, low word first, 1e-7 m/s²
             218 quadratic, 3 f32                     224 levers, 3 i16, 5e-5 m
 
 The gyro matrix is E column by column, rate = (I + E)⁻¹ measured + offset; the accelerometer's is I − C on and below the
-diagonal, force = C (measured − bias).
+diagonal, force = C (measured − bias − quadratic · force²) with levers added.
 """
 
 import struct
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from calstation.bench.flash import PowerCut
-from calstation.bench.imu_unit import ImuUnit
+from calstation.bench.imu_unit import CORRECTED, OFF, RAW, ImuUnit
+from calstation.bench.unit_correction import Correction
 
 MODEL, FIRMWARE = "bench-dsp", "2.0"
 UNIT = 1
@@ -120,7 +124,7 @@ class DspUnit(ImuUnit):
                 place = 2 * (address - first)
                 return int.from_bytes(padded[place : place + 2], "big")
         if address == STREAM:
-            return int(self.streaming)
+            return (CORRECTED if self.corrected else RAW) if self.streaming else OFF
         if address == COMMIT:
             self._busy = max(0, self._busy - 1)
             return COMMIT_WORD if self._busy else 0
@@ -146,8 +150,8 @@ class DspUnit(ImuUnit):
         self._words[self._page][address - first : address - first + len(words)] = words
 
     def _command(self, address: int, word: int, time: float) -> None:
-        if address == STREAM and word in (0, 1):
-            self.streaming = bool(word)
+        if address == STREAM and word in (OFF, RAW, CORRECTED):
+            self.streaming, self.corrected = word != OFF, word == CORRECTED
         elif address == PAGE:
             self._page = word
         elif address == COMMIT and word == COMMIT_WORD:
@@ -157,6 +161,28 @@ class DspUnit(ImuUnit):
             self.restart(time)
         else:
             raise _Refused(ILLEGAL_VALUE)
+
+    def correction(self) -> Correction:
+        """See `ImuUnit.correction`; the formulas and places are the module's."""
+        gyros, accels = self._words[1], self._words[2]
+        columns = [_float(gyros[2 * k + 1], gyros[2 * k]) for k in range(9)]
+        error = np.array([[columns[3 * column + row] for column in range(3)] for row in range(3)])
+        offset = [
+            struct.unpack(">d", struct.pack(">4H", *gyros[18 + 4 * k : 22 + 4 * k]))[0] for k in range(3)
+        ]
+        lower = [_signed(accels[2 * k] << 16 | accels[2 * k + 1], 32) / 2.0**30 for k in range(6)]
+        less = np.zeros((3, 3))
+        less[np.tril_indices(3)] = lower
+        bias = [1e-7 * _signed(accels[13 + 2 * k] << 16 | accels[12 + 2 * k], 32) for k in range(3)]
+        return Correction(
+            gyro=np.linalg.inv(np.eye(3) + error),
+            before=np.zeros(3),
+            after=np.array(offset),
+            accel=np.eye(3) - less,
+            bias=np.array(bias),
+            quadratic=np.array([_float(accels[18 + 2 * k], accels[19 + 2 * k]) for k in range(3)]),
+            levers=np.array([5e-5 * _signed(accels[24 + k], 16) for k in range(3)]),
+        )
 
     def _burn(self) -> None:
         """All words to flash; cut short, the old ones stay."""
@@ -171,6 +197,15 @@ class DspUnit(ImuUnit):
 
     def _flash_words_file(self) -> Path | None:
         return None if self.flash_file is None else self.flash_file.with_suffix(".words")
+
+
+def _float(high: int, low: int) -> float:
+    value: float = struct.unpack(">f", struct.pack(">HH", high, low))[0]
+    return value
+
+
+def _signed(word: int, bits: int) -> int:
+    return word - (1 << bits) if word >> (bits - 1) else word
 
 
 def _request_size(data: bytes) -> int | None:

@@ -1,8 +1,9 @@
 """A unit that speaks like a VectorNav VN-100: binary output 1, lines $VN...*check, registers 25 and 84.
 
 Binary output: FA 05 | 0001 001C | time since power-up u64 ns | accel 3 f32 | gyro 3 f32 | temperature f32 |
-CRC-16/XMODEM, high byte first. Registers 25 (accelerometer) and 84 (gyro): matrix C row by row, then offset B; the
-factory's are I and 0.
+CRC-16/XMODEM, high byte first; or compensated: FA 05 | 0001 0610 | time | temperature | accel | gyro | CRC. Registers
+25 (accelerometer) and 84 (gyro): matrix C row by row, then offset B, compensated = C (measured − B); the factory's are
+I and 0.
 """
 
 from collections.abc import Callable
@@ -12,12 +13,14 @@ import numpy as np
 from calstation.bench.flash import REGISTERS, PowerCut
 from calstation.bench.imu_unit import BOOT_TIME, ImuUnit
 from calstation.bench.stream_truth import StreamOutput
+from calstation.bench.unit_correction import Correction
 from calstation.physics.arrays import FloatArray
 
 MODEL, FIRMWARE = "VN-100T", "2.1.0.0"
 SAMPLES = np.dtype([("head", "V6"), ("time", "<u8"), ("values", "<f4", 7), ("crc", ">u2")])
 _HEAD = bytes.fromhex("FA 05 01 00 1C 00")
-_OUTPUT = ["05", "0001", "001C"]
+_COMPENSATED_HEAD = bytes.fromhex("FA 05 01 00 10 06")
+_OUTPUT, _COMPENSATED_OUTPUT = ["05", "0001", "001C"], ["05", "0001", "0610"]
 _IMU_RATE = 800.0
 
 #: Ends of its sensors, rad/s and m/s²: ±2000 °/s and ±16 g.
@@ -55,11 +58,9 @@ class VectorNavUnit(ImuUnit):
 
     Attributes
     ----------
-    scale : of a count of the sensors, rad/s and m/s², shape (6,)
     rate : samples in a second
     """
 
-    scale: FloatArray = np.ones(6)
     rate: float = 200.0
 
     def _start(self, time: float) -> None:
@@ -72,13 +73,30 @@ class VectorNavUnit(ImuUnit):
         if not self.streaming or not awake.any():
             return b""
         frames = np.zeros(int(awake.sum()), dtype=SAMPLES)
-        frames["head"] = np.void(_HEAD)
+        frames["head"] = np.void(_COMPENSATED_HEAD if self.corrected else _HEAD)
         frames["time"] = np.rint((ends[awake] - self._started) * 1e9).astype(np.uint64)
         values = np.clip(output.counts[awake] * self.scale, -_REACH, _REACH)
-        frames["values"][:, :3], frames["values"][:, 3:6] = values[:, 3:], values[:, :3]
-        frames["values"][:, 6] = self.temperature(float(ends[-1]))
+        heat = np.full((len(values), 1), self.temperature(float(ends[-1])))
+        if self.corrected:
+            values = self.correction().applied(values)
+            frames["values"] = np.hstack([heat, values[:, 3:], values[:, :3]])
+        else:
+            frames["values"] = np.hstack([values[:, 3:], values[:, :3], heat])
         frames["crc"] = [crc(frame.tobytes()[1:-2]) for frame in frames]
         return frames.tobytes()
+
+    def correction(self) -> Correction:
+        """See `ImuUnit.correction`; the formula is the module's."""
+        gyro, accel = (np.array(self._numbers(register)) for register in (84, 25))
+        return Correction(
+            gyro=gyro[:9].reshape(3, 3),
+            before=gyro[9:],
+            after=np.zeros(3),
+            accel=accel[:9].reshape(3, 3),
+            bias=accel[9:],
+            quadratic=np.zeros(3),
+            levers=np.zeros(3),
+        )
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
         """See `ImuUnit.conversation`."""
@@ -169,9 +187,8 @@ class VectorNavUnit(ImuUnit):
         mode, divisor = int(told[1]), int(told[2])
         if mode not in (0, 1) or (mode == 1 and _IMU_RATE / divisor != self.rate):
             return BAD_VALUE
-        if [
-            word.upper().zfill(len(known)) for word, known in zip(told[3:], _OUTPUT, strict=False)
-        ] != _OUTPUT:
+        wanted = [word.upper().zfill(len(known)) for word, known in zip(told[3:], _OUTPUT, strict=False)]
+        if wanted not in (_OUTPUT, _COMPENSATED_OUTPUT):
             return BAD_VALUE
-        self.streaming = mode == 1
+        self.streaming, self.corrected = mode == 1, wanted == _COMPENSATED_OUTPUT
         return "VNWRG," + ",".join(told)

@@ -62,8 +62,10 @@ class FramedImu(RegisteredImu):
         body = struct.pack(self._format(f"{len(values)}H"), *values)
         self._ask("write_words", head + body, head, _ATTEMPTS if repeat else 1)
 
-    def _switch_on(self) -> None:
-        self._ask("stream", b"\x01")
+    def _switch_on(self, *, corrected: bool) -> None:
+        section = self._profile.corrected if corrected else None
+        kind = 1 if section is None or section.stream is None else section.stream
+        self._ask("stream", bytes([kind]))
 
     def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
         text = self._ask("identify", b"", attempts=attempts).decode("ascii", errors="replace")

@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from calstation.configuration import StrictModel, load, suggestion
 from calstation.devices.channels import CHANNELS
 from calstation.devices.checks import CRC_WIDTHS
+from calstation.devices.corrected_profile import CorrectedSection, check_corrected
 from calstation.devices.frame_profile import FrameSection, hex_bytes, unknown_field
 from calstation.devices.imu_checks import (
     check_baud,
@@ -212,6 +213,7 @@ class ImuProfile(StrictModel):
     protocol : how it takes commands: framed, by `[commands]`; modbus, by `[modbus]`; vectornav, by `[vectornav]`;
         stream, none at all
     without_register : parameters and groups that the unit has no register for
+    corrected : how a stream before the registers is exchanged for one behind them
     """
 
     name: str
@@ -224,6 +226,7 @@ class ImuProfile(StrictModel):
     commands: CommandSection | None = None
     modbus: ModbusUnitSection | None = None
     vectornav: VectorNavSection | None = None
+    corrected: CorrectedSection | None = None
     noise: NoiseSection
     registers: list[RegisterEntry] = Field(default_factory=list)
     without_register: list[str] = Field(default_factory=list)
@@ -310,6 +313,19 @@ class ImuProfile(StrictModel):
         stream, reply = self.frame.sync_bytes, hex_bytes(self.commands.reply_sync)
         if stream.startswith(reply) or reply.startswith(stream):
             raise ValueError("frame.sync and commands.reply_sync begin alike; frames could not be told apart")
+        return self
+
+    @model_validator(mode="after")
+    def _corrected_stream(self) -> "ImuProfile":
+        if self.corrected is None:
+            return self
+        switch = None if self.modbus is None else self.modbus.stream
+        raw: tuple[int, ...] | None = (0, 1) if self.protocol == "framed" else None
+        if switch is not None:
+            raw = (switch.on,) if switch.off is None else (switch.on, switch.off)
+        check_corrected(self.corrected, self.protocol, self.stream.order, raw)
+        if self.corrected.frame is not None:
+            type(self)._sample(self.corrected.frame)
         return self
 
     @property

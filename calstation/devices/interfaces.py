@@ -149,8 +149,11 @@ class Imu(Protocol):
     def stats(self) -> LinkStats:
         """Counts so far."""
 
-    def start(self) -> None:
-        """Begin to stream."""
+    def start(self, *, corrected: bool = False) -> None:
+        """Begin to stream; `corrected`: with the registers applied, where the profile says how that is told.
+
+        What is read from then on is of that kind alone. A restart falls back to the other.
+        """
 
     def read(self) -> SampleBatch:
         """Everything decoded since the last call, possibly nothing; never waits."""

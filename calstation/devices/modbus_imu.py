@@ -37,6 +37,7 @@ class ModbusImu(RegisteredImu):
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.modbus is not None
         self._section = profile.modbus
+        self._word = 0
         super().__init__(link, profile, RtuReply(self._section.unit), self._section.reset_timeout_s)
 
     def read_registers(self) -> dict[str, float]:
@@ -54,10 +55,11 @@ class ModbusImu(RegisteredImu):
         with self._quiet():
             self._order(self._section.commit, "commit")
 
-    def _switch_on(self) -> None:
-        stream = self._section.stream
+    def _switch_on(self, *, corrected: bool) -> None:
+        stream, section = self._section.stream, self._profile.corrected if corrected else None
         if stream is not None:
-            self._write(stream.address, [stream.on])
+            self._word = stream.on if section is None or section.stream is None else section.stream
+            self._write(stream.address, [self._word])
 
     def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
         section = self._section
@@ -129,7 +131,7 @@ class ModbusImu(RegisteredImu):
             yield
         finally:
             if self._streaming and not self.lost:
-                self._write(stream.address, [stream.on])
+                self._write(stream.address, [self._word])
 
     def _read(self, address: int, count: int, attempts: int = _ATTEMPTS) -> list[int]:
         data = self._ask(READ, struct.pack(">HH", address, count), bytes([2 * count]), attempts)

@@ -37,10 +37,13 @@ class RegisteredImu(StreamedImu):
         self._reset_timeout = reset_timeout
         self._streaming = False
 
-    def start(self) -> None:
-        """Switch the stream on."""
-        self._switch_on()
+    def start(self, *, corrected: bool = False) -> None:
+        """Switch the stream on, see `interfaces.Imu`."""
+        self._switch_on(corrected=corrected)
         self._streaming = True
+        section = self._profile.corrected
+        own = section.frame if section is not None and corrected else None
+        self._expect(own or self._profile.frame)
 
     def identify(self) -> ImuIdentity:
         """Model, serial number and firmware; raises OtherModelError where another model answers."""
@@ -78,10 +81,10 @@ class RegisteredImu(StreamedImu):
                 if self.lost or time.monotonic() > deadline:
                     raise
         if self._streaming:
-            self._switch_on()
+            self.start()
 
     @abstractmethod
-    def _switch_on(self) -> None:
+    def _switch_on(self, *, corrected: bool) -> None:
         """Tell the unit to stream."""
 
     @abstractmethod

@@ -22,8 +22,8 @@ class SilentImu(StreamedImu):
         super().__init__(link, profile, None)
         self._serial = serial
 
-    def start(self) -> None:
-        """It streams by itself."""
+    def start(self, *, corrected: bool = False) -> None:
+        """It streams by itself, and in one way."""
 
     def identify(self) -> ImuIdentity:
         """The profile's model and the operator's serial number."""

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from calstation.devices.frame_profile import FrameSection
 from calstation.devices.frames import FrameDecoder, Reply, ReplyKind
 from calstation.devices.imu_profile import CommandSection, ImuProfile
 from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
@@ -56,6 +57,7 @@ class StreamedImu(ABC):
     ) -> None:
         self._link = link
         self._profile = profile
+        self._kind, self._decoder_frame = replies, profile.frame
         self._decoder = FrameDecoder(profile.frame, replies)
         self._count = SampleCount(profile.frame)
         self._arrived: queue.SimpleQueue[_Arrived] = queue.SimpleQueue()
@@ -108,8 +110,8 @@ class StreamedImu(ABC):
         )
 
     @abstractmethod
-    def start(self) -> None:
-        """Begin to stream."""
+    def start(self, *, corrected: bool = False) -> None:
+        """Begin to stream, see `interfaces.Imu`."""
 
     @abstractmethod
     def identify(self) -> ImuIdentity:
@@ -180,6 +182,15 @@ class StreamedImu(ABC):
         """Whether the link has failed for good."""
         return self._failure is not None
 
+    def _expect(self, frame: FrameSection) -> None:
+        """Samples of another kind come from here on: forget what came before the last reply, read these frames."""
+        if frame is not self._decoder_frame:
+            before, decoder = self._decoder, FrameDecoder(frame, self._kind)
+            decoder.crc_errors, decoder.skipped = before.crc_errors, before.skipped
+            self._decoder, self._decoder_frame = decoder, frame
+        while not self._arrived.empty():
+            self._arrived.get()
+
     def _unanswered(self, timeout: float) -> str:
         where = f"IMU: no answer on {self._link.port} within {timeout:g} s"
         if self._bytes == 0:
@@ -214,11 +225,12 @@ class StreamedImu(ABC):
             self._failure = failure
 
     def _take(self, data: bytes, now: float) -> None:
-        decoded = self._decoder.feed(data)
+        decoder = self._decoder  # exchanged by the thread that asks
+        decoded = decoder.feed(data)
         if len(decoded.frames):
             self._frames += len(decoded.frames)
             self._last_frame = now
-            samples = self._decoder.samples(decoded.frames)
+            samples = decoder.samples(decoded.frames)
             if len(samples[0]):
                 self._arrived.put(_Arrived(*samples, now))
         for reply in decoded.replies:

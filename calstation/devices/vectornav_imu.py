@@ -88,8 +88,9 @@ class VectorNavImu(RegisteredImu):
         """Write all settings to flash, once: a lost answer is a fault, never a second flash cycle."""
         self._ask("VNWNV", timeout=self._section.commit_timeout_s, attempts=1)
 
-    def _switch_on(self) -> None:
-        for words in self._section.start:
+    def _switch_on(self, *, corrected: bool) -> None:
+        section = self._profile.corrected if corrected else None
+        for words in self._section.start if section is None else section.start:
             self._ask(words)
 
     def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:

@@ -1,0 +1,152 @@
+"""A bench unit's corrected stream is the true motion once its registers hold the unit's true errors."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.bench.imu_unit import CORRECTED, STREAM, WRITE
+from calstation.bench.live import UNITS
+from calstation.bench.stream_truth import StreamOutput
+from calstation.devices.checks import check_bytes
+from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.link import SerialLink
+from calstation.devices.numbers import number
+from calstation.devices.open_imu import open_imu
+from calstation.devices.registers import RegisterMap
+from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.devices.vectornav_imu import line
+from calstation.physics.parameters import PARAMETERS
+
+IMUS = Path(__file__).parents[2] / "data" / "imus"
+PROFILES = {"framed": "bench_mems", "modbus": "dsp_modbus", "vectornav": "vectornav_vn100"}
+_RNG = np.random.default_rng(3)
+SIZES = {"bias": 1e-2, "scale": 3e-3, "misalign": 3e-3, "quadratic": 1e-5, "inner_lever": 0.02}
+ERRORS = {
+    p.name: float(_RNG.normal() * next((v for k, v in SIZES.items() if k in p.group), 0.0))
+    for p in PARAMETERS
+}
+
+
+def measured(errors, rate, force):
+    """The sensors' output by the error model of the contract, written out here."""
+
+    def of(name):
+        return np.array([errors.get(f"{name}_{axis}", 0.0) for axis in "xyz"])
+
+    def matrix(sensor):
+        full = np.eye(3) + np.diag(of(f"{sensor}_scale"))
+        for i, a in enumerate("xyz"):
+            for j, b in enumerate("xyz"):
+                full[i, j] += errors.get(f"{sensor}_misalign_{a}{b}", 0.0)
+        return full
+
+    squares = rate**2
+    sensed = force - of("inner_lever") * (squares.sum(axis=1, keepdims=True) - squares)
+    gyro = rate @ matrix("gyro").T + of("gyro_bias")
+    accel = sensed @ matrix("accel").T + of("accel_quadratic") * sensed**2 + of("accel_bias")
+    return np.hstack([gyro, accel])
+
+
+@pytest.mark.parametrize("protocol", PROFILES)
+def test_the_true_errors_in_the_registers_make_the_output_true(protocol):
+    profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml")
+    entries = RegisterMap(tuple(profile.registers))
+    told = {n: v for n, v in ERRORS.items() if n in entries.parameters}
+    unit = UNITS[protocol]("SN-7")
+    unit.scale = np.repeat([1e-7, 1e-6], 3)
+    unit.increments = False
+    fill(unit, profile, entries, told)
+    rng = np.random.default_rng(4)
+    rate, force = rng.normal(size=(40, 3)), 9.8 * rng.normal(size=(40, 3))
+    counts = measured(entries.rounded(told), rate, force) / unit.scale
+    values = unit.correction().applied(counts * unit.scale)
+    np.testing.assert_allclose(values[:, :3], rate, atol=2e-6)
+    np.testing.assert_allclose(values[:, 3:], force, atol=2e-5)
+
+
+def fill(unit, profile, entries, told):
+    """Put registers in by the unit's own commands."""
+    hear = unit.conversation()
+    numbers = entries.encode({**dict.fromkeys(entries.parameters, 0.0), **told})
+    for entry in entries.entries:
+        kind = number(entry.type)
+        if profile.protocol == "vectornav":
+            values = ",".join(f"{v:.9G}" for v in numbers[entry.key])
+            assert b"VNERR" not in b"".join(hear(line(f"VNWRG,{entry.address},{values}", "xor8"), 1.0))
+            continue
+        order = entry.byte_order or ("big" if profile.modbus else "little")
+        body = b"".join(kind.pack(v, order, entry.word_order) for v in numbers[entry.key])
+        if profile.protocol == "framed":
+            head = struct.pack("<HB", entry.address, len(body) // 4)
+            unit.answer(WRITE, head + body, 1.0)
+            continue
+        for told_now in (
+            bytes([1, 6]) + struct.pack(">HH", 23, entry.page),
+            bytes([1, 16]) + struct.pack(">HHB", entry.address, len(body) // 2, len(body)) + body,
+        ):
+            (reply,) = hear(told_now + check_bytes("crc16_modbus", told_now, "little"), 1.0)
+            assert not reply[1] & 0x80
+
+
+def test_increments_lose_nothing_to_rounding():
+    unit = UNITS["framed"]("SN-7")
+    unit.scale = np.repeat([1e-6 * 200, 1e-5 * 200], 3)
+    unit.answer(WRITE, struct.pack("<HBf", 0, 1, 0.3e-6 * 200), 1.0)
+    unit.answer(STREAM, bytes([CORRECTED]), 1.0)
+    counts = np.ones((1000, 6))
+    ends = 2.0 + np.arange(1000) / 200
+    frames = np.frombuffer(unit.frames(StreamOutput(counts, np.zeros(1000, bool)), ends), dtype="V34")
+    channels = np.array([np.frombuffer(f.tobytes()[4:28], "<i4") for f in frames])
+    assert channels[:, 0].sum() == pytest.approx(700, abs=1)
+    assert channels[:, 1].sum() == 1000
+
+
+@pytest.mark.parametrize("protocol", PROFILES)
+def test_the_driver_changes_over_and_nothing_of_the_other_kind_is_read(start_bench, protocol):
+    profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml").with_timeout(2.0)
+    told = {"grade": "mems", "imu_protocol": protocol, "output": profile.stream.output}
+    with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **told) as bench:
+        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "IMU"), profile, "")
+
+        def means(**kind):
+            imu.start(**kind)
+            report = bench.advance(3.0)
+            for _ in range(500):
+                if imu.received >= report["bytes"]:
+                    break
+                bench.ask(now=None)
+            batch = imu.read()
+            assert len(batch) > 300
+            assert np.all(np.diff(batch.seq) == 1)
+            scale = np.repeat([profile.stream.gyro_lsb, profile.stream.accel_lsb], 3)
+            return (
+                batch.counts.mean(axis=0) * scale * (200.0 if profile.stream.output == "increment" else 1.0)
+            )
+
+        try:
+            imu.identify()
+            raw = means()
+            imu.write_registers({n: 0.25 if n == "accel_bias_x" else 0.0 for n in imu.read_registers()})
+            assert means()[3] == pytest.approx(raw[3], abs=0.01)
+            assert means(corrected=True)[3] == pytest.approx(raw[3] - 0.25, abs=0.01)
+            assert means()[3] == pytest.approx(raw[3], abs=0.01)
+            means(corrected=True)
+            imu.reset()
+            bench.advance(2.0)
+            assert means()[3] == pytest.approx(raw[3], abs=0.01), "a restart falls back"
+        finally:
+            imu.close()
+
+
+def test_an_unknown_kind_of_stream_is_refused(start_bench):
+    profile = load_imu_profile(IMUS / "bench_mems.toml")
+    other = profile.model_copy(update={"corrected": profile.corrected.model_copy(update={"stream": 7})})
+    with start_bench(grade="mems") as bench:
+        imu = open_imu(SerialLink(bench.endpoints["imu"], other.link, "IMU"), other, "")
+        try:
+            with pytest.raises(ImuRefusalError, match="the value is refused"):
+                imu.start(corrected=True)
+        finally:
+            imu.close()
