@@ -21,6 +21,7 @@ IMUS = Path(__file__).parents[2] / "data" / "imus"
 
 COUNTER_ALONE = {
     "sync": "55 AB",
+    "byte_order": "little",
     "fields": [{"name": "counter", "type": "u16"}],
     "crc": {"kind": "crc16_ccitt_false", "start": 2},
 }
