@@ -99,8 +99,8 @@ class BenchConfig(BaseModel):
     mount_deg : smallest and largest angle of the unit on its platform
     start_deg : joint angles at power-on, None draws them
     imu_protocol : what the unit's commands are
-    table_protocol : what the table speaks, "imu_link" where the unit's own line carries its registers; "hand" where
-        the unit sits on rails that hands turn
+    table_protocol : what the table speaks: "drives" where each axis is a Modbus unit of its own; "imu_link" where
+        the unit's own line carries its registers; "hand" where the unit sits on rails that hands turn
     table_transport : over TCP or, "rtu", over a pseudo-terminal
     latency_s, jitter_s : a polled angle is this old, uniformly ± the jitter
     clock_drift_ppm : device time gains this much on the clock service's
@@ -152,7 +152,7 @@ class BenchConfig(BaseModel):
     interlock_closed: bool = True
     watchdog_ms: Annotated[int, Field(ge=0, le=65535)] = 2000
 
-    table_protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "hand"] = "modbus"
+    table_protocol: Literal["modbus", "drives", "imu_link", "atl", "acl", "mn", "hand"] = "modbus"
     table_transport: Literal["tcp", "rtu"] = "tcp"
     imu_protocol: Literal["framed", "modbus", "vectornav"] = "framed"
     imu_transport: Literal["socket", "pty"] = "socket"

@@ -13,8 +13,9 @@ from calstation.bench.imu_frames import crc16
 from calstation.bench.imu_link import SocketLine, TerminalLine
 from calstation.bench.live import LiveBench
 from calstation.bench.simulate import Simulator
+from calstation.bench.table_drives import UNITS, Drive
 from calstation.bench.table_line import TableLine
-from calstation.bench.table_link import TableLink
+from calstation.bench.table_link import UNIT, TableLink
 from calstation.bench.table_machine import Power
 from calstation.bench.table_text import LANGUAGES, Axes
 from calstation.physics.motion import Dwell, Move, Step
@@ -37,7 +38,9 @@ class BenchProcess:
         self._bench = LiveBench(config, time.monotonic)
         self._table: TableLink | TableLine | None = None
         if config.table_protocol == "modbus":
-            self._table = TableLink(self._bench.registers)
+            self._table = TableLink({UNIT: self._bench.registers})
+        elif config.table_protocol == "drives":
+            self._table = TableLink(dict(zip(UNITS, self._drives(), strict=True)))
         elif config.table_protocol in LANGUAGES:
             axes = Axes(self._bench.machine, **self._bench.table_clocks())
             self._table = TableLine(LANGUAGES[config.table_protocol](axes, config.table_serial))
@@ -48,6 +51,15 @@ class BenchProcess:
         self._moving = asyncio.Lock()
         self._moved = asyncio.Condition()
         self._stopped = asyncio.Event()
+
+    def _drives(self) -> list[Drive]:
+        """A drive for each axis."""
+        machine, clocks = self._bench.machine, self._bench.table_clocks()
+        axes = Axes(machine, **clocks)
+        return [
+            Drive(joint, machine, axes, f"{self._config.table_serial}{letter}", clocks["device_time"])
+            for joint, letter in enumerate("AB")
+        ]
 
     def stop(self) -> None:
         """End the process soon."""

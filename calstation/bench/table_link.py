@@ -7,7 +7,9 @@ import asyncio
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Protocol
 
 from pymodbus.constants import ExcCodes
 from pymodbus.pdu import ModbusPDU
@@ -16,11 +18,30 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 from calstation.bench.pseudo_terminal import open_raw
 from calstation.bench.table_machine import OutOfRange, Refusal
-from calstation.bench.table_registers import SIZE, WRITABLE, TableRegisters
 
+#: Modbus unit number of a table that has one controller.
 UNIT = 1
 READ = 3
 BAUD = 115200
+
+
+class TableUnit(Protocol):
+    """Registers of one unit.
+
+    Attributes
+    ----------
+    words : as last refreshed, from address 0 on
+    writable : what may be written, as (first, count)
+    """
+
+    words: list[int]
+    writable: tuple[tuple[int, int], ...]
+
+    def refresh(self) -> None:
+        """Bring them up to date."""
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Carry out one write request. Raises `table_machine.Refusal`; then nothing of it is stored."""
 
 
 class TableLink:
@@ -32,13 +53,17 @@ class TableLink:
     mute : requests still to be left without an answer
     slow : host time that the next answer takes, s; refuse : the exception that it is, 0 for none
     garble : answers still to get a flipped bit
+
+    Parameters
+    ----------
+    units : registers by the number of the unit that has them
     """
 
-    def __init__(self, registers: TableRegisters) -> None:
+    def __init__(self, units: Mapping[int, TableUnit]) -> None:
         self.endpoint = ""
         self.mute = self.garble = self.refuse = 0
         self.slow = 0.0
-        self._registers = registers
+        self._units = units
         self._server: ModbusTcpServer | ModbusSerialServer | None = None
         self._terminals: list[int] = []
         # The server's own log repeats as errors what the protocol answers as exceptions.
@@ -47,7 +72,7 @@ class TableLink:
     async def serve_tcp(self, port: int = 0) -> None:
         """Listen on 127.0.0.1, on a free port where none is told."""
         server = ModbusTcpServer(
-            self._device(),
+            self._devices(),
             address=("127.0.0.1", port),
             trace_pdu=self._trace,
             trace_packet=self._spoil,
@@ -69,7 +94,7 @@ class TableLink:
         loop.add_reader(near, _carry(near, far))
         loop.add_reader(far, _carry(far, near))
         server = ModbusSerialServer(
-            self._device(),
+            self._devices(),
             port=near_path,
             baudrate=BAUD,
             trace_pdu=self._trace,
@@ -90,15 +115,20 @@ class TableLink:
             os.close(terminal)
         self._terminals = []
 
-    def _device(self) -> SimDevice:
-        writable = {first + i for first, count in WRITABLE for i in range(count)}
+    def _devices(self) -> list[SimDevice]:
+        return [self._device(number, unit) for number, unit in self._units.items()]
+
+    def _device(self, number: int, unit: TableUnit) -> SimDevice:
+        writable = {first + i for first, count in unit.writable for i in range(count)}
         blocks = [
-            SimData(i, values=0, datatype=DataType.REGISTERS, readonly=i not in writable) for i in range(SIZE)
+            SimData(i, values=0, datatype=DataType.REGISTERS, readonly=i not in writable)
+            for i in range(len(unit.words))
         ]
-        return SimDevice(id=UNIT, simdata=blocks, action=self._act)
+        return SimDevice(id=number, simdata=blocks, action=partial(self._act, unit))
 
     async def _act(
         self,
+        registers: TableUnit,
         function_code: int,
         start_address: int,
         address: int,
@@ -107,7 +137,6 @@ class TableLink:
         values: list[int] | list[bool] | None,
     ) -> ExcCodes | None:
         """Called by the server for every request that fits the map, before it touches its copy `current`."""
-        registers = self._registers
         if self.slow:
             seconds, self.slow = self.slow, 0.0
             await asyncio.sleep(seconds)
@@ -126,7 +155,7 @@ class TableLink:
         # A single write reads back what it echoes: the value as written.
         if function_code == READ:
             registers.refresh()
-            current[:SIZE] = registers.words
+            current[: len(registers.words)] = registers.words
         return None
 
     def _spoil(self, sending: bool, data: bytes) -> bytes:

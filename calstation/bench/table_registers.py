@@ -57,6 +57,8 @@ class TableRegisters:
     reading_time : device time at which a polled position was taken, s
     """
 
+    writable = WRITABLE
+
     def __init__(
         self,
         machine: TableMachine,

@@ -29,7 +29,7 @@ class TextController(Protocol):
 
 
 class Axes:
-    """The table's two joints as a controller of text sees them, one by one; it has no watchdog.
+    """The table's two joints as a controller sees them that moves them one by one; it has no watchdog.
 
     Parameters
     ----------
@@ -63,6 +63,10 @@ class Axes:
         self._wanted[joint] = on
         for word in (0x06, 0x07, 0x0F) if all(self._wanted) else (0x06,):
             self._control(word)
+
+    def wanted(self, joint: int) -> bool:
+        """Whether an axis was switched on."""
+        return self._wanted[joint]
 
     def home(self) -> None:
         """Home both axes; what is under way already, or done, is left alone."""

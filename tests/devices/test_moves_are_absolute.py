@@ -14,6 +14,7 @@ import pytest
 
 from calstation.bench.imu_unit import ImuUnit
 from calstation.bench.table_drive import EncoderTruth, TableDrive
+from calstation.bench.table_drives import UNITS, Drive
 from calstation.bench.table_machine import Power, TableLimits, TableMachine
 from calstation.bench.table_registers import TableRegisters
 from calstation.bench.table_text import LANGUAGES, Axes
@@ -27,7 +28,7 @@ from calstation.devices.text_table import TextTable
 from tests.station.wires import server, tcp_pdu
 
 DATA = Path(__file__).parents[2] / "data"
-DRIVEN = ["bench", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"]
+DRIVEN = ["bench", "cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"]
 WITHIN = 0.2
 """Host time until a lost answer is asked for again, s."""
 
@@ -72,6 +73,14 @@ class Far:
         """The machine behind registers."""
         return TableRegisters(self.machine, model="bench-table", serial="T-1", **self.clocks)
 
+    def drives(self) -> dict[int, Drive]:
+        """The machine behind two drives, both switched on."""
+        axes = Axes(self.machine, **self.clocks)
+        drives = [Drive(j, self.machine, axes, "T-1", self.clocks["device_time"]) for j in (0, 1)]
+        for drive in drives:
+            drive.write(20, [0x0F])
+        return dict(zip(UNITS, drives, strict=True))
+
 
 def text(far: Far, language: str) -> Callable[[bytes], bytes]:
     controller = LANGUAGES[language](Axes(far.machine, **far.clocks), "T-1")
@@ -84,15 +93,15 @@ def text(far: Far, language: str) -> Callable[[bytes], bytes]:
     return answer
 
 
-def modbus(far: Far) -> Callable[[bytes], bytes]:
-    registers = far.registers()
+def modbus(far: Far, apart: bool) -> Callable[[bytes], bytes]:
+    units = far.drives() if apart else {1: far.registers()}
 
     def answer(heard: bytes) -> bytes:
-        request = heard[7:]
+        registers, request = units[heard[6]], heard[7:]
         address, value = struct.unpack(">HH", request[1:5])
         values = [value] if request[0] == 6 else list(struct.unpack(f">{value}H", request[6:]))
         registers.write(address, values)
-        return far.hear(request, tcp_pdu(heard, request[:5]))
+        return far.hear(heard[6:], tcp_pdu(heard, request[:5]))
 
     return answer
 
@@ -137,7 +146,9 @@ def driver(name: str, far: Far) -> Iterator[RegisterTable | TextTable]:
         yield table
         table.close()
         return
-    answer = modbus(far) if profile.protocol == "modbus" else text(far, profile.protocol)
+    answer = (
+        modbus(far, profile.map.inner_apart) if profile.protocol == "modbus" else text(far, profile.protocol)
+    )
     with server(answer) as place:
         port = f"tcp://{place}"
         quick = hurried(profile)

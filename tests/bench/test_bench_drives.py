@@ -1,0 +1,226 @@
+"""Two CiA 402 drives, described by a profile alone: low word first, floats, a negative scale, no watchdog."""
+
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.bench.table_drive import EncoderTruth, TableDrive
+from calstation.bench.table_drives import Drive
+from calstation.bench.table_machine import Fault, NotPermitted, OutOfRange, TableLimits, TableMachine
+from calstation.bench.table_text import Axes
+from calstation.devices.modbus_table import ModbusTable
+from calstation.devices.register_table import RegisterTable
+from calstation.devices.table_profile import load_table_profile
+from calstation.errors import ConfigurationError, DeviceFaultError
+
+PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "cia402_drives.toml")
+NOW = ("device_time", "host_time", "reading_time")
+
+
+class Pair:
+    """Both drives over a machine without errors; as a register link, of one of them, without a wire."""
+
+    def __init__(self, start=(0.0, 0.0)):
+        limits = TableLimits(low=(-20.0, -20.0), high=(20.0, 20.0))
+        self.machine = TableMachine(TableDrive(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0), start), limits)
+        self.time = 0.0
+        clocks = dict.fromkeys(NOW, lambda: self.time)
+        axes = Axes(self.machine, **clocks)
+        self.drives = [Drive(j, self.machine, axes, f"T-{j}", clocks["device_time"]) for j in (0, 1)]
+
+    def pass_time(self, seconds):
+        self.time += seconds
+        self.machine.advance(self.time)
+
+
+class Unit:
+    """One drive as `register_table.RegisterLink`; `gone` where its cable is cut."""
+
+    heard = b""
+
+    def __init__(self, drive):
+        self.drive, self.gone, self.said = drive, False, []
+
+    def read(self, address, count):
+        if self.gone:
+            raise DeviceFaultError("gone")
+        self.drive.refresh()
+        return self.drive.words[address : address + count]
+
+    def write(self, address, values, repeat=True):
+        if self.gone:
+            raise DeviceFaultError("gone")
+        self.said.append((address, list(values), repeat))
+        self.drive.write(address, values)
+
+    def close(self):
+        return
+
+
+@pytest.fixture
+def pair():
+    drives = Pair()
+    drives.units = [Unit(drive) for drive in drives.drives]
+    drives.table = RegisterTable(drives.units[0], PROFILE, 16, drives.units[1])
+    return drives
+
+
+def ready(pair):
+    pair.table.enable()
+    pair.table.home()
+    pair.pass_time(5.0)
+    return pair.table
+
+
+def test_what_the_drives_say_on_the_wire(pair):
+    table = ready(pair)
+    for unit in pair.units:
+        unit.said.clear()
+    table.move(*np.deg2rad([-90.0, 100.0, 20.0, 40.0]))
+
+    def low_first(kind, *values):
+        return [w for v in values for w in struct.unpack(">HH", struct.pack(kind, v))[::-1]]
+
+    def targets(counts):
+        return low_first(">i", counts) + low_first(">I", 200_000, 400_000)
+
+    begin = [(23, [1], True), (20, [0x0F], True), (20, [0x3F], True)]
+    assert pair.units[0].said == [(34, targets(-9_000_000), True), *begin]
+    assert pair.units[1].said == [(34, targets(-10_000_000), True), *begin], "its counts fall"
+    pair.pass_time(30.0)
+    np.testing.assert_allclose(table.status().angles, np.deg2rad([-90.0, 100.0]), atol=1e-6)
+
+
+def test_status_is_taken_from_both_drives(pair):
+    table = pair.table
+    identity = table.identify()
+    assert identity.model == "bench-drive"
+    assert identity.serial == "T-0 + T-1"
+    assert not table.status().enabled
+    table.enable()
+    status = table.status()
+    assert status.enabled
+    assert not status.homed
+    assert status.interlock_closed
+    assert status.watchdog == np.inf
+    np.testing.assert_allclose(status.limits.low, [-20.0, -20.0])
+    np.testing.assert_allclose(status.limits.high, [20.0, 20.0])
+    pair.units[1].drive.write(20, [0x06])
+    assert not table.status().enabled, "one axis is off"
+
+
+def test_homing_is_never_said_twice_and_no_bit_tells_that_it_moves(pair):
+    table = ready(pair)
+    assert [repeat for address, _, repeat in pair.units[0].said if address == 23] == [False]
+    assert table.status().homed
+    table.move(*np.deg2rad([10.0, 0.0, 20.0, 40.0]))
+    pair.pass_time(0.2)
+    status = table.status()
+    assert status.moving
+    assert not status.settled
+    assert status.rates[0] > 0.0
+
+
+def test_a_stop_reaches_the_axis_whose_drive_still_answers(pair):
+    table = ready(pair)
+    table.move(*np.deg2rad([300.0, 300.0, 20.0, 40.0]))
+    pair.pass_time(2.0)
+    pair.units[0].gone = True
+    with pytest.raises(DeviceFaultError, match="gone"):
+        table.stop()
+    assert (40, [0, 0], True) in pair.units[1].said
+    pair.units[0].gone = False
+    pair.pass_time(2.0)
+    assert not table.status().moving
+
+
+def test_after_a_stop_nothing_moves_until_it_is_told(pair):
+    table = ready(pair)
+    table.move(*np.deg2rad([300.0, 0.0, 20.0, 40.0]))
+    pair.pass_time(2.0)
+    table.stop()
+    pair.pass_time(2.0)
+    stood = table.status().angles
+    table.enable()
+    pair.pass_time(5.0)
+    np.testing.assert_array_equal(table.status().angles, stood)
+
+
+def test_no_endless_rate_unless_the_profile_states_how_the_drives_stop(pair):
+    table = ready(pair)
+    with pytest.raises(ConfigurationError, match="no watchdog that is on"):
+        table.rate(0.1, 0.0, 0.5)
+    stated = PROFILE.model_copy(update={"link_loss_stop_s": 1.0})
+    table = RegisterTable(pair.units[0], stated, 16, pair.units[1])
+    table.rate(*np.deg2rad([0.0, -15.0, 40.0]))
+    pair.pass_time(3.0)
+    np.testing.assert_allclose(table.status().rates, np.deg2rad([0.0, -15.0]), atol=1e-6)
+    table.heartbeat()  # there is none, and nothing is said
+
+
+def test_a_fault_is_told_and_cleared_on_both(pair):
+    table = ready(pair)
+    pair.machine.trip(Fault.DRIVE, pair.time)
+    assert table.status().fault == "drive"
+    pair.pass_time(1.0)
+    table.reset_fault()
+    status = table.status()
+    assert status.fault is None
+    assert not status.enabled
+
+
+def test_a_float_that_is_no_number_is_a_fault(pair):
+    def refresh():
+        pair.drives[0].words[32:34] = [0, 0x7FC0]
+
+    pair.drives[0].refresh = refresh
+    with pytest.raises(DeviceFaultError, match=r"registers\.outer_rate \(32-33\) holds no number"):
+        pair.table.status()
+
+
+def test_what_a_drive_refuses_changes_nothing():
+    pair = Pair()
+    outer, inner = pair.drives
+    for drive in (outer, inner):
+        drive.write(20, [0x0F])
+    with pytest.raises(NotPermitted):
+        outer.write(20, [0x1F])  # not homed yet
+    pair.machine.know_zero()
+    outer.write(20, [0x0F])
+    outer.write(34, [0xFFFF, 0x7FFF])
+    with pytest.raises(OutOfRange):
+        outer.write(20, [0x1F])
+    assert pair.machine.drive.profiles[0].target == 0.0
+
+
+@pytest.mark.parametrize(
+    "transport",
+    [
+        "tcp",
+        pytest.param("rtu", marks=pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")),
+    ],
+)
+def test_behind_a_server_each_drive_is_a_unit(start_bench, transport):
+    told = {"table_protocol": "drives", "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
+    with start_bench(**told) as bench:
+        port = bench.endpoints["table"] if transport == "rtu" else f"tcp://{bench.endpoints['table']}"
+        table = ModbusTable(port, PROFILE.at_place(2.0, None))
+        try:
+            assert table.identify().serial == "T-0001A + T-0001B"
+            table.enable()
+            table.home()
+            bench.advance(10.0)
+            assert table.status().homed
+            table.move(*np.deg2rad([30.0, -40.0, 20.0, 40.0]))
+            bench.advance(10.0)
+            status = table.status()
+            np.testing.assert_allclose(status.angles, np.deg2rad([30.0, -40.0]), atol=np.deg2rad(0.3))
+            assert status.settled
+            assert not status.moving
+            table.disable()
+            assert not table.status().enabled
+        finally:
+            table.close()
