@@ -134,6 +134,7 @@ def number(text: str) -> float:
     return float(text)
 
 
+@pytest.mark.long
 def test_each_part_is_previewed_run_and_shown(engineer: Engineer) -> None:
     for part, stages in (
         ("part_check_scale_factors", ("rate", "six_position")),

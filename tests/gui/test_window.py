@@ -114,6 +114,7 @@ def test_nothing_is_clipped_in_any_language_theme_or_size(window: MainWindow, qt
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+@pytest.mark.long
 def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(place: Place) -> None:
     place.write({"stages": ["six_position", "rate"]})
     script = place.folder / "at_the_window.py"
