@@ -7,6 +7,7 @@ rewriting a partly filled compressed chunk at every flush would leak file space,
 its rows.
 """
 
+import errno
 import json
 import os
 import re
@@ -24,6 +25,7 @@ from numpy.typing import DTypeLike
 from calstation.errors import ConfigurationError
 from calstation.estimation.samples import SampleBlock
 from calstation.records.facts import FactsBuilder, LogFacts
+from calstation.records.locked import take
 from calstation.records.meta import LogMeta
 from calstation.records.superblock import SUPERBLOCK, superblock_end
 
@@ -31,10 +33,10 @@ FORMAT = "calstation.log/1"
 SUFFIX = ".h5"
 FLUSH_INTERVAL = 0.1
 """Host seconds between flushes to the operating system: a kill loses less than this and one tick."""
+_LOCKED_WITHIN = 1.0
+"""Whoever looks whether a log is being written holds its lock for a moment, s."""
 SYNC_INTERVAL = 0.8
 """Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself."""
-STILL_WRITTEN = 3.0
-"""A log changed within this time, s, may belong to a run that is still going: its writer touches it when it syncs."""
 ROW = np.dtype(
     [
         ("seq", "<i8"),
@@ -72,6 +74,7 @@ def free_space(path: Path) -> int:
 class RawLogWriter:
     """Appends a run's samples, events and results to a new file.
 
+    Its lock on the file says that the run is going (`raw_read.being_written`): a clock may be set, a run may wait.
     Buffers between flushes; `service` (called by every append) flushes and syncs when due. A gimbal's joints are
     kept where `joints` says that blocks have them, further IMUs where the configuration names them.
 
@@ -85,10 +88,12 @@ class RawLogWriter:
         self.path = path
         self.meta = meta
         try:
-            self._file = h5py.File(path, "x", libver="latest")
+            # The library's own lock is another's: it is given up when SWMR mode is switched on.
+            self._file = h5py.File(path, "x", libver="latest", locking=False)
             self._sync_handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+            take(self._sync_handle, _LOCKED_WITHIN, shared=True)
         except OSError as exc:
-            reason = "it exists already" if path.exists() else exc.strerror or str(exc)
+            reason = "it exists already" if exc.errno == errno.EEXIST else exc.strerror or str(exc)
             raise ConfigurationError(
                 f"{path}: the log cannot be created ({reason}); choose another folder with --out"
             ) from exc
@@ -186,7 +191,6 @@ class RawLogWriter:
             os.fsync(self._sync_handle)
             if not os.path.samestat(self.path.stat(), os.fstat(self._sync_handle)):
                 raise OSError("another file has taken its place")
-            os.utime(self.path)  # a run that waits writes nothing, and yet is not dead
         self._synced = time.monotonic()
 
     def close(self, outcome: str) -> LogFacts:
@@ -196,7 +200,9 @@ class RawLogWriter:
             return facts
         if self._refused:
             # Closing what could not be written may take the process along: the library is left alone with it.
-            _abandoned.append(self)
+            if self not in _abandoned:
+                _abandoned.append(self)
+                os.close(self._sync_handle)
             return facts
         self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
         self.sync()

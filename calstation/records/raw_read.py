@@ -13,8 +13,9 @@ import numpy as np
 
 from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock
+from calstation.records.locked import held
 from calstation.records.meta import LogMeta, meta_from_json
-from calstation.records.raw_log import CHUNK_ROWS, FORMAT, STILL_WRITTEN
+from calstation.records.raw_log import CHUNK_ROWS, FORMAT
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
 
 _READ_ROWS = 16 * CHUNK_ROWS
@@ -49,6 +50,17 @@ def read_contents(path: Path) -> RawLogContents:
             last.get("outcome"),
             last.get("sha256"),
         )
+
+
+def being_written(path: Path) -> bool:
+    """Whether the run of a log is still going: its writer holds the log's lock until it closes it, or dies.
+
+    Raises InputError where the file cannot be read.
+    """
+    try:
+        return held(path)
+    except OSError as exc:
+        raise InputError(f"{path}: cannot be read ({exc.strerror or exc})") from exc
 
 
 def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -133,7 +145,7 @@ class _Opened:
             except _BROKEN as exc:
                 error = exc
                 self._close()
-            if not self._grows():
+            if not being_written(self._path):
                 break
             time.sleep(_AGAIN_AFTER)
         raise self._damaged() from error
@@ -164,10 +176,6 @@ class _Opened:
             raise
         file.close()
         raise InputError(f"{self._path}: not a raw log of this program; give a .h5 log or a .csv")
-
-    def _grows(self) -> bool:
-        """Whether a run may be writing it: what is half written now is whole in a moment."""
-        return time.time() - self._path.stat().st_mtime < STILL_WRITTEN
 
     def _close(self) -> None:
         if self._unclosed is not None:

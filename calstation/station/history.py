@@ -3,14 +3,13 @@
 import json
 import math
 import os
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from calstation.errors import InputError
-from calstation.records.raw_log import STILL_WRITTEN, SUFFIX
-from calstation.records.raw_read import RawLogContents, read_contents, solved_stages
+from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_read import RawLogContents, being_written, read_contents, solved_stages
 from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
 from calstation.station.keeping import InForce
 from calstation.station.result import SCHEMA
@@ -127,10 +126,9 @@ def refresh_history(tell: Tell, folder: Path) -> int:
 
 
 def _files(folder: Path) -> dict[str, str]:
-    """Stamp of each run's files by stem; a log that may still be written is left out unless its result is there."""
+    """Stamp of each run's files by stem; a log that is being written is left out unless its result is there."""
     stamps: dict[str, str] = {}
     logs: dict[str, str] = {}
-    now = time.time()
     if not folder.is_dir():
         return {}
     with os.scandir(folder) as entries:
@@ -142,9 +140,18 @@ def _files(folder: Path) -> dict[str, str]:
             stamp = f"{status.st_mtime_ns} {status.st_size}"
             if suffix == ".json":
                 stamps[stem] = stamp
-            elif now - status.st_mtime >= STILL_WRITTEN:
+            else:
                 logs[stem] = stamp
-    return {**{stem: f"log {stamp}" for stem, stamp in logs.items()}, **stamps}
+    left = {stem: stamp for stem, stamp in logs.items() if stem not in stamps and not _going(folder, stem)}
+    return {**{stem: f"log {stamp}" for stem, stamp in left.items()}, **stamps}
+
+
+def _going(folder: Path, stem: str) -> bool:
+    """Whether a run is still going, or nothing can be said of its log."""
+    try:
+        return being_written(folder / f"{stem}{SUFFIX}")
+    except InputError:
+        return True
 
 
 def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:

@@ -1,7 +1,6 @@
 """Gives runs that died the result that they could not write themselves, and closes those that nobody will resume."""
 
 import json
-import time
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,8 +8,8 @@ from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.records.log import Log, open_log
-from calstation.records.raw_log import STILL_WRITTEN, SUFFIX
-from calstation.records.raw_read import solved_stages
+from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_read import being_written, solved_stages
 from calstation.station.handover import expect
 from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.solve import StageChain
@@ -24,9 +23,11 @@ def settle_incomplete(folder: Path) -> list[Path]:
     """
     found = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
-        if path.with_suffix(".json").exists() or _still_written(path):
+        if path.with_suffix(".json").exists():
             continue
         try:
+            if being_written(path):
+                continue
             log = open_log(path)
             if log.outcome is None:
                 _settle(log)
@@ -42,8 +43,8 @@ def close_incomplete(path: Path, operator: str | None = None) -> Path:
     Raises ConfigurationError where the run is still going, or the place cannot be written, InputError where the
     log cannot be read.
     """
-    if _still_written(path) and not path.with_suffix(".json").exists():
-        raise ConfigurationError(f"{path}: its run may still be going; wait some seconds and try again")
+    if not path.with_suffix(".json").exists() and being_written(path):
+        raise ConfigurationError(f"{path}: its run is still going; stop it first")
     log = open_log(path)
     beside = path.with_suffix(".json")
     if not beside.exists():
@@ -57,13 +58,6 @@ def close_incomplete(path: Path, operator: str | None = None) -> Path:
     closed = {"closed_utc": datetime.now(UTC).isoformat(timespec="seconds"), "closed_by": operator}
     write_json(beside, {**result, **closed})
     return beside
-
-
-def _still_written(path: Path) -> bool:
-    try:
-        return time.time() - path.stat().st_mtime < STILL_WRITTEN
-    except OSError as exc:
-        raise InputError(f"{path}: cannot be read ({exc.strerror or exc})") from exc
 
 
 def _settle(log: Log) -> None:

@@ -17,7 +17,7 @@ from calstation.estimation.samples import SampleBlock
 from calstation.records.log import Log, open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import solved_stages
+from calstation.records.raw_read import being_written, solved_stages
 from calstation.records.run_index import RunRecord
 from calstation.sequencer.acquisition import LastSample
 from calstation.sequencer.events import to_json
@@ -172,6 +172,8 @@ class Continuation:
         if path.suffix != SUFFIX:
             raise ConfigurationError(f"{path}: only a run's own log ({SUFFIX}) can be resumed")
         log = open_log(path)
+        if being_written(path):
+            raise ConfigurationError(f"{path}: its run is still going; stop it first")
         finished = _finished(log)
         if log.meta.imu.serial != request.serial:
             raise ConfigurationError(

@@ -21,7 +21,7 @@ from calstation.gui.history.page import HistoryPage
 from calstation.gui.main_window import MainWindow
 from calstation.physics.units import DEGREE_PER_HOUR
 from calstation.records.meta import LogMeta
-from calstation.records.raw_log import STILL_WRITTEN, RawLogWriter
+from calstation.records.raw_log import RawLogWriter
 from calstation.sequencer.events import Verdict
 from calstation.station.result import SCHEMA
 
@@ -113,8 +113,6 @@ def write_dead_log(folder: Path) -> Path:
     writer.flush()
     writer._file.close()
     os.close(writer._sync_handle)
-    before = started.timestamp() - STILL_WRITTEN
-    os.utime(path, (before, before))
     return path
 
 

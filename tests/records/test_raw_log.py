@@ -21,6 +21,7 @@ from calstation.records import raw_log
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
+from calstation.records.raw_read import being_written, raw_blocks
 
 
 def test_a_log_gives_back_what_was_written(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
@@ -53,15 +54,22 @@ def test_a_running_log_can_be_read_and_has_no_outcome_yet(tmp_path: Path, meta: 
     assert open_log(tmp_path / "sub.h5").outcome == "stopped"
 
 
-def test_a_log_of_a_run_that_waits_stays_young(
-    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    writer = RawLogWriter(tmp_path / "run.h5", meta)
-    os.utime(writer.path, (0.0, 0.0))
-    monkeypatch.setattr(raw_log, "SYNC_INTERVAL", 0.0)
-    writer.service()
-    assert time.time() - writer.path.stat().st_mtime < 60.0
+def test_a_log_is_being_written_from_its_first_byte_until_it_is_closed(tmp_path: Path, meta: LogMeta) -> None:
+    path = tmp_path / "run.h5"
+    writer = RawLogWriter(path, meta)
+    for touched in (0.0, 4e9):
+        os.utime(path, (touched, touched))
+        assert being_written(path)
+    read = "import h5py, sys; print(h5py.File(sys.argv[1], 'r', libver='latest', swmr=True)['samples'].shape)"
+    other = subprocess.run(
+        [sys.executable, "-c", read, str(path)], capture_output=True, text=True, check=True
+    )
+    assert other.stdout == "(0,)\n", "other programs may read it all the same"
     writer.close("stopped")
+    assert not being_written(path)
+    assert list(raw_blocks(path)) == []
+    with pytest.raises(InputError, match="cannot be read"):
+        being_written(tmp_path / "none.h5")
 
 
 def test_the_digest_covers_samples_and_configuration_but_not_results(
@@ -141,6 +149,7 @@ import numpy as np
 from calstation.estimation.samples import SampleBlock
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
+from calstation.records.raw_read import being_written, raw_blocks
 writer = RawLogWriter(Path(sys.argv[1]), LogMeta.model_validate_json(sys.argv[2]))
 begin, done = time.monotonic(), 0
 while True:
@@ -264,7 +273,9 @@ def test_a_full_disk_is_told_once_and_nothing_recorded_is_lost(
     log.event({"event": "x"})
     log.service()
     log.close("fault")
+    log.close("fault")
     monkeypatch.undo()
+    assert not being_written(tmp_path / "a.h5")
     kept = open_log(tmp_path / "a.h5")
     assert kept.outcome is None
     assert sum(len(b) for b in kept.blocks()) == 500

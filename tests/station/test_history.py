@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -137,7 +138,6 @@ def test_other_files_are_no_runs(three: Path) -> None:
     (three / "list.json").write_text("[1, 2]", encoding="utf-8")
     (three / "broken.json").write_text("{", encoding="utf-8")
     (three / "broken.h5").write_bytes(b"no log")
-    os.utime(three / "broken.h5", (0.0, 0.0))
     assert len(refreshed(three).runs()) == 3
 
 
@@ -174,15 +174,16 @@ def test_a_log_without_a_result_is_incomplete_once_nobody_writes_it(tmp_path: Pa
     writer.append(make_block("rate", 0, 100))
     writer.flush()
     history = refreshed(tmp_path)
-    assert history.runs() == []
     os.utime(log, (0.0, 0.0))
+    history.refresh()
+    assert history.runs() == []
+    shutil.copyfile(log, tmp_path / "y.h5")
     history.refresh()
     (run,) = history.runs(outcome="incomplete")
-    assert (run.serial, run.log, run.result) == ("SN-7", log, None)
+    assert (run.serial, run.log, run.result) == ("SN-7", tmp_path / "y.h5", None)
     writer.close("stopped")
-    os.utime(log, (0.0, 0.0))
     history.refresh()
-    assert history.runs() == []
+    assert [run.log.stem for run in history.runs()] == ["y"]
 
 
 def test_the_workshop_can_do_it(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,7 +213,8 @@ def test_opening_the_program_settles_and_hands_over(tmp_path: Path) -> None:
     writer = RawLogWriter(runs / "x.h5", LogMeta.model_validate(META))
     writer.append(make_block("rate", 0, 100))
     writer.flush()
-    os.utime(runs / "x.h5", (0.0, 0.0))
+    (runs / "x.h5").rename(tmp_path / "going.h5")
+    shutil.copyfile(tmp_path / "going.h5", runs / "x.h5")
     told: list[float] = []
     tidied = tidy_up(lambda fraction, *_: told.append(fraction), runs, None)
     assert tidied.incomplete == (runs / "x.h5",)

@@ -20,7 +20,7 @@ from calstation.station.history import History
 from calstation.station.incomplete import close_incomplete, settle_incomplete
 from calstation.station.request import RunRequest
 from calstation.station.resolve import resolve
-from calstation.station.resume import find_resumable, resumable
+from calstation.station.resume import Continuation, find_resumable, resumable
 from calstation.station.run import execute
 from tests.station.conftest import PRODUCT, QUICK, Place
 
@@ -155,7 +155,6 @@ def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(place: 
             time.sleep(0.01)
     assert killed
     (log,) = runs.glob("*.h5")
-    os.utime(log, (0.0, 0.0))
     (offer,) = resumable(runs)
     assert (offer.stages, offer.finished) == (stages, STAGES)
     assert offer.outcome == "incomplete"
@@ -193,7 +192,7 @@ def test_where_every_stage_was_finished_only_the_conclusion_is_left(place: Place
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"limits": {"gyro_scale": {"within": 0.2}}}, r"\[product\] has changed"),
+        ({"limits": {"gyro_scale": {"within": 0.09}}}, r"\[product\] has changed"),
         ({"schedule": {**SHORT, "rate": {**SHORT["rate"], "turns": 2}}}, None),
     ],
 )
@@ -278,18 +277,22 @@ def test_a_run_that_is_closed_is_offered_no_more(place: Place, before: Verdict) 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
-def test_a_run_that_died_can_be_closed_once_it_is_surely_dead(place: Place) -> None:
+@pytest.mark.parametrize("touched", [0.0, 4e9], ids=["long ago", "in the future"])
+def test_a_run_is_going_until_it_is_dead_whatever_its_log_was_touched(place: Place, touched: float) -> None:
     with Engine.start(short(place).request(*STAGES)) as engine:
         while not any(isinstance(event, StepStarted) and event.stage for event in engine.poll()):
             time.sleep(0.01)
         assert engine.process.pid is not None
+        os.kill(engine.process.pid, signal.SIGSTOP)  # it writes no more, and yet lives
+        (log,) = (place.folder / "runs").glob("*.h5")
+        os.utime(log, (touched, touched))
+        assert settle_incomplete(log.parent) == []
+        for use in (close_incomplete, lambda path: Continuation.of(place.request(*STAGES), path)):
+            with pytest.raises(ConfigurationError, match="its run is still going; stop it first"):
+                use(log)
         os.kill(engine.process.pid, signal.SIGKILL)
         engine.process.join(30.0)
-    (log,) = (place.folder / "runs").glob("*.h5")
-    os.utime(log)
-    with pytest.raises(ConfigurationError, match="may still be going"):
-        close_incomplete(log)
-    os.utime(log, (0.0, 0.0))
+    os.utime(log, (touched, touched))
     result = json.loads(close_incomplete(log).read_text("utf-8"))
     assert (result["outcome"], result["advice"]) == ("incomplete", "repeat")
     assert settle_incomplete(log.parent) == []

@@ -1,0 +1,100 @@
+"""The wall clock set by days in mid-run, forward and back: of the engine and all that it starts."""
+
+import shutil
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.errors import ConfigurationError
+from calstation.records.log import open_log
+from calstation.sequencer.events import Event, StepStarted, Verdict
+from calstation.station import register_journal
+from calstation.station.engine import Engine
+from calstation.station.history import History
+from calstation.station.incomplete import close_incomplete, settle_incomplete
+from tests.faults.conftest import SERIAL, Floor
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux") or shutil.which("cc") is None, reason="needs a C compiler and ld.so"
+)
+
+DAYS = timedelta(days=3)
+
+
+class WallClock:
+    """The clock of the programs that are started from now on."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    def step(self, by: timedelta) -> None:
+        """Set it."""
+        self._file.write_text(str(round(by.total_seconds())), encoding="ascii")
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    built = tmp_path_factory.mktemp("clock") / "wall_clock.so"
+    source = Path(__file__).with_name("wall_clock.c")
+    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(built), str(source)], check=True)
+    return built
+
+
+@pytest.fixture
+def wall_clock(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> WallClock:
+    monkeypatch.setenv("LD_PRELOAD", str(library))
+    monkeypatch.setenv("WALL_CLOCK_OFFSET", str(tmp_path / "offset"))
+    return WallClock(tmp_path / "offset")
+
+
+@pytest.mark.parametrize("by", [DAYS, -DAYS], ids=["forward", "back"])
+def test_a_run_ends_as_if_the_clock_had_never_been_set(
+    floor: Floor, wall_clock: WallClock, by: timedelta
+) -> None:
+    runs = floor.folder / "runs"
+    begun = datetime.now(UTC)
+    steps = 0
+    last: Event | None = None
+    with Engine.start(floor.request()) as engine:
+        for event in engine.events():
+            last = event
+            if not isinstance(event, StepStarted) or not event.stage:
+                continue
+            steps += 1
+            if steps == 3:
+                wall_clock.step(by)
+            elif steps == 5:
+                (log,) = runs.glob("*.h5")
+                assert settle_incomplete(runs) == [], "nobody takes it for dead"
+                assert History(runs).refresh() == 0
+                with pytest.raises(ConfigurationError, match="still going"):
+                    close_incomplete(log)
+    assert isinstance(last, Verdict)
+    result = last.result
+    assert last.outcome == "passed", [check for check in result["checks"] if not check["passed"]]
+    assert result["log"]["gaps"] == 0
+    assert 0.0 < result["duration_s"] < 600.0
+    seq = np.concatenate([block.seq for block in open_log(log).blocks()])
+    assert (np.diff(seq) == 1).all()
+    (entry,) = register_journal.history(runs, SERIAL)
+    assert entry.closing == "done"
+    hour = timedelta(hours=1)
+    assert abs(datetime.fromisoformat(result["started_utc"]) - begun) < hour
+    assert abs(datetime.fromisoformat(entry.utc) - begun - by) < hour, "the clock was set: labels follow it"
+
+
+@pytest.mark.parametrize("by", [DAYS, -DAYS], ids=["forward", "back"])
+def test_a_killed_run_is_seen_to_be_dead_at_once(floor: Floor, wall_clock: WallClock, by: timedelta) -> None:
+    with Engine.start(floor.request()) as engine:
+        for event in engine.events():
+            if isinstance(event, StepStarted) and event.stage:
+                wall_clock.step(by)
+                break
+        engine.process.kill()
+        engine.process.join(30.0)
+    (log,) = (floor.folder / "runs").glob("*.h5")
+    assert settle_incomplete(log.parent) == [log]
