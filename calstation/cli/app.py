@@ -178,6 +178,30 @@ def soak(
     raise typer.Exit(soak_command(runs, seed, json, full=full, keep=keep))
 
 
+@app.command(name="test")
+def try_link(
+    device: Annotated[str, typer.Argument(metavar="DEVICE", help="table or imu.")],
+    station: Annotated[Path | None, typer.Option(help="Station file; default: the virtual bench.")] = None,
+    product: Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")] = None,
+    json: JsonOption = None,
+) -> None:
+    """Test a link: open it, ask who is there, listen. Nothing moves; exit code 3 where a run would not start."""
+    from calstation.cli.connection import try_command
+
+    raise typer.Exit(try_command(device, station, product, json))
+
+
+@app.command()
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Station, table, IMU or product file.")],
+    json: JsonOption = None,
+) -> None:
+    """Show all that is wrong in a file, with lines and mends; exit code 2 where something is."""
+    from calstation.cli.connection import check_command
+
+    raise typer.Exit(check_command(file, json))
+
+
 registers = typer.Typer(
     help="Registers written into units: list transfers, finish an interrupted one, restore earlier values.",
     no_args_is_help=True,

@@ -1,5 +1,6 @@
 """`run`: shows a run's events as progress bars and messages, and turns Ctrl-C into a safe stop."""
 
+import shlex
 import signal
 import sys
 from collections.abc import Iterator
@@ -60,7 +61,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
             elif isinstance(event, Fault):
                 fault = event
     if verdict is not None:
-        _show_verdict(verdict, json)
+        _show_verdict(verdict, json, request)
     if fault is not None:
         text = fault.text
         if fault.kind == INTERNAL and not debug:
@@ -111,7 +112,7 @@ def _interrupt_stops(engine: Engine) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _show_verdict(verdict: Verdict, json: str | None) -> None:
+def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> None:
     emit_json(verdict.result, json)
     console = Console(stderr=json == "-")
     if json != "-":
@@ -119,9 +120,17 @@ def _show_verdict(verdict: Verdict, json: str | None) -> None:
     console.print(f"{verdict.result['unit']['serial']}: {OUTCOMES[verdict.outcome]}", highlight=False)
     lines = [("log", verdict.log), ("result", verdict.result_file)]
     if verdict.result["advice"] == "resume":
-        lines.append(("to carry on", f"calstation run --resume {verdict.log}"))
+        lines.append(("to carry on", _resuming(verdict.log, request)))
     for label, path in lines:
         console.print(f"{label}: {path}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _resuming(log: str, request: RunRequest) -> str:
+    """The command that carries a run on, at the same station and with the same product."""
+    words = ["calstation", "run", "--resume", log]
+    for option, path in (("--station", request.station), ("--product", request.product)):
+        words += [option, str(path)] if path is not None else []
+    return shlex.join(words)
 
 
 class _Display:

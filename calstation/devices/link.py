@@ -45,6 +45,11 @@ class SerialSettings(StrictModel):
             raise ValueError(f"{bits:g} is out of range; it must be 1, 1.5 or 2")
         return bits
 
+    @property
+    def line(self) -> str:
+        """As it is usually written, e.g. ``921600 8N1``."""
+        return f"{self.baud} {self.data_bits}{self.parity}{self.stop_bits:g}"
+
 
 class SerialLink:
     """An open port. Not for use by two threads at once.

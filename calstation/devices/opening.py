@@ -2,6 +2,8 @@
 
 import errno
 import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Literal
 
 import serial
@@ -27,6 +29,14 @@ name that nobody knows, nothing served at the port, no way there."""
 
 SOCKETS = ("tcp://", "socket://")
 """How addresses begin."""
+
+_WHY = {
+    "unknown_host": "nobody knows this host; correct its name in the station file, or give its IP address",
+    "refused": "the host is there but serves nothing at this port; correct the port number in the station file, see"
+    " that the device's server is on",
+    "unreachable": "no answer within {:g} s; check power, network cable and the IP address in the station file",
+}
+"""Why a connection does not come about, and the mend."""
 
 _PERMISSION = {errno.EACCES, errno.EPERM}
 _BUSY = {errno.EBUSY, errno.EAGAIN}
@@ -78,6 +88,28 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
     except LINK_ERRORS as exc:
         return _kind(exc), _words(exc)
     return "other", ""
+
+
+@contextmanager
+def explained(name: str, port: str, timeout: float) -> Iterator[None]:
+    """While a connection of the network is opened: where there is none, the fault says why.
+
+    Parameters
+    ----------
+    name : what messages call the device
+    timeout : host time for a connection, s
+    """
+    try:
+        yield
+    except DeviceFaultError as fault:
+        if not port.startswith("tcp://"):
+            raise
+        reason, _ = _why_no_connection(port, timeout)
+        if reason not in _WHY:
+            raise
+        raise DeviceFaultError(
+            f"{name}: port {port} cannot be opened: {_WHY[reason].format(timeout)}"
+        ) from fault
 
 
 def _why_no_connection(port: str, timeout: float) -> tuple[Reason, str]:

@@ -29,7 +29,8 @@ class TextFrame:
         for i, at in enumerate(columns):
             if at is None:
                 columns[i] = 0 if i == 0 else (columns[i - 1] or 0) + 1
-        self._columns = {f.name: at or 0 for f, at in zip(frame.fields, columns, strict=True)}
+        #: Column of each field, from 0 behind the first separator.
+        self.places = {f.name: at or 0 for f, at in zip(frame.fields, columns, strict=True)}
         #: Bytes of the shortest line.
         self.shortest = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
 
@@ -53,7 +54,7 @@ class TextFrame:
         ]
         found = Columns({}, {})
         for f in self._fields:
-            numbers = np.array([_parsed(row, self._columns[f.name], f) for row in rows], np.float64)
+            numbers = np.array([_parsed(row, self.places[f.name], f) for row in rows], np.float64)
             present = np.isfinite(numbers)
             if number(f.type).whole:
                 present &= np.abs(numbers) < _EXACT

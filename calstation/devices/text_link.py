@@ -6,6 +6,7 @@ from typing import Protocol
 
 from calstation.devices.checks import check_function
 from calstation.devices.link import SerialLink, SerialSettings
+from calstation.devices.quoting import quoted_text
 from calstation.devices.text_profile import CheckedLines, TextSection
 from calstation.errors import DeviceFaultError
 
@@ -208,7 +209,7 @@ class TextLink:
             while (found := self._framing.reply(line, heard)) is not None:
                 other, heard = found
                 if self._refused and self._refused.search(other):
-                    raise TextRefusalError(f"table: '{line}' is refused with '{other}'")
+                    raise TextRefusalError(f"table: '{line}' is refused with '{quoted_text(other)}'")
                 if answer is None or answer.search(other):
                     return other
         return other

@@ -8,6 +8,7 @@ import numpy as np
 from calstation.devices.endless import check_endless
 from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableIdentity, TableStatus
 from calstation.devices.link import SerialSettings
+from calstation.devices.quoting import quoted_text
 from calstation.devices.table_map import JOINTS
 from calstation.devices.table_profile import TableProfile
 from calstation.devices.text_link import TextLink, UnlikeAnswerError
@@ -176,8 +177,8 @@ class TextTable:
         match = self._patterns[name].search(reply)
         if match is None:
             raise UnlikeAnswerError(
-                f"table: '{self._text.queries[name].send}' is answered with '{reply}', which queries.{name} of the"
-                " profile does not expect; correct its answer"
+                f"table: '{self._text.queries[name].send}' is answered with '{quoted_text(reply)}', which"
+                f" queries.{name} of the profile does not expect; correct its answer"
             )
         return {group: value for group, value in match.groupdict().items() if value is not None}
 

@@ -92,6 +92,12 @@ class StationConfig(StrictModel):
                 )
             if self.bench is not None and section.port:
                 raise ValueError(f"{device}.port and [bench] exclude each other; remove one")
+        imu = self.imu.port or ""
+        if imu.startswith("tcp://"):
+            rest = imu.removeprefix("tcp://")
+            raise ValueError(
+                f"imu.port = '{imu}' is an address for Modbus TCP; write socket://{rest} for a serial server"
+            )
         return self
 
 

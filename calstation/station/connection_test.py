@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.link import SerialSettings
+from calstation.devices.link import SerialLink, SerialSettings
 from calstation.devices.opening import host_and_port, why_not
 from calstation.devices.ports import found_ports, resolve
 from calstation.devices.table_profile import load_table_profile
@@ -14,8 +14,11 @@ from calstation.errors import CalstationError, ConfigurationError, DeviceFaultEr
 from calstation.station import imu_check, library, table_check
 from calstation.station.config import StationConfig, load_product
 from calstation.station.finding import Finding, Report, Value
+from calstation.station.line_check import wrong_line
+from calstation.station.listening import LISTEN, listen
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup
+from calstation.station.who_answers import OTHER_NUMBER, imu_on_tables_line, other_unit, table_on_imus_line
 from calstation.station.wiring import (
     Endpoints,
     endpoints,
@@ -24,10 +27,13 @@ from calstation.station.wiring import (
     open_imu,
     open_table,
     table_profile,
+    wires,
 )
 from calstation.station.worker import Tell
 
 _VIRTUAL_UNIT = "SN-000001"
+_ABOUT_LINES = ("no_frames", "no_samples", "no_stream", "one_way", "wrong_checks")
+"""Findings that a line of text explains better."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,7 @@ def try_table(tell: Tell, order: Order) -> Report:
                 found.append(finding)
         finally:
             table.close()
+        found.extend(_who_else_than_the_table(setup, at, found, tell))
     return Report("table", tuple(found))
 
 
@@ -79,8 +86,8 @@ def try_imu(tell: Tell, order: Order) -> Report:
                 found.append(finding)
         finally:
             imu.close()
-        if any(finding.id == "no_frames" for finding in found) and "://" not in at.imu:
-            found.extend(imu_check.heard_elsewhere(at.imu, settings, imu_profile(setup), tell))
+        found = _by_a_line(setup, at, found)
+        found.extend(_who_else_than_the_imu(setup, at, found, tell))
     return Report("imu", tuple(found))
 
 
@@ -105,6 +112,56 @@ def ports_of(tell: Tell, setup: Setup) -> Iterator[Endpoints]:
     tell(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
     with endpoints(setup) as at:
         yield at
+
+
+def _who_else_than_the_table(
+    setup: Setup, at: Endpoints, found: list[Finding], tell: Tell
+) -> Iterator[Finding]:
+    """Who answers in the table's place, where that can be found out."""
+    around, ids = wires(setup, at.table, at.imu), {finding.id for finding in found}
+    if ids & {"garbled", "garbled_text", "unlike_text", "unlike_answer", "silent_rtu", "silent_text", "crc"}:
+        tell(0.6, note="listening_around")
+        if around.two_lines and imu_on_tables_line(around):
+            yield Finding("imus_line", "told", {"profile": around.imu.name})
+            return
+    refused = next((finding.values["code"] for finding in found if finding.id == "exception"), None)
+    if ids & {"silent_rtu", "silent_tcp"} or refused in OTHER_NUMBER:
+        other = other_unit(around, lambda share: tell(0.6 + 0.4 * share, note="trying_units"))
+        if other is not None:
+            values: dict[str, Value] = {"found": other[0], "model": other[1], "unit": around.table.unit or 0}
+            yield Finding("unit_heard", "told", values)
+
+
+def _who_else_than_the_imu(
+    setup: Setup, at: Endpoints, found: list[Finding], tell: Tell
+) -> Iterator[Finding]:
+    """Who answers in the IMU's place, or at which baud it does, where that can be found out."""
+    around, ids = wires(setup, at.table, at.imu), {finding.id for finding in found}
+    if ids & {"silent", "no_frames"} and around.two_lines and not setup.table.by_hand:
+        tell(0.4, note="listening_around")
+        if table_on_imus_line(around):
+            yield Finding("tables_line", "told")
+            return
+    if "no_frames" in ids and "://" not in at.imu:
+        yield from imu_check.heard_elsewhere(at.imu, around.imu_serial, around.imu, tell)
+
+
+def _by_a_line(setup: Setup, at: Endpoints, found: list[Finding]) -> list[Finding]:
+    """Of a unit that sends text, what is wrong is told by one of its lines instead."""
+    told = next((i for i, f in enumerate(found) if f.id in _ABOUT_LINES), None)
+    if told is None or setup.imu.frame.format != "text":
+        return found
+    try:
+        link = SerialLink(at.imu, imu_settings(setup), "IMU")
+    except CalstationError:
+        return found
+    try:
+        wrong = wrong_line(setup.imu.frame, listen(link, LISTEN))
+    except CalstationError:
+        return found
+    finally:
+        link.close()
+    return found if wrong is None else [*found[:told], wrong, *found[told + 1 :]]
 
 
 def _opened(port: str) -> Finding:

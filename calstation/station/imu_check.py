@@ -1,7 +1,6 @@
 """What an IMU answers and sends on its open link: who it is, its registers, its stream for a second, gravity."""
 
 import re
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,22 +8,22 @@ import numpy as np
 from calstation.devices.frames import FrameDecoder
 from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.interfaces import OtherModelError, SampleBatch
-from calstation.devices.link import PortLostError, SerialLink, SerialSettings
+from calstation.devices.link import PortLostError, SerialSettings
+from calstation.devices.opening import host_and_port
 from calstation.devices.streamed_imu import ImuRefusalError, StreamedImu
-from calstation.errors import CalstationError, DeviceFaultError
+from calstation.errors import DeviceFaultError
 from calstation.estimation.context import ImuModel
 from calstation.physics.earth import normal_gravity
 from calstation.sequencer.acquisition import to_si
 from calstation.sequencer.preflight import PreflightLimits
 from calstation.station.clock import BenchClock
 from calstation.station.finding import Finding, Value
+from calstation.station.listening import frames_come
 from calstation.station.setup import Setup
 from calstation.station.wiring import Endpoints
 from calstation.station.worker import Tell
 
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
-_LISTEN = 0.4
-"""Host time to listen at each other baud, s."""
 _READY_WITHIN = 3.0
 """Station time that a unit has to say that it is ready, s."""
 _STREAM = 1.0
@@ -41,8 +40,8 @@ def ask(
     """Findings of an open IMU, up to the first that makes the rest meaningless."""
     tell(0.3, note="asking")
     try:
-        imu.start()
         identity = imu.identify()
+        imu.start()
     except OtherModelError as exc:
         yield Finding("wrong_model", "wrong", {"found": exc.found, "expected": exc.expected})
         return
@@ -53,7 +52,7 @@ def ask(
         yield Finding("lost", "wrong", {"words": str(exc)})
         return
     except DeviceFaultError as exc:
-        yield _unanswered(imu, setup, settings, str(exc))
+        yield _unanswered(imu, setup, at.imu, settings, str(exc))
         return
     if setup.imu.protocol == "stream":
         yield Finding("cannot_tell", "told")
@@ -77,7 +76,7 @@ def ask(
     except PortLostError as exc:
         yield Finding("lost", "wrong", {"words": str(exc)})
     except DeviceFaultError as exc:
-        yield _unanswered(imu, setup, settings, str(exc))
+        yield _unanswered(imu, setup, at.imu, settings, str(exc))
 
 
 def _stream(
@@ -106,8 +105,12 @@ def _stream(
     expected = profile.stream.sample_rate_hz
     values: dict[str, Value] = {"expected": expected, "measured": len(seq) / elapsed}
     if not len(seq):
-        silent = setup.imu.protocol == "stream" and not imu.stats.frames
-        yield _unanswered(imu, setup, settings, "") if silent else Finding("no_stream", "wrong", values)
+        if setup.imu.protocol != "stream":
+            yield Finding("no_stream", "wrong", values)
+        elif not imu.stats.frames:
+            yield _unanswered(imu, setup, at.imu, settings, "")
+        else:
+            yield Finding("no_samples", "wrong", {**values, "frames": imu.stats.frames})
         return
     missing = int(seq[-1] - seq[0]) + 1 - len(seq)
     errors = imu.stats.crc_errors - before.crc_errors
@@ -156,7 +159,7 @@ def _content(parts: list[SampleBatch], setup: Setup) -> Iterator[Finding]:
     )
 
 
-def _unanswered(imu: StreamedImu, setup: Setup, settings: SerialSettings, words: str) -> Finding:
+def _unanswered(imu: StreamedImu, setup: Setup, port: str, settings: SerialSettings, words: str) -> Finding:
     """Why no reply came, by the bytes and frames that did."""
     stats, profile = imu.stats, setup.imu
     values: dict[str, Value] = {
@@ -164,11 +167,11 @@ def _unanswered(imu: StreamedImu, setup: Setup, settings: SerialSettings, words:
         "bytes": stats.bytes,
         "frames": stats.frames,
         "errors": stats.crc_errors,
-        "baud": settings.baud,
-        "parity": settings.parity,
-        "stop_bits": settings.stop_bits,
         "profile": profile.name,
+        "line": profile.link.line,
     }
+    if host_and_port(port) is None:
+        values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
     if stats.bytes == 0:
         return Finding("silent", "wrong", values)
     if stats.frames:
@@ -186,25 +189,6 @@ def heard_elsewhere(
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         tell(0.4 + 0.6 * i / len(others), note="trying_bauds")
-        try:
-            link = SerialLink(port, settings.model_copy(update={"baud": baud}), "IMU")
-        except CalstationError:
-            continue  # a baud that this port cannot do
-        try:
-            decoder = FrameDecoder(profile.frame, profile.commands)
-            if len(decoder.feed(_listen(link)).frames):
-                yield Finding("other_baud", "told", {"baud": settings.baud, "found": baud})
-                return
-        except DeviceFaultError:
-            continue
-        finally:
-            link.close()
-
-
-def _listen(link: SerialLink) -> bytes:
-    """What comes within the time to listen."""
-    heard = b""
-    end = time.monotonic() + _LISTEN
-    while (left := end - time.monotonic()) > 0:
-        heard += link.read(left)
-    return heard
+        if frames_come(port, settings.model_copy(update={"baud": baud}), profile):
+            yield Finding("other_baud", "told", {"baud": settings.baud, "found": baud})
+            return

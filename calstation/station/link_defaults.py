@@ -33,8 +33,7 @@ class LinkDefaults:
     @property
     def line(self) -> str:
         """The serial settings as they are usually written, e.g. ``921600 8N1``."""
-        s = self.serial
-        return f"{s.baud} {s.data_bits}{s.parity}{s.stop_bits:g}"
+        return self.serial.line
 
 
 def table_defaults(profile: str) -> LinkDefaults | None:

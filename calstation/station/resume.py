@@ -5,6 +5,7 @@ the same is checked against what the run itself had told. So a belief needs no s
 needs no other file.
 """
 
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -198,6 +199,7 @@ class Continuation:
         old, path = self.log.meta, self.log.path
         assert old.run is not None
         new = setup.meta(started, old.run.attempt, registers or {})
+        self._check_station(setup)
         for name in ("site", "imu", "table", "product", "schedule"):
             if not _same(getattr(new, name), getattr(old, name)):
                 raise ConfigurationError(f"{path}: [{name}] has changed since the run began; {_NEW_RUN}")
@@ -208,6 +210,23 @@ class Continuation:
         assert new.run is not None
         run = new.run.model_copy(update={"resumed_from": path.name})
         return new.model_copy(update={"prior": old.prior, "registers": old.registers, "run": run})
+
+    def _check_station(self, setup: Setup) -> None:
+        """Raises ConfigurationError on another station than the run's: also where both happen to be of one site."""
+        run, text = self.log.meta.run, self.log.meta.profiles.get("station")
+        assert run is not None
+        began, here = run.station, setup.station
+        if began is not None and began != here.name:
+            raise ConfigurationError(
+                f"{self.log.path}: began on station '{began}', this is '{here.name}'; give its station file with"
+                " --station"
+            )
+        virtual = text is not None and "bench" in tomllib.loads(text)
+        if text is not None and virtual != (here.bench is not None):
+            kinds = ("the virtual bench", "hardware") if virtual else ("hardware", "the virtual bench")
+            raise ConfigurationError(
+                f"{self.log.path}: began on {kinds[0]}, but station '{here.name}' is {kinds[1]} now; {_NEW_RUN}"
+            )
 
     def copy(
         self,

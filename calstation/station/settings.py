@@ -33,6 +33,14 @@ MODELS: dict[str, type[BaseModel]] = {
 }
 """Kind of file to its model."""
 
+_MARKS = {
+    "stations": (r"\[site\]",),
+    "imus": (r"\[frame\]", r"\[stream\]", r"\[noise\]"),
+    "products": (r"serial_pattern\s*=", r"\[limits"),
+    "tables": (r"\[outer\]", r"\[inner\]", r"\[modbus\]", r"\[text\]", r"outer_axis\s*="),
+}
+"""What only files of a kind have, as patterns of a line's beginning."""
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _NAMED = re.compile(r"([a-z_]\w*(?:\.[a-z_]\w*)+)( is missing)?\b")
 """How a rule over several values begins when it names the one to mend."""
@@ -75,6 +83,21 @@ def entries(kind: str) -> list[Entry]:
         Entry(name, path, path.is_relative_to(library.shipped_folder()))
         for name, path in ((name, library.find(kind, name)) for name in library.names(kind))
     ]
+
+
+def kind_of(path: Path, text: str) -> str:
+    """What kind of file it is: by its folder where that is one of ours, else by the tables in it.
+
+    Raises ConfigurationError where neither tells.
+    """
+    if path.absolute().parent.name in MODELS:
+        return path.absolute().parent.name
+    for kind, marks in _MARKS.items():
+        if any(re.search(rf"^\s*{mark}", text, re.MULTILINE) for mark in marks):
+            return kind
+    raise ConfigurationError(
+        f"{path}: is no station, table, IMU or product file; put it into a folder {', '.join(MODELS)} of its kind"
+    )
 
 
 def check(kind: str, text: str) -> list[Problem]:

@@ -11,7 +11,8 @@ from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableS
 from calstation.devices.link import PortLostError, SerialSettings
 from calstation.devices.modbus_link import ModbusRefusalError
 from calstation.devices.modbus_table import ModbusTable
-from calstation.devices.opening import host_and_port
+from calstation.devices.opening import SOCKETS, host_and_port
+from calstation.devices.quoting import quoted
 from calstation.devices.register_table import RegisterTable
 from calstation.devices.table_map import JOINTS
 from calstation.devices.table_profile import TableProfile
@@ -55,7 +56,10 @@ def ask(
     except TextRefusalError as exc:
         yield Finding("line_refused", "wrong", {"words": str(exc)})
     except UnlikeAnswerError as exc:
-        yield Finding("unlike_answer", "wrong", {"words": str(exc)})
+        if _is_text(table.heard):
+            yield Finding("unlike_answer", "wrong", {"words": str(exc)})
+        else:
+            yield _no_text(table.heard, profile, settings, port, str(exc))
     except PortLostError as exc:
         yield Finding("lost", "wrong", {"words": str(exc)})
     except DeviceFaultError as exc:
@@ -118,7 +122,9 @@ def _no_modbus(
     values: dict[str, Value] = {"unit": unit, "seconds": profile.timeout_s, "words": words}
     if port.startswith("tcp://"):
         return Finding("not_modbus" if heard else "silent_tcp", "wrong", {**values, "count": len(heard)})
-    values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
+    if host_and_port(port) is None:
+        values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
+    values["line"] = profile.serial.line
     if not heard:
         return Finding("silent_rtu", "wrong", values)
     values["count"] = len(heard)
@@ -134,16 +140,18 @@ def _no_modbus(
 def _no_text(heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, words: str) -> Finding:
     """The same of a table that is commanded in lines of text."""
     values: dict[str, Value] = {"seconds": profile.timeout_s, "words": words, "count": len(heard)}
-    serial = host_and_port(port) is None
-    if serial:
+    if host_and_port(port) is None:
         values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
     if not heard:
-        return Finding("silent_text" if serial else "silent_host", "wrong", values)
-    plain = sum(byte in _PRINTABLE for byte in heard)
-    if serial and plain < _MOSTLY_TEXT * len(heard):
-        return Finding("garbled_text", "wrong", values)
-    said = heard.decode("latin-1").strip()[:_QUOTED]
-    return Finding("unlike_text", "wrong", {**values, "said": said})
+        return Finding("silent_host" if port.startswith(SOCKETS) else "silent_text", "wrong", values)
+    if not _is_text(heard):
+        return Finding("garbled_text", "wrong", {**values, "line": profile.serial.line})
+    return Finding("unlike_text", "wrong", {**values, "said": quoted(heard.strip(), _QUOTED)})
+
+
+def _is_text(heard: bytes) -> bool:
+    """Whether what came is text for the most part."""
+    return sum(byte in _PRINTABLE for byte in heard) >= _MOSTLY_TEXT * len(heard)
 
 
 def _sound(frame: bytes) -> bool:

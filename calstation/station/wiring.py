@@ -10,6 +10,7 @@ from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.devices.open_imu import open_imu as imu_on
 from calstation.devices.open_table import open_table as table_on
+from calstation.devices.opening import explained
 from calstation.devices.ports import resolve
 from calstation.devices.register_table import RegisterTable
 from calstation.devices.shared_table import SharedTable
@@ -22,6 +23,7 @@ from calstation.station.bench_host import BenchHost
 from calstation.station.clock import BenchClock, RealClock
 from calstation.station.port_lock import owned
 from calstation.station.setup import Setup
+from calstation.station.who_answers import Wires, identify
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,9 @@ class Endpoints:
 
 @contextmanager
 def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator[Devices]:
-    """Open clock, table and IMU; close them on the way out. Raises DeviceFaultError or ConfigurationError.
+    """Open clock, table and IMU, which have said who they are; close them on the way out.
+
+    Raises DeviceFaultError or ConfigurationError.
 
     hear : called while that takes its time, may raise
     """
@@ -64,6 +68,9 @@ def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
             stack.callback(table.close)
             imu = open_imu(setup, at.imu)
             stack.callback(imu.close)
+        if not setup.table.by_hand:
+            # Before anything else: not even a stop may be written to what may be no table at all.
+            identify(table, imu, wires(setup, at.table, at.imu))
         imu.start()
         if isinstance(at.clock, BenchClock):
             at.clock.attach(lambda: imu.received)
@@ -133,13 +140,22 @@ def open_table(setup: Setup, port: str) -> RegisterTable | TextTable:
     """The table alone, on its port. Raises DeviceFaultError or ConfigurationError."""
     if _shared(setup):
         return SharedTable(open_imu(setup, port), table_profile(setup), owned=True)
-    return table_on(port, table_profile(setup), setup.station.table.serial)
+    profile, serial = table_profile(setup), setup.station.table.serial
+    with explained("table", port, profile.timeout_s):
+        return table_on(port, profile, serial)
 
 
 def open_imu(setup: Setup, port: str) -> StreamedImu:
     """The IMU on its port, not streaming yet. Raises DeviceFaultError or ConfigurationError."""
     link = SerialLink(port, imu_settings(setup), "IMU")
     return imu_on(link, imu_profile(setup), setup.request.serial)
+
+
+def wires(setup: Setup, table: str, imu: str) -> Wires:
+    """How both devices are reached at these ports."""
+    profile = table_profile(setup)
+    serial = setup.station.table.serial or profile.serial
+    return Wires(table, profile, serial, imu, imu_profile(setup), imu_settings(setup))
 
 
 def imu_settings(setup: Setup) -> SerialSettings:

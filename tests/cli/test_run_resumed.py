@@ -1,15 +1,21 @@
 """A stopped run carried on from the command line."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from calstation.cli.run import _show_verdict
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, StepStarted
 from tests.station.conftest import QUICK, Place
 
 
-def test_a_stopped_run_is_carried_on(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+def test_a_stopped_run_is_carried_on(
+    tmp_path: Path, calstation: Callable[..., Any], capsys: pytest.CaptureFixture[str]
+) -> None:
     place = Place(tmp_path)
     schedule = {"rate": {"turns": 1, "dwell_s": 2.0, **QUICK}, "six_position": {"dwell_s": 2.0, **QUICK}}
     limits = {"gyro_scale": {"within": 0.1}}
@@ -22,6 +28,10 @@ def test_a_stopped_run_is_carried_on(tmp_path: Path, calstation: Callable[..., A
     before = place.run(on_event=watch)
     assert before.outcome == "stopped", before.result.get("error")
     where = ("--station", place.station, "--product", place.product)
+    _show_verdict(before, None, replace(place.request(), station=Path("my line.toml")))
+    assert (
+        f"--resume {before.log} --station 'my line.toml' --product {place.product}" in capsys.readouterr().out
+    )
     done = calstation("run", *where, "--resume", before.log, "--json", "-")
     assert done.code == 0, done.err
     assert done.json["resumed_from"] == Path(before.log).name

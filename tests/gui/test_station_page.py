@@ -29,13 +29,13 @@ from calstation.gui.engine_link import EngineLink
 from calstation.gui.main_window import MainWindow
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.station_page import page as page_module
-from calstation.gui.station_page.finding_wording import WORDED
 from calstation.gui.station_page.page import StationPage
 from calstation.gui.station_page.problem_wording import word_problem
 from calstation.sequencer.events import Fault
 from calstation.station import library, role, version_store
 from calstation.station.bench_host import BenchHost
 from calstation.station.clock import BenchClock
+from calstation.station.finding_words import WORDED
 from calstation.station.ports import FoundPort
 from calstation.station.request import RunRequest
 from calstation.station.settings import check_data

@@ -14,7 +14,7 @@ from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
 
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError
-from calstation.station import imu_check
+from calstation.station import listening
 from calstation.station.connection_test import try_imu, try_table
 from calstation.station.finding import Finding, Report
 from calstation.station.library import find
@@ -247,8 +247,8 @@ def test_an_imu_at_another_baud_is_heard_there(monkeypatch: pytest.MonkeyPatch) 
             """Nothing to close."""
 
     monkeypatch.setattr("calstation.station.wiring.SerialLink", AtBaud)
-    monkeypatch.setattr(imu_check, "SerialLink", AtBaud)
-    monkeypatch.setattr(imu_check, "_LISTEN", 0.01)
+    monkeypatch.setattr(listening, "SerialLink", AtBaud)
+    monkeypatch.setattr(listening, "LISTEN", 0.01)
     report = imu(port="COM7", serial={"baud": 115200})
     assert wrong(report).id == "no_frames"
     elsewhere = report.find("other_baud")
@@ -312,7 +312,7 @@ def test_an_imu_that_only_streams_is_right_without_a_word(streaming: Path) -> No
 def test_an_imu_that_only_streams_at_another_baud_or_not_at_all(
     streaming: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(imu_check, "_LISTEN", 0.01)
+    monkeypatch.setattr(listening, "LISTEN", 0.01)
     for sends, expected in ((bytes, "silent"), (lambda: b"\x99" * 64, "no_frames")):
         with terminal(silent, sends) as port:
             assert wrong(try_imu(tell, order(streaming, imu={"port": port}))).id == expected

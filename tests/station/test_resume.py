@@ -218,6 +218,20 @@ def test_a_site_that_changed_needs_a_new_run(place: Place, before: Verdict) -> N
         resumed(place, before.log)
 
 
+def test_another_station_of_the_same_site_does_not_carry_on(place: Place, before: Verdict) -> None:
+    text = place.station.read_text("utf-8")
+    place.station.write_text(text.replace("test bench", "line 3"), encoding="utf-8")
+    with pytest.raises(
+        ConfigurationError, match="began on station 'test bench', this is 'line 3'; give its station file"
+    ):
+        resumed(place, before.log)
+    hardware, _, _ = text.partition("[bench]")
+    hardware = hardware.replace('profile = "bench"', 'profile = "bench"\nport = "tcp://127.0.0.1:1"')
+    place.station.write_text(f'{hardware}\n[imu]\nport = "/dev/ttyNONE9"\n', encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="began on the virtual bench, but station 'test bench' is"):
+        resumed(place, before.log)
+
+
 def test_registers_that_changed_need_a_new_run(
     place: Place, before: Verdict, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,138 @@
+"""Who answers on a station's ports: asked before a device is told anything; where it is somebody else, found out who.
+
+Nothing here writes: devices are asked for their model, and streams are listened to.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+from calstation.devices.imu_profile import ImuProfile
+from calstation.devices.interfaces import Imu, OtherModelError, Table
+from calstation.devices.link import PortLostError, SerialSettings
+from calstation.devices.modbus_link import MEANINGS, ModbusRefusalError
+from calstation.devices.open_table import open_table
+from calstation.devices.table_profile import TableProfile
+from calstation.errors import CalstationError, DeviceFaultError
+from calstation.station.listening import frames_come
+
+NUMBERS = range(1, 11)
+"""Modbus unit numbers that are tried where nobody answers as the one set."""
+
+OTHER_NUMBER = (4, 10, 11)
+"""Modbus exceptions that may mean that the unit number is another's."""
+
+_ANSWER_WITHIN = 0.2
+"""Host time that each has to answer, s."""
+
+
+@dataclass(frozen=True)
+class Wires:
+    """How both devices are reached: ports, profiles and settings as at this place."""
+
+    table_port: str
+    table: TableProfile
+    table_serial: SerialSettings
+    imu_port: str
+    imu: ImuProfile
+    imu_serial: SerialSettings
+
+    @property
+    def two_lines(self) -> bool:
+        """Whether there are two serial lines, which somebody may have exchanged."""
+        lines = not self.table_port.startswith("tcp://") and bool(self.table_port)
+        return lines and self.table_port != self.imu_port and self.table.protocol != "imu_link"
+
+
+def identify(table: Table, imu: Imu, wires: Wires) -> None:
+    """Have both devices say who they are. Raises DeviceFaultError where one does not, or is another.
+
+    What keeps a device from saying it may be looked for on its port, so that both are closed then.
+    """
+    try:
+        table.identify()
+        imu.identify()
+    except (OtherModelError, PortLostError):
+        raise
+    except DeviceFaultError as fault:
+        table.close()
+        imu.close()
+        raise _explained(fault, wires) from fault
+
+
+def _explained(fault: DeviceFaultError, wires: Wires) -> DeviceFaultError:
+    """What is behind it, where that can be found out."""
+    if exchanged(wires):
+        return DeviceFaultError(
+            f"table: it and the IMU are exchanged, its port {wires.table_port} is the IMU's; exchange table.port and"
+            " imu.port in the station file"
+        )
+    unit = wires.table.unit
+    if not str(fault).startswith("table: ") or unit is None:
+        return fault
+    refused = fault.code if isinstance(fault, ModbusRefusalError) else None
+    if refused is not None and refused not in OTHER_NUMBER:
+        return fault
+    other = other_unit(wires)
+    if other is not None:
+        return DeviceFaultError(
+            f"table: on {wires.table_port} '{other[1]}' answers as unit {other[0]}, not as unit {unit}; correct"
+            " table.unit in the station file"
+        )
+    if refused is not None:
+        return DeviceFaultError(
+            f"table: asked for its model as unit {unit} on {wires.table_port}, it refuses: {MEANINGS[refused]} (Modbus"
+            f" exception {refused}); check the unit number, then look at the drive's display"
+        )
+    settings = "" if wires.table_port.startswith("tcp://") else ", baud, parity"
+    return DeviceFaultError(
+        f"table: nothing answers in Modbus on {wires.table_port} as unit {unit}; check cable, power{settings} and unit"
+        " number, and whether it is the table that is connected there"
+    )
+
+
+def exchanged(wires: Wires) -> bool:
+    """Whether the IMU streams on the table's line, or the table says its model on the IMU's."""
+    return wires.two_lines and (imu_on_tables_line(wires) or table_on_imus_line(wires))
+
+
+def imu_on_tables_line(wires: Wires) -> bool:
+    """Whether frames of the IMU come on the table's line."""
+    return frames_come(wires.table_port, wires.imu_serial, wires.imu)
+
+
+def table_on_imus_line(wires: Wires) -> bool:
+    """Whether the table says its model on the IMU's line."""
+    try:
+        table = open_table(wires.imu_port, wires.table, wires.table_serial)
+    except CalstationError:
+        return False
+    try:
+        table.identify()
+    except CalstationError:
+        return False
+    finally:
+        table.close()
+    return True
+
+
+def other_unit(wires: Wires, asked: Callable[[float], None] = lambda share: None) -> tuple[int, str] | None:
+    """Number and model of a Modbus unit that is the profile's, on the table's port but under another number.
+
+    asked : told the share of the numbers that have been tried
+    """
+    modbus = wires.table.modbus
+    if modbus is None:
+        return None
+    for i, number in enumerate(NUMBERS):
+        if number == wires.table.unit:
+            continue
+        asked(i / len(NUMBERS))
+        place = wires.table.at_place(min(_ANSWER_WITHIN, modbus.timeout_s), number)
+        with suppress(CalstationError):
+            table = open_table(wires.table_port, place, wires.table_serial)
+            try:
+                return number, table.identify().model
+            finally:
+                table.close()
+    return None

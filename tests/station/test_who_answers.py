@@ -1,0 +1,220 @@
+"""Nothing is told to a device that has not said it is the station's; who else is on its port is found out."""
+
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from wires import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, terminal
+
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Fault, Verdict
+from calstation.station import table_reset
+from calstation.station.connection_test import try_imu, try_table
+from calstation.station.request import RunRequest
+from calstation.station.run import execute
+from calstation.station.table_reset import read_table, reset_table
+from tests.station.conftest import PRODUCT, STATION
+
+needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+READ = 3
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+class Bus:
+    """Modbus units on a serial line: answers to reads as a `FakeTable` has them, and what was asked for.
+
+    Attributes
+    ----------
+    functions : Modbus functions that came, to whatever unit
+    """
+
+    def __init__(self, unit: int = 1, model: bytes = b"bench-table") -> None:
+        self.unit = unit
+        self.functions: list[int] = []
+        self._table = FakeTable({})
+        self._table.words[0:8] = struct.unpack(">8H", model.ljust(16, b"\0"))
+
+    def answer(self, heard: bytes) -> bytes:
+        """The answer to the first request heard; nothing to another unit."""
+        if len(heard) < 8 or rtu(heard[:6]) != heard[:8]:
+            return b""
+        self.functions.append(heard[1])
+        if heard[0] != self.unit:
+            return b""
+        start, count = struct.unpack(">HH", heard[2:6])
+        values = struct.pack(f">{count}H", *self._table.words[start : start + count])
+        return rtu(bytes([self.unit, READ, len(values)]) + values)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[..., Fault]:
+    """Run on hardware at these ports; the fault that came of it."""
+
+    def fault(table: str, imu: str, **section: Any) -> Fault:
+        product, station = tmp_path / "product.toml", tmp_path / "station.toml"
+        product.write_text(tomli_w.dumps(PRODUCT), encoding="utf-8")
+        links = {
+            "table": {"profile": "bench", "port": table, "timeout_s": 0.1, **section},
+            "imu": {"port": imu, "timeout_s": 0.2},
+        }
+        station.write_text(tomli_w.dumps({**STATION, **links}), encoding="utf-8")
+        events: list[Event] = []
+        request = RunRequest("SN-000042", station, product, ("rate",), tmp_path / "runs", "tester")
+        execute(request, events.append, Control())
+        verdict = events[-1]
+        assert isinstance(verdict, Verdict)
+        assert verdict.outcome == "fault"
+        (found,) = [event for event in events if isinstance(event, Fault)]
+        return found
+
+    return fault
+
+
+@pytest.fixture
+def imu() -> Iterator[str]:
+    """The port of a sound unit."""
+    unit = FakeImu()
+    with terminal(unit.answer, unit.sends) as port:
+        yield port
+
+
+# Nothing is told to what is no table
+
+
+@needs_terminals
+def test_a_run_tells_nothing_to_another_model(run: Callable[..., Fault], imu: str) -> None:
+    plc = FakeTable({})
+    plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
+    with server(plc.answer) as address:
+        fault = run(f"tcp://{address}", imu)
+    assert "model 'WRONGPLC' answers, the profile is for 'bench-table'" in fault.text
+    assert set(plc.functions) == {READ}
+
+
+@needs_terminals
+@pytest.mark.parametrize("code", [2, 4])
+def test_a_run_tells_nothing_to_what_refuses_to_say_its_model(
+    run: Callable[..., Fault], imu: str, code: int
+) -> None:
+    functions: list[int] = []
+
+    def refuse(heard: bytes) -> bytes:
+        functions.append(heard[7])
+        return tcp_pdu(heard, bytes([heard[7] | 0x80, code]))
+
+    with server(refuse) as address:
+        fault = run(f"tcp://{address}", imu, unit=7)
+    assert f"(Modbus exception {code})" in fault.text
+    assert ("as unit 7" in fault.text) == (code == 4)
+    assert set(functions) == {READ}
+
+
+@needs_terminals
+def test_an_imu_that_does_not_say_who_it_is_leaves_the_table_alone(run: Callable[..., Fault]) -> None:
+    table, unit = FakeTable({}), FakeImu(mute=True)
+    with server(table.answer) as address, terminal(unit.answer, unit.sends) as port:
+        assert "IMU: no answer" in run(f"tcp://{address}", port).text
+    assert set(table.functions) == {READ}
+
+
+@pytest.mark.parametrize("work", [reset_table, read_table])
+def test_the_reset_tells_nothing_to_another_model(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.1)
+    plc = FakeTable({})
+    plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
+    plc.words[17] |= 1 << 3
+    with (
+        server(plc.answer) as address,
+        pytest.raises(DeviceFaultError, match="model 'WRONGPLC' answers"),
+    ):
+        work(tell, order(table={"port": f"tcp://{address}"}))
+    assert set(plc.functions) == {READ}
+
+
+# Who it is instead
+
+
+@needs_terminals
+def test_exchanged_ports_are_told(run: Callable[..., Fault], imu: str) -> None:
+    bus = Bus()
+    with terminal(bus.answer) as line:
+        assert "exchange table.port and imu.port in the station file" in run(imu, line).text
+    assert set(bus.functions) <= {READ}
+
+
+@needs_terminals
+def test_exchanged_ports_are_told_of_a_unit_that_does_not_stream_by_itself(
+    run: Callable[..., Fault],
+) -> None:
+    bus, unit = Bus(), FakeImu(rate=0.0)
+    with terminal(bus.answer) as line, terminal(unit.answer, unit.sends) as port:
+        assert "exchange table.port and imu.port" in run(port, line).text
+
+
+@needs_terminals
+def test_the_number_of_the_unit_that_answers_is_told(run: Callable[..., Fault], imu: str) -> None:
+    bus = Bus(unit=3)
+    with terminal(bus.answer) as line:
+        text = run(line, imu, unit=7).text
+    assert "'bench-table' answers as unit 3, not as unit 7; correct table.unit" in text
+    assert set(bus.functions) == {READ}
+
+
+@needs_terminals
+def test_nobody_is_told_with_the_number_that_was_asked(run: Callable[..., Fault], imu: str) -> None:
+    other = Bus(unit=3, model=b"pump")  # another device on the line is not what the profile is for
+    with terminal(other.answer) as line:
+        assert "nothing answers in Modbus on" in (text := run(line, imu, unit=7).text)
+    assert "as unit 7; check cable, power, baud, parity and unit number" in text
+
+
+@needs_terminals
+def test_the_tests_of_exchanged_links_say_so(imu: str) -> None:
+    bus = Bus()
+    with terminal(bus.answer) as line:
+        crossed = {
+            "table": {"port": imu},
+            "imu": {"port": line},
+        }
+        table = try_table(tell, order(**crossed))
+        assert (table.state, table.findings[-1].id) == ("wrong", "imus_line")
+        found = try_imu(tell, order(**crossed))
+    assert (found.state, found.findings[-1].id) == ("wrong", "tables_line")
+
+
+@needs_terminals
+def test_the_test_of_a_table_tells_the_number_that_answers() -> None:
+    bus = Bus(unit=3)
+    with terminal(bus.answer) as line:
+        report = try_table(tell, order(table={"port": line, "unit": 7}))
+    assert [f.id for f in report.findings] == ["opened", "silent_rtu", "unit_heard"]
+    assert report.findings[-1].values == {"found": 3, "model": "bench-table", "unit": 7}
+    with server(lambda heard: tcp_pdu(heard, bytes([0x83, 4]))) as address:
+        report = try_table(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
+    assert [f.id for f in report.findings] == ["connected", "exception"]
+
+
+# Why a connection does not come about
+
+
+@pytest.mark.parametrize("work", [read_table, reset_table])
+def test_why_there_is_no_connection_is_told(work: Any) -> None:
+    with server(silent) as address:
+        pass
+    with pytest.raises(DeviceFaultError, match="is there but serves nothing at this port; correct the port"):
+        work(tell, order(table={"port": f"tcp://{address}"}))
+    with pytest.raises(DeviceFaultError, match="nobody knows this host; correct its name"):
+        work(tell, order(table={"port": "tcp://no-such-host.invalid:502"}))
+
+
+def test_an_imus_address_of_the_wrong_kind_is_told_with_the_right_one() -> None:
+    with pytest.raises(ConfigurationError, match=r"write socket://10\.0\.0\.7:4001 for a serial server"):
+        order(imu={"port": "tcp://10.0.0.7:4001"})
