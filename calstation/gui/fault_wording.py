@@ -47,6 +47,54 @@ SENTENCES: tuple[str, ...] = (
         "faults", "table: port {0} cannot be opened; check cable, power and the port in the station file"
     ),
     QT_TRANSLATE_NOOP("faults", "table: {0} on {1} ({2}); check cable, power and unit number"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: it and the IMU are exchanged, its port {0} is the IMU's; exchange table.port and imu.port in the"
+        " station file",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: on {0} '{1}' answers as unit {2}, not as unit {3}; correct table.unit in the station file",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: asked for its model as unit {0} on {1}, it refuses: {2} (Modbus exception {3}); check the unit"
+        " number, then look at the drive's display",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: nothing answers in Modbus on {0} as unit {1}; check cable, power and unit number, and whether it is"
+        " the table that is connected there",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: nothing answers in Modbus on {0} as unit {1}; check cable, power, baud, parity and unit number, and"
+        " whether it is the table that is connected there",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: port {0} cannot be opened: nobody knows this host; correct its name in the station file, or give its"
+        " IP address",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: port {0} cannot be opened: the host is there but serves nothing at this port; correct the port number"
+        " in the station file, see that the device's server is on",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: port {0} cannot be opened: no answer within {1} s; check power, network cable and the IP address in"
+        " the station file",
+    ),
+    QT_TRANSLATE_NOOP("faults", "table: port {0} cannot be opened ({1}); {2}"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: model '{0}' answers, the profile is for '{1}'; choose the right table profile in the station file",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: model '{0}' answers, the profile is for '{1}'; choose the right IMU profile in the product file",
+    ),
     QT_TRANSLATE_NOOP("faults", "IMU: no data; check port, baud and power"),
     QT_TRANSLATE_NOOP(
         "faults",
@@ -304,6 +352,13 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         QT_TRANSLATE_NOOP(
             "faults",
             "Writing the registers of {0} was interrupted; press Understood, then finish it or take it back",
+        ),
+    ),
+    (
+        r".*: began on station '(.*?)', this is '(.*?)';.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The run began on station “{0}”, this is “{1}”; choose the station that it began on, then carry it on",
         ),
     ),
 )

@@ -84,6 +84,8 @@ def _explained(fault: DeviceFaultError, wires: Wires) -> DeviceFaultError:
             f"table: asked for its model as unit {unit} on {wires.table_port}, it refuses: {MEANINGS[refused]} (Modbus"
             f" exception {refused}); check the unit number, then look at the drive's display"
         )
+    if wires.table.modbus is not None and wires.table.modbus.inner_unit is not None:
+        return fault  # which of two drives it was, the fault does not say
     settings = "" if wires.table_port.startswith("tcp://") else ", baud, parity"
     return DeviceFaultError(
         f"table: nothing answers in Modbus on {wires.table_port} as unit {unit}; check cable, power{settings} and unit"
@@ -128,8 +130,8 @@ def other_unit(wires: Wires, asked: Callable[[float], None] = lambda share: None
         if number == wires.table.unit:
             continue
         asked(i / len(NUMBERS))
-        place = wires.table.at_place(min(_ANSWER_WITHIN, modbus.timeout_s), number)
         with suppress(CalstationError):
+            place = wires.table.at_place(min(_ANSWER_WITHIN, modbus.timeout_s), number)
             table = open_table(wires.table_port, place, wires.table_serial)
             try:
                 return number, table.identify().model

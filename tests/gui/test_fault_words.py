@@ -13,6 +13,25 @@ TOLD = [
     "table: registers 17-63 cannot be read: the device cannot do it in its present state (Modbus exception 4);"
     " look at the drive's display",
     "table: registers 17-63 cannot be read on tcp://127.0.0.1:34393 (no answer); check cable, power and unit number",
+    "table: it and the IMU are exchanged, its port /dev/ttyUSB0 is the IMU's; exchange table.port and imu.port in the"
+    " station file",
+    "table: on /dev/ttyUSB0 'bench-table' answers as unit 3, not as unit 7; correct table.unit in the station file",
+    "table: asked for its model as unit 7 on tcp://10.0.0.4:502, it refuses: the device cannot do it in its present"
+    " state (Modbus exception 4); check the unit number, then look at the drive's display",
+    "table: nothing answers in Modbus on tcp://10.0.0.4:502 as unit 7; check cable, power and unit number, and whether"
+    " it is the table that is connected there",
+    "table: nothing answers in Modbus on /dev/ttyUSB0 as unit 7; check cable, power, baud, parity and unit number, and"
+    " whether it is the table that is connected there",
+    "table: port tcp://plc:502 cannot be opened: nobody knows this host; correct its name in the station file, or give"
+    " its IP address",
+    "table: port tcp://10.0.0.4:502 cannot be opened: the host is there but serves nothing at this port; correct the"
+    " port number in the station file, see that the device's server is on",
+    "table: port tcp://10.0.0.4:502 cannot be opened: no answer within 0.5 s; check power, network cable and the IP"
+    " address in the station file",
+    "table: model 'WRONGPLC' answers, the profile is for 'bench-table'; choose the right table profile in the station"
+    " file",
+    "IMU: model 'other' answers, the profile is for 'bench-imu'; choose the right IMU profile in the product file",
+    "/runs/SN-1.h5: began on station 'line 3', this is 'virtual bench'; give its station file with --station",
     "IMU: port usb:A9XYZ was lost (device reports readiness to read but returned no data); check cable and power",
     "IMU: port usb:A9XYZ: no USB adapter with this serial number is plugged in; plug it in, or correct the port in the"
     " station file; adapters found: none",

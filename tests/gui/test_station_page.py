@@ -550,7 +550,7 @@ def test_tab_goes_through_the_inputs_as_read_and_the_wheel_changes_nothing(hands
 def test_every_finding_and_reason_has_words() -> None:
     source = "".join(
         (Path(page_module.__file__).parents[2] / "station" / f"{name}.py").read_text(encoding="utf-8")
-        for name in ("connection_test", "table_check", "imu_check")
+        for name in ("connection_test", "table_check", "imu_check", "line_check")
     )
     ids = set(re.findall(r'Finding\(\s*"(\w+)"', source)) | set(get_args(Reason))
     ids |= set(re.findall(r'Finding\(\s*"(\w+)" if [^"]+ else "(\w+)"', source).__iter__().__next__())

@@ -1027,8 +1027,36 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>收到 {count} 字节，但不是 Modbus 应答。</translation>
     </message>
     <message>
-        <source>Baud or parity is wrong: set here are {baud} baud, parity {parity}.</source>
-        <translation>波特率或校验位不对：当前为 {baud} 波特、校验 {parity}。</translation>
+        <source>Baud or parity is wrong (set here: {baud} baud, parity {parity}), or another device is connected there, perhaps the IMU.</source>
+        <translation>波特率或校验位不对（当前 {baud} 波特、校验 {parity}），或者这里接的是别的设备，例如 IMU。</translation>
+    </message>
+    <message>
+        <source>Set the baud and parity in the serial server (the profile says {line}); or another device is connected there, perhaps the IMU.</source>
+        <translation>请在串口服务器里设置波特率和校验位（配置文件为 {line}）；也可能这里接的是别的设备，例如 IMU。</translation>
+    </message>
+    <message>
+        <source>The serial server is there, but nobody answers as unit {unit}.</source>
+        <translation>串口服务器在线，但没有设备以从站号 {unit} 应答。</translation>
+    </message>
+    <message>
+        <source>Check power and unit number, and the baud and parity set in the serial server (the profile says {line}).</source>
+        <translation>请检查电源和从站号，以及串口服务器里设置的波特率和校验位（配置文件为 {line}）。</translation>
+    </message>
+    <message>
+        <source>“{model}” answers as unit {found}.</source>
+        <translation>“{model}”以从站号 {found} 应答。</translation>
+    </message>
+    <message>
+        <source>Set the unit number to {found} instead of {unit}.</source>
+        <translation>请把从站号由 {unit} 改为 {found}。</translation>
+    </message>
+    <message>
+        <source>Frames of “{profile}” come here: this is the IMU&apos;s line.</source>
+        <translation>这里收到“{profile}”的数据帧：这是 IMU 的线路。</translation>
+    </message>
+    <message>
+        <source>Exchange the ports of table and IMU.</source>
+        <translation>请把转台和 IMU 的端口对调。</translation>
     </message>
     <message>
         <source>The answer&apos;s check (CRC) is wrong: bytes are lost or spoilt.</source>
@@ -1073,6 +1101,10 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>{count} bytes came, but they are no text.</source>
         <translation>收到 {count} 字节，但不是文本。</translation>
+    </message>
+    <message>
+        <source>Set the baud and parity in the serial server, where there is one (the profile says {line}); or another device is connected there, perhaps the IMU.</source>
+        <translation>如经串口服务器连接，请在其中设置波特率和校验位（配置文件为 {line}）；也可能这里接的是别的设备，例如 IMU。</translation>
     </message>
     <message>
         <source>Something answers, but not as the profile says: “{said}”.</source>
@@ -1207,6 +1239,14 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>波特率或校验位不对（当前 {baud} 波特、校验 {parity}），或配置文件不是这种产品的。</translation>
     </message>
     <message>
+        <source>Set the baud and parity in the serial server (the profile says {line}), or choose the unit&apos;s own profile.</source>
+        <translation>请在串口服务器里设置波特率和校验位（配置文件为 {line}），或选用该产品自己的配置文件。</translation>
+    </message>
+    <message>
+        <source>The table answers here: this is its line.</source>
+        <translation>这里应答的是转台：这是转台的线路。</translation>
+    </message>
+    <message>
         <source>At {found} baud the frames are right.</source>
         <translation>在 {found} 波特下数据帧正确。</translation>
     </message>
@@ -1221,6 +1261,58 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Correct the frame&apos;s fields and check in the IMU profile; then parity and stop bits.</source>
         <translation>请改正 IMU 配置中的字段和校验方式，再查校验位和停止位。</translation>
+    </message>
+    <message>
+        <source>Lines come, but none begins with “{sync}”: “{line}”.</source>
+        <translation>收到了文本行，但没有一行以“{sync}”开头：“{line}”。</translation>
+    </message>
+    <message>
+        <source>Correct sync in [frame] of the IMU profile.</source>
+        <translation>请改正 IMU 配置 [frame] 中的 sync。</translation>
+    </message>
+    <message>
+        <source>Lines come, but without “{mark}” and a check behind it: “{line}”.</source>
+        <translation>收到了文本行，但其中没有“{mark}”及其后的校验值：“{line}”。</translation>
+    </message>
+    <message>
+        <source>Correct mark and crc in [frame] of the IMU profile.</source>
+        <translation>请改正 IMU 配置 [frame] 中的 mark 和 crc。</translation>
+    </message>
+    <message>
+        <source>Lines come, but their check is wrong: “{line}” says {told}, {kind} from byte {start} on is {right}.</source>
+        <translation>收到了文本行，但校验不符：“{line}”给出 {told}，从第 {start} 字节起按 {kind} 计算应为 {right}。</translation>
+    </message>
+    <message>
+        <source>Correct crc.kind or crc.start in [frame] of the IMU profile.</source>
+        <translation>请改正 IMU 配置 [frame] 中的 crc.kind 或 crc.start。</translation>
+    </message>
+    <message>
+        <source>Behind “{sync}” no separator “{separator}” stands: “{line}”.</source>
+        <translation>“{sync}”之后不是分隔符“{separator}”：“{line}”。</translation>
+    </message>
+    <message>
+        <source>Correct sync, which ends before the first separator, or separator, in [frame] of the IMU profile.</source>
+        <translation>请改正 IMU 配置 [frame] 中的 sync（不含第一个分隔符）或 separator。</translation>
+    </message>
+    <message>
+        <source>Column {column} is “{text}”, no number for {field}: “{line}”.</source>
+        <translation>第 {column} 列是“{text}”，不能作为 {field} 的数值：“{line}”。</translation>
+    </message>
+    <message>
+        <source>Correct the fields in [frame] of the IMU profile; columns count from 0 behind the first separator.</source>
+        <translation>请改正 IMU 配置 [frame] 中的字段；列号从第一个分隔符之后由 0 数起。</translation>
+    </message>
+    <message>
+        <source>There is no column {column} for {field}; the line has {count}: “{line}”.</source>
+        <translation>{field} 所在的第 {column} 列不存在，该行共有 {count} 列：“{line}”。</translation>
+    </message>
+    <message>
+        <source>{frames} frames came, but none with the counter and all six channels.</source>
+        <translation>收到 {frames} 帧，但没有一帧同时含有计数器和全部六个通道。</translation>
+    </message>
+    <message>
+        <source>Correct the fields in [frame] of the IMU profile, or what the unit is set to send.</source>
+        <translation>请改正 IMU 配置 [frame] 中的字段，或改正产品的输出设置。</translation>
     </message>
     <message>
         <source>{frames} samples came, but no command is answered.</source>
@@ -1417,6 +1509,14 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Listening at other bauds.</source>
         <translation>正在试听其他波特率。</translation>
+    </message>
+    <message>
+        <source>Asking other unit numbers.</source>
+        <translation>正在询问其他从站号。</translation>
+    </message>
+    <message>
+        <source>Looking whether the two ports are exchanged.</source>
+        <translation>正在检查两个端口是否接反。</translation>
     </message>
     <message>
         <source>nothing</source>

@@ -393,6 +393,50 @@
         <translation>转台：{1} 上通信出错（{0}，{2}）；请检查电缆、电源和站号</translation>
     </message>
     <message>
+        <source>table: it and the IMU are exchanged, its port {0} is the IMU&apos;s; exchange table.port and imu.port in the station file</source>
+        <translation>转台：转台与 IMU 的端口填反了，{0} 接的是 IMU；请在工位文件中对调 table.port 和 imu.port</translation>
+    </message>
+    <message>
+        <source>table: on {0} &apos;{1}&apos; answers as unit {2}, not as unit {3}; correct table.unit in the station file</source>
+        <translation>转台：{0} 上“{1}”以站号 {2} 应答，而不是 {3}；请改正工位文件中的 table.unit</translation>
+    </message>
+    <message>
+        <source>table: asked for its model as unit {0} on {1}, it refuses: {2} (Modbus exception {3}); check the unit number, then look at the drive&apos;s display</source>
+        <translation>转台：在 {1} 上以站号 {0} 询问型号被拒绝：{2}（Modbus 异常码 {3}）；请检查站号，再看驱动器的显示</translation>
+    </message>
+    <message>
+        <source>table: nothing answers in Modbus on {0} as unit {1}; check cable, power and unit number, and whether it is the table that is connected there</source>
+        <translation>转台：{0} 上没有设备以站号 {1} 作 Modbus 应答；请检查电缆、电源和站号，并确认那里接的确实是转台</translation>
+    </message>
+    <message>
+        <source>table: nothing answers in Modbus on {0} as unit {1}; check cable, power, baud, parity and unit number, and whether it is the table that is connected there</source>
+        <translation>转台：{0} 上没有设备以站号 {1} 作 Modbus 应答；请检查电缆、电源、波特率、校验位和站号，并确认那里接的确实是转台</translation>
+    </message>
+    <message>
+        <source>table: port {0} cannot be opened: nobody knows this host; correct its name in the station file, or give its IP address</source>
+        <translation>转台：端口 {0} 打不开：找不到这台主机；请改正工位文件中的主机名，或填写 IP 地址</translation>
+    </message>
+    <message>
+        <source>table: port {0} cannot be opened: the host is there but serves nothing at this port; correct the port number in the station file, see that the device&apos;s server is on</source>
+        <translation>转台：端口 {0} 打不开：主机在线，但该端口没有服务；请改正工位文件中的端口号，并确认设备的服务已开启</translation>
+    </message>
+    <message>
+        <source>table: port {0} cannot be opened: no answer within {1} s; check power, network cable and the IP address in the station file</source>
+        <translation>转台：端口 {0} 打不开：{1} 秒内没有应答；请检查电源、网线和工位文件中的 IP 地址</translation>
+    </message>
+    <message>
+        <source>table: port {0} cannot be opened ({1}); {2}</source>
+        <translation>转台：端口 {0} 打不开（{1}）；{2}</translation>
+    </message>
+    <message>
+        <source>table: model &apos;{0}&apos; answers, the profile is for &apos;{1}&apos;; choose the right table profile in the station file</source>
+        <translation>转台：应答的型号是“{0}”，配置文件对应“{1}”；请在工位文件中选择正确的转台配置</translation>
+    </message>
+    <message>
+        <source>IMU: model &apos;{0}&apos; answers, the profile is for &apos;{1}&apos;; choose the right IMU profile in the product file</source>
+        <translation>IMU：应答的型号是“{0}”，配置文件对应“{1}”；请在产品文件中选择正确的 IMU 配置</translation>
+    </message>
+    <message>
         <source>IMU: no data; check port, baud and power</source>
         <translation>惯组：没有数据；请检查端口、波特率和电源</translation>
     </message>
@@ -547,6 +591,10 @@
     <message>
         <source>Writing the registers of {0} was interrupted; press Understood, then finish it or take it back</source>
         <translation>向 {0} 写寄存器时中断；请按“知道了”，然后选择写完或恢复</translation>
+    </message>
+    <message>
+        <source>The run began on station “{0}”, this is “{1}”; choose the station that it began on, then carry it on</source>
+        <translation>该次标定是在工位“{0}”开始的，当前是“{1}”；请选择原来的工位，再继续</translation>
     </message>
     <message>
         <source>The program made a mistake: {0}</source>
