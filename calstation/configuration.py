@@ -2,7 +2,8 @@
 
 import difflib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +18,26 @@ class StrictModel(BaseModel):
     """Base of every configuration model: frozen, no unknown keys, no NaN, no silent conversions."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class EntryError(ValueError):
+    """What a rule over several entries finds wrong.
+
+    place : keys and element numbers from where the rule stands to the entry that it names
+    """
+
+    def __init__(self, text: str, *place: str | int) -> None:
+        super().__init__(text)
+        self.place = place
+
+
+@contextmanager
+def entry(*place: str | int) -> Iterator[None]:
+    """Whatever is found wrong within is told of the entry at `place`."""
+    try:
+        yield
+    except ValueError as exc:
+        raise EntryError(str(exc), *place, *getattr(exc, "place", ())) from None
 
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -90,7 +111,7 @@ def complaints(model: type[BaseModel], data: Any) -> list[Complaint]:
         details.sort(key=lambda d: d["type"] != "extra_forbidden")
         return [
             Complaint(
-                d["loc"],
+                (*d["loc"], *getattr(d.get("ctx", {}).get("error"), "place", ())),
                 d["type"],
                 _sentence(d, data, model),
                 {"field": _field(d["loc"]), "value": d["input"], **d.get("ctx", {})},
@@ -130,6 +151,9 @@ def _sentence(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> str:
         return f"{field} = {value!r} must be {_KINDS[kind]}"
     if kind in ("string_too_short", "too_short") and not value:
         return f"{field} is empty; add what belongs there"
+    if kind in ("too_short", "too_long"):
+        count = context["min_length" if kind == "too_short" else "max_length"]
+        return f"{field} = {value!r} has {len(value)} elements; it must have {count}"
     if kind == "value_error":
         return f"{field + ': ' if field else ''}{context['error']}"
     return f"{field} = {value!r}: {detail['msg']}"

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from calstation.configuration import StrictModel, suggestion
+from calstation.configuration import EntryError, StrictModel, entry, suggestion
 from calstation.devices.checks import CHECK_WIDTHS, CheckFunction, check_function, parametric_crc
 from calstation.devices.numbers import ByteOrder, NumberName, WordOrder, check_orders, number
 
@@ -279,17 +279,19 @@ class FrameSection(StrictModel):
     @model_validator(mode="after")
     def _consistent(self) -> "FrameSection":
         names = [f.name for f in self.fields]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"field '{name}' is there twice; remove one")
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise EntryError(f"field '{name}' is there twice; remove one", "fields", i)
         if self.format == "text":
             self._check_text()
             return self
         if "byte_order" not in self.model_fields_set:
             raise ValueError("byte_order is missing; add it")
-        for f in self.fields:
+        for i, f in enumerate(self.fields):
             if f.prefix or f.base != 10:
-                raise ValueError(f"field '{f.name}': prefix and base belong to a text frame; remove them")
+                raise EntryError(
+                    f"field '{f.name}': prefix and base belong to a text frame; remove them", "fields", i
+                )
         self._check_header()
         if self.items is not None:
             self._check_items(self.items)
@@ -308,9 +310,12 @@ class FrameSection(StrictModel):
                 f"crc.start = {self.crc.start} lies behind sync, so some of the numbers would not be checked;"
                 " correct it"
             )
-        for f in self.fields:
+        for i, f in enumerate(self.fields):
             if f.item is not None or f.word_order is not None:
-                raise ValueError(f"field '{f.name}': item and word_order do not belong to a text frame")
+                raise EntryError(
+                    f"field '{f.name}': item and word_order do not belong to a text frame; remove them",
+                    *("fields", i),
+                )
 
     def _check_header(self) -> None:
         """Sync, length and id lie apart, and the check begins before the frame ends."""
@@ -333,11 +338,15 @@ class FrameSection(StrictModel):
     def _check_items(self, items: ItemSection) -> None:
         if self.length is None:
             raise ValueError("items need a length in the header; add length")
-        for f in self.fields:
+        for i, f in enumerate(self.fields):
             if f.item is None:
-                raise ValueError(f"field '{f.name}' must name the item that carries it; add item")
+                raise EntryError(
+                    f"field '{f.name}' must name the item that carries it; add item", "fields", i
+                )
             if len(hex_bytes(f.item)) != number(items.id).width:
-                raise ValueError(f"field '{f.name}': item '{f.item}' is not as long as an id")
+                raise EntryError(
+                    f"field '{f.name}': item '{f.item}' is not as long as an id; correct it", "fields", i
+                )
         if items.at < self.body:
             raise ValueError(
                 f"items.at = {items.at} lies within sync, length and id, which end at byte {self.body - 1}; correct it"
@@ -345,24 +354,26 @@ class FrameSection(StrictModel):
         ordered = sorted(self._places(), key=lambda place: (place[0].item or "", place[1]))
         for (first, _, end), (second, begin, _) in pairwise(ordered):
             if first.item == second.item and begin < end:
-                raise ValueError(
+                raise EntryError(
                     f"fields '{first.name}' and '{second.name}' overlap at byte {begin} of item '{first.item}';"
-                    " correct at"
+                    " correct at",
+                    *("fields", self.fields.index(second)),
                 )
 
     def _check_plain(self) -> None:
         if self.length is not None and self.length.extended and any(f.at is not None for f in self.fields):
             raise ValueError("length.extended moves the fields, so none may have an at; remove it")
         place = self.body
-        for f in self.fields:
-            if f.item is not None:
-                raise ValueError(f"field '{f.name}' names an item, but the frame has none; add items")
-            begin = place if f.at is None else f.at
-            if begin < place:
-                raise ValueError(
-                    f"field '{f.name}' at byte {begin} overlaps what stands before it, up to byte {place - 1};"
-                    " list fields in their order and correct at"
-                )
+        for i, f in enumerate(self.fields):
+            with entry("fields", i):
+                if f.item is not None:
+                    raise ValueError(f"field '{f.name}' names an item, but the frame has none; add items")
+                begin = place if f.at is None else f.at
+                if begin < place:
+                    raise ValueError(
+                        f"field '{f.name}' at byte {begin} overlaps what stands before it, up to byte {place - 1};"
+                        " list fields in their order and correct at"
+                    )
             place = begin + f.width
         if place + self.crc.size + len(self.tail_bytes) > self.max_size:
             raise ValueError(f"the fields take {place} bytes, more than max_size = {self.max_size}")

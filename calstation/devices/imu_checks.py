@@ -4,8 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING
 
+from calstation.configuration import entry
 from calstation.devices.channels import CHANNELS
-from calstation.devices.frame_profile import FrameSection
+from calstation.devices.frame_profile import FrameField, FrameSection
 from calstation.devices.link import SerialSettings
 from calstation.devices.numbers import number
 from calstation.devices.register_profile import RegisterEntry
@@ -29,22 +30,27 @@ def check_samples(frame: FrameSection, status_words: Sequence[str]) -> None:
     for name in ("counter", *CHANNELS):
         if frame.field(name) is None:
             raise ValueError(f"field '{name}' is missing; add it in its place")
-    for f in frame.fields:
-        if f.reach is not None and f.name not in CHANNELS:
-            raise ValueError(f"field '{f.name}' is no channel and has no reach; remove it")
-        if f.per_sample != 1.0 and f.name != "counter":
-            raise ValueError(f"field '{f.name}' is no counter and has no per_sample; remove it")
-        if f.name in ("counter", *status_words) and (f.scale != 1.0 or f.offset != 0.0):
-            instead = "say per_sample instead" if f.name == "counter" else "remove them"
-            raise ValueError(f"field '{f.name}' has no scale and no offset; {instead}")
-    counter = frame.field("counter")
-    if counter is not None and (number(counter.type).kind != "u" or number(counter.type).fraction):
-        raise ValueError(f"field 'counter' has type '{counter.type}'; it must be u8 to u64")
     words = [f for f in frame.fields if f.name in status_words]
-    for f in words:
-        if not number(f.type).whole or (len(words) > 1 and f.width > 2):
-            allowed = "u8 or u16" if len(words) > 1 else "a whole number"
-            raise ValueError(f"field '{f.name}' has type '{f.type}'; it must be {allowed}")
+    for i, f in enumerate(frame.fields):
+        with entry("fields", i):
+            _check_field(f, f in words, len(words))
+
+
+def _check_field(f: FrameField, is_word: bool, words: int) -> None:
+    """What a field is, and what belongs to it; `words` of the status are there in all."""
+    if f.reach is not None and f.name not in CHANNELS:
+        raise ValueError(f"field '{f.name}' is no channel and has no reach; remove it")
+    if f.per_sample != 1.0 and f.name != "counter":
+        raise ValueError(f"field '{f.name}' is no counter and has no per_sample; remove it")
+    if (is_word or f.name == "counter") and (f.scale != 1.0 or f.offset != 0.0):
+        instead = "say per_sample instead" if f.name == "counter" else "remove them"
+        raise ValueError(f"field '{f.name}' has no scale and no offset; {instead}")
+    kind = number(f.type)
+    if f.name == "counter" and (kind.kind != "u" or kind.fraction):
+        raise ValueError(f"field 'counter' has type '{f.type}'; it must be u8 to u64")
+    if is_word and (not kind.whole or (words > 1 and f.width > 2)):
+        allowed = "u8 or u16" if words > 1 else "a whole number"
+        raise ValueError(f"field '{f.name}' has type '{f.type}'; it must be {allowed}")
 
 
 def check_status(status: "StatusSection", frame: FrameSection, status_words: Sequence[str]) -> None:
@@ -121,18 +127,21 @@ def check_modbus_map(section: "ModbusUnitSection", entries: Sequence[RegisterEnt
             raise ValueError(
                 f"modbus.{command}: done = {order.done} is what is written, so it would be done at once; correct it"
             )
-    for entry in entries:
-        needed = number(entry.type).width // 2
-        if entry.span != needed:
-            raise ValueError(
-                f"{entry}: span = {entry.span} does not fit type {entry.type}, which takes {needed} registers of 16"
-                " bits; remove span"
-            )
-        for name, (begin, end) in own.items():
-            if entry.address < end and begin < entry.end:
-                raise ValueError(
-                    f"{entry} and modbus.{name} ({_named(begin, end)}) overlap; correct an address"
-                )
+    for told in entries:
+        with entry("registers", told.row):
+            _check_place(told, own)
+
+
+def _check_place(told: RegisterEntry, own: Mapping[str, tuple[int, int]]) -> None:
+    needed = number(told.type).width // 2
+    if told.span != needed:
+        raise ValueError(
+            f"{told}: span = {told.span} does not fit type {told.type}, which takes {needed} registers of 16 bits;"
+            " remove span"
+        )
+    for name, (begin, end) in own.items():
+        if told.address < end and begin < told.end:
+            raise ValueError(f"{told} and modbus.{name} ({_named(begin, end)}) overlap; correct an address")
 
 
 def _own_registers(section: "ModbusUnitSection") -> Iterator[tuple[str, tuple[int, int]]]:

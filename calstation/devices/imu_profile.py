@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.configuration import StrictModel, load, suggestion
+from calstation.configuration import EntryError, StrictModel, load, suggestion
 from calstation.devices.channels import CHANNELS
 from calstation.devices.checks import CRC_WIDTHS
 from calstation.devices.corrected_profile import CorrectedSection, check_corrected
@@ -235,9 +235,9 @@ class ImuProfile(StrictModel):
     @field_validator("frame")
     @classmethod
     def _sample(cls, frame: FrameSection) -> FrameSection:
-        for f in frame.fields:
+        for i, f in enumerate(frame.fields):
             if f.name not in FIELDS and not f.name.startswith("spare"):
-                raise ValueError(unknown_field(f.name, FIELDS))
+                raise EntryError(unknown_field(f.name, FIELDS), "fields", i)
         check_samples(frame, STATUS_WORDS)
         return frame
 
@@ -271,7 +271,7 @@ class ImuProfile(StrictModel):
     @field_validator("registers")
     @classmethod
     def _by_address(cls, registers: list[RegisterEntry]) -> list[RegisterEntry]:
-        return sorted(registers, key=lambda r: r.key)
+        return sorted((r.at_row(i) for i, r in enumerate(registers)), key=lambda r: r.key)
 
     @model_validator(mode="after")
     def _section_of_protocol(self) -> "ImuProfile":
@@ -289,9 +289,12 @@ class ImuProfile(StrictModel):
     @model_validator(mode="after")
     def _register_map(self) -> "ImuProfile":
         pages = self.modbus is not None and self.modbus.page is not None
-        for entry in self.registers:
-            if self.protocol == "modbus" and number(entry.type).width % 2:
-                raise ValueError(f"{entry}: type {entry.type} does not fill 16-bit registers; correct it")
+        for told in self.registers:
+            if self.protocol == "modbus" and number(told.type).width % 2:
+                raise EntryError(
+                    f"{told}: type {told.type} does not fill 16-bit registers; correct it",
+                    *("registers", told.row, "type"),
+                )
         check_registers(self.registers, self.prior_sigmas(), self.without_register, pages=pages)
         if self.modbus is not None:
             check_modbus_map(self.modbus, self.registers)

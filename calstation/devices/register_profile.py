@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, PrivateAttr, field_validator
 
-from calstation.configuration import StrictModel, suggestion
+from calstation.configuration import EntryError, StrictModel, entry, suggestion
 from calstation.devices.conventions import (
     SENSORS,
     SLOTS,
@@ -66,6 +66,7 @@ class RegisterEntry(StrictModel):
     range: list[float] = Field(min_length=2, max_length=2)
     tolerance: float = Field(default=0.0, ge=0)
     convention: Convention | None = None
+    _row: int = PrivateAttr(default=0)
 
     @field_validator("scale")
     @classmethod
@@ -114,6 +115,16 @@ class RegisterEntry(StrictModel):
         low, high = (bound * self.scale for bound in number(self.type).bounds)
         return (low, high) if low < high else (high, low)
 
+    @property
+    def row(self) -> int:
+        """Which of the profile's entries it is, as they stand in the file."""
+        return self._row
+
+    def at_row(self, row: int) -> "RegisterEntry":
+        """The same, known as the profile's entry of that number."""
+        self._row = row
+        return self
+
     def __str__(self) -> str:
         page = f"page {self.page} " if self.page else ""
         return f"{page}register {self.address}" + (f"-{self.end - 1}" if self.span else "")
@@ -130,83 +141,92 @@ def check_registers(
     without : parameters and groups that have no register, by the profile's own word
     pages : whether the link can choose pages
     """
-    for entry in entries:
-        _check_entry(entry, sigmas, pages)
+    for told in entries:
+        with entry("registers", told.row):
+            _check_entry(told, sigmas, pages)
     ordered = sorted(entries, key=lambda e: e.key)
     for a, b in pairwise(ordered):
         if a.page == b.page and b.address < a.end:
-            raise ValueError(f"{a} and {b} overlap; correct an address")
+            raise EntryError(f"{a} and {b} overlap; correct an address", "registers", b.row, "address")
     seen: dict[str, RegisterEntry] = {}
-    for entry in ordered:
-        for name in filter(None, entry.names):
+    for told in ordered:
+        for name in filter(None, told.names):
             if name in seen:
-                raise ValueError(f"'{name}' is in {seen[name]} and in {entry}; remove one")
-            seen[name] = entry
+                raise EntryError(
+                    f"'{name}' is in {seen[name]} and in {told}; remove one", "registers", told.row
+                )
+            seen[name] = told
     for sensor in SENSORS:
         _check_sensor(sensor, seen)
     _check_missing(set(seen), without)
 
 
-def _check_entry(entry: RegisterEntry, sigmas: Mapping[str, float], pages: bool) -> None:
-    for name in entry.names:
+def _check_entry(told: RegisterEntry, sigmas: Mapping[str, float], pages: bool) -> None:
+    for name in told.names:
         if name and name not in NAMES and name not in SLOTS:
-            raise ValueError(f"{entry}: '{name}' is no parameter{suggestion(name, _KNOWN) or '; remove it'}")
-    check_orders(entry.type, entry.word_order)
-    if entry.page and not pages:
-        raise ValueError(f"{entry}: this link has no pages; remove page, or say where it is chosen")
-    low, high = entry.range
+            raise ValueError(f"{told}: '{name}' is no parameter{suggestion(name, _KNOWN) or '; remove it'}")
+    check_orders(told.type, told.word_order)
+    if told.page and not pages:
+        raise ValueError(f"{told}: this link has no pages; remove page, or say where it is chosen")
+    low, high = told.range
     if low >= high:
-        raise ValueError(f"{entry}: range = {entry.range} must be [low, high] with low below high")
-    least, most = entry.bounds
+        raise ValueError(f"{told}: range = {told.range} must be [low, high] with low below high")
+    least, most = told.bounds
     if low < least * (1 + 1e-6) - 1e-300 or high > most * (1 + 1e-6):
         raise ValueError(
-            f"{entry}: range = {entry.range} is more than type {entry.type} × {entry.scale:g} holds,"
+            f"{told}: range = {told.range} is more than type {told.type} × {told.scale:g} holds,"
             f" {least:.6g} to {most:.6g}; correct range, scale or type"
         )
-    slots = [name for name in entry.names if name in SLOTS]
-    if entry.convention is not None and not slots:
-        raise ValueError(f"{entry}: convention belongs to registers of a matrix or an offset; remove it")
-    if entry.end - 1 > _LARGEST_ADDRESS:
-        raise ValueError(f"{entry} runs past address {_LARGEST_ADDRESS}; correct it")
-    if entry.tolerance > _COARSEST * (high - low):
+    slots = [name for name in told.names if name in SLOTS]
+    if told.convention is not None and not slots:
+        raise ValueError(f"{told}: convention belongs to registers of a matrix or an offset; remove it")
+    if told.end - 1 > _LARGEST_ADDRESS:
+        raise ValueError(f"{told} runs past address {_LARGEST_ADDRESS}; correct it")
+    if told.tolerance > _COARSEST * (high - low):
         raise ValueError(
-            f"{entry}: tolerance = {entry.tolerance:g} is more than a hundredth of the range, so hardly any value read"
+            f"{told}: tolerance = {told.tolerance:g} is more than a hundredth of the range, so hardly any value read"
             " back would be wrong; state what the unit rounds by"
         )
     legal = {name: _LEGAL * sigma for name, sigma in sigmas.items()}
-    for i, name in enumerate(entry.names):
-        _check_known(entry, name, sigmas)
+    for i, name in enumerate(told.names):
+        _check_known(told, name, sigmas)
         if name in SLOTS:
-            needed = legal_range(name, legal, entry.convention or Convention())
+            needed = legal_range(name, legal, told.convention or Convention())
         else:
             needed = (-legal[name], legal[name]) if name in legal else None
         if needed is not None and (needed[0] < low or needed[1] > high):
             parameter = parameter_of(name) if name in SLOTS else name
             raise ValueError(
-                f"{entry}: {name} in register {entry.place(i)} may need {needed[0]:.6g} to {needed[1]:.6g} (from the"
+                f"{told}: {name} in register {told.place(i)} may need {needed[0]:.6g} to {needed[1]:.6g} (from the"
                 f" prior of {parameter}), its range is {low:g} to {high:g}; widen the range or correct the prior"
             )
 
 
-def _check_known(entry: RegisterEntry, name: str, sigmas: Mapping[str, float]) -> None:
+def _check_known(told: RegisterEntry, name: str, sigmas: Mapping[str, float]) -> None:
     """What a parameter may be is known, and the register tells such values apart."""
     parameter = parameter_of(name) if name in SLOTS else name
     if not parameter:
         return
     if parameter not in sigmas:
         raise ValueError(
-            f"{entry}: {parameter} has a register but no prior, so nobody knows whether its values fit; add"
+            f"{told}: {parameter} has a register but no prior, so nobody knows whether its values fit; add"
             f" [prior.{PARAMETERS[NAMES.index(parameter)].group}]"
         )
-    if entry.step > sigmas[parameter]:
+    if told.step > sigmas[parameter]:
         raise ValueError(
-            f"{entry}: a step of type {entry.type} × {entry.scale:g} is more than the prior of {parameter},"
+            f"{told}: a step of type {told.type} × {told.scale:g} is more than the prior of {parameter},"
             f" {sigmas[parameter]:g}, so the register could not tell units apart; correct scale or type"
         )
 
 
 def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
     """The matrix of a sensor is there in a form that can be inverted, in one convention."""
+    rows = [told.row for name, told in seen.items() if name in (*matrix_slots(sensor), *offset_slots(sensor))]
+    with entry("registers", *rows[:1]):
+        _check_matrix(sensor, seen)
+
+
+def _check_matrix(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
     matrix = [slot for slot in matrix_slots(sensor) if slot in seen]
     offset = [slot for slot in offset_slots(sensor) if slot in seen]
     direct = [
@@ -258,18 +278,22 @@ def _convention(entry: RegisterEntry) -> Convention:
 def _check_missing(seen: set[str], without: Sequence[str]) -> None:
     """Every parameter has a register, or the profile says that it has none."""
     held = {parameter_of(name) if name in SLOTS else name for name in seen}
-    for name in without:
-        if name not in NAMES and name not in GROUPS:
-            raise ValueError(
-                f"without_register: '{name}' is no parameter or group{suggestion(name, NAMES + GROUPS)}"
-            )
-        inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in held]
-        if inside:
-            raise ValueError(f"without_register: '{name}': {inside[0]} has a register; remove one of both")
+    for i, name in enumerate(without):
+        with entry("without_register", i):
+            if name not in NAMES and name not in GROUPS:
+                raise ValueError(
+                    f"without_register: '{name}' is no parameter or group{suggestion(name, NAMES + GROUPS)}"
+                )
+            inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in held]
+            if inside:
+                raise ValueError(
+                    f"without_register: '{name}': {inside[0]} has a register; remove one of both"
+                )
     if not held:
         return
     for p in PARAMETERS:
         if p.name not in held and p.group != _NEVER_IN_REGISTERS and not {p.name, p.group} & set(without):
-            raise ValueError(
-                f"{p.name} has no register; add one, or name it (or {p.group}) in without_register"
+            raise EntryError(
+                f"{p.name} has no register; add one, or name it (or {p.group}) in without_register",
+                "registers",
             )

@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.configuration import StrictModel, suggestion
+from calstation.configuration import EntryError, StrictModel, entry, suggestion
 from calstation.devices.link import SerialSettings
 
 COMMAND_VALUES = ("axis", "angle", "rate", "acceleration")
@@ -40,10 +40,11 @@ class CommandLines(StrictModel):
         for name in type(self).model_fields:
             values, lines = _VALUES.get(name, ()), getattr(self, name)
             told: set[str] = set()
-            for line in lines:
-                told |= _check_line(f"{name}: {line!r}", line, values)
-            if values and lines:
-                _check_told(name, values[0], told)
+            with entry(name):
+                for line in lines:
+                    told |= _check_line(f"{name}: {line!r}", line, values)
+                if values and lines:
+                    _check_told(name, values[0], told)
         self._check_distinct()
         return self
 
@@ -51,7 +52,7 @@ class CommandLines(StrictModel):
         lines = {name: getattr(self, name) for name in type(self).model_fields if getattr(self, name)}
         for a, b in combinations(lines, 2):
             if lines[a] == lines[b] and {a, b} not in _MAY_BE_ALIKE:
-                raise ValueError(f"{a} and {b} send the same lines; correct one")
+                raise EntryError(f"{a} and {b} send the same lines; correct one", b)
 
 
 def _check_told(name: str, value: str, told: set[str]) -> None:
@@ -64,21 +65,21 @@ def _check_told(name: str, value: str, told: set[str]) -> None:
             )
 
 
-def _check_line(entry: str, line: str, values: Sequence[str]) -> set[str]:
+def _check_line(called: str, line: str, values: Sequence[str]) -> set[str]:
     """What a line names in braces. Raises ValueError where it cannot be filled in and sent.
 
     Parameters
     ----------
-    entry : how messages call it; values : what its command has to tell
+    called : how messages call it; values : what its command has to tell
     """
     if not line.isascii() or not line.isprintable():
-        raise ValueError(f"{entry} must be one line of ASCII; remove what is not")
+        raise ValueError(f"{called} must be one line of ASCII; remove what is not")
     own = ("axis", *values)
     known = (*own, *(f"{joint}_{name}" for joint in ("outer", "inner") for name in values))
     try:
         parts = list(Formatter().parse(line))
     except ValueError:
-        raise ValueError(f"{entry} has a brace alone; write {{axis}}, or {{{{ for the character") from None
+        raise ValueError(f"{called} has a brace alone; write {{axis}}, or {{{{ for the character") from None
     told = set()
     for _, place, form, conversion in parts:
         if place is None:
@@ -86,14 +87,14 @@ def _check_line(entry: str, line: str, values: Sequence[str]) -> set[str]:
         if form or conversion or place not in known:
             wrong = place + (f"!{conversion}" if conversion else "") + (f":{form}" if form else "")
             raise ValueError(
-                f"{entry}: '{{{wrong}}}' is unknown here{suggestion(place, known) or '; it may name '}"
+                f"{called}: '{{{wrong}}}' is unknown here{suggestion(place, known) or '; it may name '}"
                 f"{'' if suggestion(place, known) else ', '.join(known)}"
             )
         told.add(place)
     for place in sorted(told & set(values)):
         if "axis" not in told:
             raise ValueError(
-                f"{entry} tells {{{place}}} without {{axis}}, so it would be the outer axis's alone; write"
+                f"{called} tells {{{place}}} without {{axis}}, so it would be the outer axis's alone; write"
                 f" {{outer_{place}}} and {{inner_{place}}}, or add {{axis}}"
             )
     return told
@@ -228,8 +229,9 @@ class TextSection(StrictModel):
         self._check_patterns()
         self._check_flags()
         if self.flush is not None and self.flush not in self.queries:
-            raise ValueError(
-                f"flush: there is no query '{self.flush}'{suggestion(self.flush, tuple(self.queries))}"
+            raise EntryError(
+                f"flush: there is no query '{self.flush}'{suggestion(self.flush, tuple(self.queries))}",
+                "flush",
             )
         for name in ("enabled", "homed", "fault"):
             if name not in self.flags:

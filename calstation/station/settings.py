@@ -176,7 +176,10 @@ def _complaints(place: Place, model: type[BaseModel], data: Any) -> list[Problem
     found = []
     for c in complaints(model, data):
         named = _NAMED.match(str(c.values.get("error", "")))
-        where: Place = tuple(named[1].split(".")) if named and not place else (*place, *c.place)
+        where: Place = (*place, *c.place)
+        if named and not place and not getattr(c.values.get("error"), "place", ()):
+            own = named[1].split(".")
+            where = (*(c.place[:-1] if c.place[-1:] == (own[0],) else c.place), *own)
         kind = "missing" if named and named[2] else c.kind
         found.append(Problem(where, kind, prefix + c.text, 0, c.values))
     return found
