@@ -109,16 +109,16 @@ def complaints(model: type[BaseModel], data: Any) -> list[Complaint]:
     except ValidationError as exc:
         details = exc.errors(include_url=False, include_context=True)
         details.sort(key=lambda d: d["type"] != "extra_forbidden")
-        return [
-            Complaint(
-                (*d["loc"], *getattr(d.get("ctx", {}).get("error"), "place", ())),
-                d["type"],
-                _sentence(d, data, model),
-                {"field": _field(d["loc"]), "value": d["input"], **d.get("ctx", {})},
-            )
-            for d in details
-        ]
+        return [_complaint(d, data, model) for d in details]
     return []
+
+
+def _complaint(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Complaint:
+    context = detail.get("ctx", {})
+    place = (*detail["loc"], *getattr(context.get("error"), "place", ()))
+    text = _sentence({**detail, "loc": place}, data, model)
+    values = {"field": _field(place), "value": detail["input"], **context}
+    return Complaint(place, detail["type"], text, values)
 
 
 def load(model: type[Model], path: Path, error: type[CalstationError] = ConfigurationError) -> Model:

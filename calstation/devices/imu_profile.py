@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.configuration import EntryError, StrictModel, load, suggestion
+from calstation.configuration import EntryError, StrictModel, entry, load, suggestion
 from calstation.devices.channels import CHANNELS
 from calstation.devices.checks import CRC_WIDTHS
 from calstation.devices.corrected_profile import CorrectedSection, check_corrected
@@ -328,7 +328,8 @@ class ImuProfile(StrictModel):
             raw = (switch.on,) if switch.off is None else (switch.on, switch.off)
         check_corrected(self.corrected, self.protocol, self.stream.order, raw)
         if self.corrected.frame is not None:
-            type(self)._sample(self.corrected.frame)
+            with entry("corrected", "frame"):
+                type(self)._sample(self.corrected.frame)
         return self
 
     @property

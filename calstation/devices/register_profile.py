@@ -281,14 +281,10 @@ def _check_missing(seen: set[str], without: Sequence[str]) -> None:
     for i, name in enumerate(without):
         with entry("without_register", i):
             if name not in NAMES and name not in GROUPS:
-                raise ValueError(
-                    f"without_register: '{name}' is no parameter or group{suggestion(name, NAMES + GROUPS)}"
-                )
+                raise ValueError(f"'{name}' is no parameter or group{suggestion(name, NAMES + GROUPS)}")
             inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in held]
             if inside:
-                raise ValueError(
-                    f"without_register: '{name}': {inside[0]} has a register; remove one of both"
-                )
+                raise ValueError(f"'{name}': {inside[0]} has a register; remove one of both")
     if not held:
         return
     for p in PARAMETERS:

@@ -42,9 +42,9 @@ class CommandLines(StrictModel):
             told: set[str] = set()
             with entry(name):
                 for line in lines:
-                    told |= _check_line(f"{name}: {line!r}", line, values)
+                    told |= _check_line(repr(line), line, values)
                 if values and lines:
-                    _check_told(name, values[0], told)
+                    _check_told(values[0], told)
         self._check_distinct()
         return self
 
@@ -55,13 +55,13 @@ class CommandLines(StrictModel):
                 raise EntryError(f"{a} and {b} send the same lines; correct one", b)
 
 
-def _check_told(name: str, value: str, told: set[str]) -> None:
+def _check_told(value: str, told: set[str]) -> None:
     """Where to, or how fast, is told of both axes."""
     for joint in ("outer", "inner"):
         if value not in told and f"{joint}_{value}" not in told:
             missing = f"{joint}_{value}" if any(place.endswith(f"_{value}") for place in told) else value
             raise ValueError(
-                f"{name}: no line tells {{{missing}}}, so the table would go by what it was told before; add it"
+                f"no line tells {{{missing}}}, so the table would go by what it was told before; add it"
             )
 
 
@@ -230,7 +230,7 @@ class TextSection(StrictModel):
         self._check_flags()
         if self.flush is not None and self.flush not in self.queries:
             raise EntryError(
-                f"flush: there is no query '{self.flush}'{suggestion(self.flush, tuple(self.queries))}",
+                f"there is no query '{self.flush}'{suggestion(self.flush, tuple(self.queries))}",
                 "flush",
             )
         for name in ("enabled", "homed", "fault"):

@@ -619,6 +619,11 @@ def test_a_profile_is_readable_in_peoples_units(hands: Hands) -> None:
     assert lines["Angle random walk"] == "0.001 °/√h"
     assert lines["Velocity random walk"] == "4.997 µg/√Hz"
     assert lines["Serial line"] == "921600 8N1"
+    assert lines["Size"] == "34 bytes"
+    assert "27 (0x1B)" in lines
+    hands.page.profiles.open("imus", "dsp_modbus")
+    registers = view.topLevelItem(view.topLevelItemCount() - 2)
+    assert registers.child(1).text(0) == "118 (0x76), page 1"
     for kind in ("products", "tables", "stations", "imus"):
         for name in library.names(kind):
             hands.page.profiles.open(kind, name)

@@ -18,6 +18,7 @@ from calstation.physics.units import (
     DISPLAY,
     MICRO_G,
 )
+from calstation.station.frame_size import frame_size
 from calstation.station.schedules import UNITS
 
 Section = tuple[str, list[tuple[str, str]]]
@@ -140,6 +141,7 @@ def _imu(data: Mapping[str, Any]) -> list[Section]:
             [
                 (translate("station_readable", "Begins with"), _text(frame.get("sync"))),
                 (translate("station_readable", "Fields"), ", ".join(_text(name) for name in fields)),
+                (translate("station_readable", "Size"), _size(frame)),
                 (
                     translate("station_readable", "Check"),
                     _text(_table(frame, "crc").get("kind") or _table(frame, "check").get("kind")),
@@ -148,9 +150,7 @@ def _imu(data: Mapping[str, Any]) -> list[Section]:
         ),
     ]
     if registers:
-        lines = [
-            (_text(entry.get("address")), _register(_names(entry.get("parameters")))) for entry in registers
-        ]
+        lines = [(_address(entry), _register(_names(entry.get("parameters")))) for entry in registers]
         sections.append((translate("station_readable", "Calibration registers"), lines))
     known = [
         (_group_name(name), _in_group(name, prior.get("sigma"), "± "))
@@ -160,6 +160,25 @@ def _imu(data: Mapping[str, Any]) -> list[Section]:
     if known:
         sections.append((translate("station_readable", "Known of any unit beforehand (one sigma)"), known))
     return sections
+
+
+def _size(frame: Mapping[str, Any]) -> str:
+    """What the frame's parts add up to."""
+    found = frame_size(frame)
+    if found is None:
+        return "–"
+    size, fixed = found
+    if fixed:
+        return translate("station_readable", "{0} bytes").format(size)
+    return translate("station_readable", "{0} bytes and more").format(size)
+
+
+def _address(entry: Mapping[str, Any]) -> str:
+    """A register as documents write it, decimal and hexadecimal, on its page."""
+    address = entry.get("address")
+    told = f"{address} (0x{address:X})" if isinstance(address, int) else _text(address)
+    page = entry.get("page", 0)
+    return translate("station_readable", "{0}, page {1}").format(told, page) if page else told
 
 
 def _unit(key: str) -> str:

@@ -1717,6 +1717,10 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>字段</translation>
     </message>
     <message>
+        <source>Size</source>
+        <translation>长度</translation>
+    </message>
+    <message>
         <source>Check</source>
         <translation>校验</translation>
     </message>
@@ -1727,6 +1731,18 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Known of any unit beforehand (one sigma)</source>
         <translation>标定前已知的范围（1σ）</translation>
+    </message>
+    <message>
+        <source>{0} bytes</source>
+        <translation>{0} 字节</translation>
+    </message>
+    <message>
+        <source>{0} bytes and more</source>
+        <translation>至少 {0} 字节</translation>
+    </message>
+    <message>
+        <source>{0}, page {1}</source>
+        <translation>{0}，第 {1} 页</translation>
     </message>
     <message>
         <source>General</source>
