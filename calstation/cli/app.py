@@ -213,6 +213,9 @@ StationOption = Annotated[Path | None, typer.Option(help="Station file; default:
 ProductOption = Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")]
 RunsOption = Annotated[Path, typer.Option("--out", help="Folder of the runs, where the journal is.")]
 YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask before writing.")]
+AtRestOption = Annotated[
+    bool, typer.Option("--at-rest", help="Leave the table alone: prove at rest, without a turn.")
+]
 
 
 @registers.command("list")
@@ -229,22 +232,25 @@ def list_(
 
 @registers.command()
 def finish(
+    context: typer.Context,
     serial: SerialArgument,
     station: StationOption = None,
     product: ProductOption = None,
     out: RunsOption = Path("runs"),
     json: JsonOption = None,
     yes: YesOption = False,
+    at_rest: AtRestOption = False,
 ) -> None:
-    """Bring a unit's interrupted transfer to its end. Nothing moves."""
+    """Bring a unit's interrupted transfer to its end. The table turns to prove it."""
     from calstation.cli.registers import finish_command, unit_request
 
     request = unit_request(serial, station, product, out)
-    raise typer.Exit(finish_command(request, json, yes=yes))
+    raise typer.Exit(finish_command(request, json, at_rest=at_rest, yes=yes, debug=bool(context.obj)))
 
 
 @registers.command()
 def restore(
+    context: typer.Context,
     serial: SerialArgument,
     transfer: Annotated[
         str | None,
@@ -255,12 +261,14 @@ def restore(
     out: RunsOption = Path("runs"),
     json: JsonOption = None,
     yes: YesOption = False,
+    at_rest: AtRestOption = False,
 ) -> None:
-    """Put back the registers that a unit held before a transfer. Nothing moves."""
+    """Put back the registers that a unit held before a transfer. The table turns to prove them."""
     from calstation.cli.registers import restore_command, unit_request
 
     request = unit_request(serial, station, product, out)
-    raise typer.Exit(restore_command(request, transfer, json, yes=yes))
+    code = restore_command(request, transfer, json, at_rest=at_rest, yes=yes, debug=bool(context.obj))
+    raise typer.Exit(code)
 
 
 table = typer.Typer(

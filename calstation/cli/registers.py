@@ -7,15 +7,19 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from calstation.cli.run import run_request
+from calstation.cli.run import Display, complain, interrupt_stops, run_request
 from calstation.cli.show import check_json, emit_json
+from calstation.cli.wording import PROOFS
+from calstation.devices.transfer import Step
 from calstation.errors import StoppedError
 from calstation.physics.units import display
+from calstation.sequencer.events import Fault, Settled
 from calstation.station import register_journal
-from calstation.station.config import load_station
+from calstation.station.engine import Engine
+from calstation.station.hand_registers import UnitRegisters
 from calstation.station.register_journal import Transfer
-from calstation.station.request import RunRequest
-from calstation.station.unfinished import Settled, finish_transfer, restore_registers
+from calstation.station.request import RegisterErrand, RunRequest
+from calstation.station.setup import configured
 
 CLOSINGS = {
     None: "OPEN: interrupted, finish or restore it",
@@ -23,6 +27,8 @@ CLOSINGS = {
     "kept": "not done: the unit kept its registers",
     "restored": "taken back",
 }
+_CLOSED = {"done": "new registers", "kept": "nothing was written: old registers", "restored": "old registers"}
+_PROOFS = {Step.TURNED: "with a turn", Step.AT_REST: "at rest"}
 
 
 def list_command(runs: Path, serial: str | None, json: str | None) -> int:
@@ -51,16 +57,20 @@ def list_command(runs: Path, serial: str | None, json: str | None) -> int:
     return 0
 
 
-def finish_command(request: RunRequest, json: str | None, *, yes: bool) -> int:
+def finish_command(request: RunRequest, json: str | None, *, at_rest: bool, yes: bool, debug: bool) -> int:
     """Bring a unit's interrupted transfer to its end."""
-    _confirm(request, "Its new registers are written, where they are not there yet, and proved at rest.", yes)
-    return _show(finish_transfer(_tell, request, request.out), json)
+    errand = RegisterErrand(request, "finish", at_rest=at_rest)
+    what = "Its new registers are written, where they are not there yet, and proved."
+    return _do(errand, what, json, yes=yes, debug=debug)
 
 
-def restore_command(request: RunRequest, ident: str | None, json: str | None, *, yes: bool) -> int:
+def restore_command(
+    request: RunRequest, ident: str | None, json: str | None, *, at_rest: bool, yes: bool, debug: bool
+) -> int:
     """Put earlier registers back into a unit."""
-    _confirm(request, "Registers that it held before are written into it.", yes)
-    return _show(restore_registers(_tell, request, request.out, request.operator, ident), json)
+    errand = RegisterErrand(request, "restore", transfer=ident, at_rest=at_rest)
+    what = "Registers that it held before are written into it and proved."
+    return _do(errand, what, json, yes=yes, debug=debug)
 
 
 def unit_request(serial: str, station: Path | None, product: Path | None, out: Path) -> RunRequest:
@@ -68,23 +78,64 @@ def unit_request(serial: str, station: Path | None, product: Path | None, out: P
     return run_request(None, station, product, serial, None, None, out)
 
 
-def _confirm(request: RunRequest, what: str, yes: bool) -> None:
-    _, station = load_station(request.station)
-    question = f"{what} Is unit {request.serial} in the fixture of '{station.name}', at rest?"
-    if station.bench is None and not yes and not typer.confirm(question, err=True):
-        raise StoppedError("not confirmed; nothing was written")
+def _do(errand: RegisterErrand, what: str, json: str | None, *, yes: bool, debug: bool) -> int:
+    """Say what is going to happen, have it done, and show the answer."""
+    check_json(json)
+    _confirm(errand, what, yes)
+    console = Console(stderr=True)
+    settled: Settled | None = None
+    fault: Fault | None = None
+    with Engine.start(errand) as engine, interrupt_stops(engine), Display(console) as display:
+        for event in engine.events():
+            display.show(event)
+            if isinstance(event, Settled):
+                settled = event
+            elif isinstance(event, Fault):
+                fault = event
+    if fault is not None:
+        return complain(fault, debug=debug)
+    if settled is None or settled.closing == "stopped":
+        raise StoppedError("stopped")
+    _show(settled, json)
+    return 0
 
 
-def _show(settled: Settled, json: str | None) -> int:
+def _confirm(errand: RegisterErrand, what: str, yes: bool) -> None:
+    """No motion that was not announced, and none on hardware that nobody has agreed to."""
+    setup, _ = configured(errand.request)
+    station, serial = setup.station, errand.request.serial
+    if setup.by_hand:
+        place = f"unit {serial} in the fixture of '{station.name}', at rest"
+    elif errand.at_rest:
+        what += f" The table of '{station.name}' is left alone, so no turn proves the gyros."
+        place = f"unit {serial} in its fixture, at rest"
+    else:
+        what += (
+            f" For that the table of '{station.name}' is going to move: home, half a turn, 30°, load angle; Ctrl-C"
+            " stops it, --at-rest leaves it alone."
+        )
+        place = f"everybody clear of it, and unit {serial} tight in its fixture"
+    Console(stderr=True).print(what, highlight=False, markup=False, soft_wrap=True)
+    if station.bench is None and not yes and not typer.confirm(f"Is {place}?", err=True):
+        raise StoppedError("not confirmed; nothing was written and nothing has moved")
+
+
+def _show(settled: Settled, json: str | None) -> None:
+    held = UnitRegisters.of(settled.unit)
     emit_json(
-        {"serial": settled.serial, "closing": settled.closing, "registers": dict(settled.registers)}, json
+        {
+            "serial": settled.serial,
+            "closing": settled.closing,
+            "proof": settled.proof or None,
+            "registers": held.values,
+        },
+        json,
     )
     if json != "-":
+        proof = f", proved {PROOFS[settled.proof]}" if settled.proof else ""
         Console(file=sys.stdout).print(
-            f"{settled.serial}: {CLOSINGS[settled.closing]}; it holds {len(settled.registers)} registers",
-            highlight=False,
+            f"{settled.serial}: {_CLOSED[settled.closing]}{proof}", highlight=False, soft_wrap=True
         )
-    return 0
 
 
 def _lines(serial: str, transfers: list[Transfer]) -> Iterator[str]:
@@ -92,9 +143,18 @@ def _lines(serial: str, transfers: list[Transfer]) -> Iterator[str]:
     count = sum(t.cycles for t in transfers)
     yield f"unit {serial}, {count} flash cycles by this station"
     for t in transfers:
-        yield f"  {t.id}  {CLOSINGS[t.closing]}"
+        yield f"  {t.id}  {_closing(t)}"
         yield f"    {t.utc}{f', by {t.by}' if t.by else ''}, for {t.why} {t.source}".rstrip()
         yield f"    largest change: {_change(t)}"
+
+
+def _closing(transfer: Transfer) -> str:
+    """How it ended, and by what its output was found right, where that was noted."""
+    proofs = [words for step, words in _PROOFS.items() if step in transfer.steps]
+    if transfer.closing is None or not proofs:
+        return CLOSINGS[transfer.closing]
+    proved = "" if transfer.closing == "done" else ", proved"
+    return f"{CLOSINGS[transfer.closing]}{proved} {proofs[-1]}"
 
 
 def _change(transfer: Transfer) -> str:
@@ -121,7 +181,3 @@ def _json(transfer: Transfer) -> dict[str, object]:
         "steps": list(transfer.steps),
         "closing": transfer.closing,
     }
-
-
-def _tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Nothing is shown of works that take seconds."""

@@ -53,7 +53,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     console = Console(stderr=True)
     verdict: Verdict | None = None
     fault: Fault | None = None
-    with Engine.start(request) as engine, _interrupt_stops(engine), _Display(console) as display:
+    with Engine.start(request) as engine, interrupt_stops(engine), Display(console) as display:
         for event in engine.events():
             display.show(event)
             if isinstance(event, Verdict):
@@ -63,11 +63,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     if verdict is not None:
         _show_verdict(verdict, json, request)
     if fault is not None:
-        text = fault.text
-        if fault.kind == INTERNAL and not debug:
-            text = f"internal error: {text.strip().splitlines()[-1]} (--debug shows where)"
-        sys.stderr.write(f"calstation: {text}\n")
-        return fault.exit_code
+        return complain(fault, debug=debug)
     return _EXIT_CODES[verdict.outcome] if verdict is not None else 3
 
 
@@ -98,8 +94,17 @@ def run_request(
     return RunRequest(serial, station, product, stages, out, computer_user(), speed, seed, resume=resume)
 
 
+def complain(fault: Fault, *, debug: bool) -> int:
+    """Tell what ended the engine's work; returns the exit code."""
+    text = fault.text
+    if fault.kind == INTERNAL and not debug:
+        text = f"internal error: {text.strip().splitlines()[-1]} (--debug shows where)"
+    sys.stderr.write(f"calstation: {text}\n")
+    return fault.exit_code
+
+
 @contextmanager
-def _interrupt_stops(engine: Engine) -> Iterator[None]:
+def interrupt_stops(engine: Engine) -> Iterator[None]:
     """Ctrl-C, however often, asks the engine for a safe stop; the listener goes on listening."""
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -133,7 +138,7 @@ def _resuming(log: str, request: RunRequest) -> str:
     return shlex.join(words)
 
 
-class _Display:
+class Display:
     """A bar per stage with time left and what happens; plain lines without a terminal."""
 
     def __init__(self, console: Console) -> None:
@@ -149,7 +154,7 @@ class _Display:
             disable=not console.is_terminal,
         )
 
-    def __enter__(self) -> "_Display":
+    def __enter__(self) -> "Display":
         self._progress.start()
         return self
 

@@ -32,6 +32,9 @@ MESSAGES: dict[str, str] = {
     "gimbal_unstable": "{stage}: a gain of {gain:g} is beyond the {limit:.2f} up to which turns about {axis} converge.",
     "gimbal_axes_missing": "{stage}: no turns about {axes}; misalignments of those columns are not determined.",
     "registers_kept": "Outside the limits: the unit keeps its registers.",
+    "registers_writing": "Writing the registers.",
+    "registers_proved": "Registers written, read back, and the output right with them ({proof}).",
+    "old_unproved": "The old registers are back as they were; the output was not looked at to its end.",
     "verifying": "Checking the output of the restarted unit.",
     "better_kept": "{parameter} kept: {before} from {date} is better than {now} now.",
     "better_changed": "{parameter} replaced: it is now ({now}) far from what was found on {date} ({before}).",
@@ -62,6 +65,7 @@ STATES: dict[str, str] = {
     "fault": "fault",
     "passed": "passed",
     "failed": "failed",
+    "done": "done",
 }
 
 REASONS: dict[str, str] = {
@@ -73,6 +77,9 @@ REASONS: dict[str, str] = {
     "listener_lost": "the window or terminal that watched the run is gone",
     "listener_silent": "the window or terminal that watched the run does not answer",
 }
+
+PROOFS: dict[str, str] = {"turn": "with a turn of the table", "rest": "at rest, no turn was made"}
+"""By what the output was found right."""
 
 OUTCOMES: dict[str, str] = {
     "passed": "PASSED: inside every limit, registers written and verified",
@@ -144,6 +151,7 @@ def word(key: str, values: Mapping[str, Any]) -> str:
     """The sentence of a message; an unknown id is shown with its values."""
     values = {name: ", ".join(v) if isinstance(v, list) else v for name, v in values.items()}
     shown = {**values, "reason": REASONS.get(str(values.get("reason")), values.get("reason"))}
+    shown["proof"] = PROOFS.get(str(values.get("proof")))
     template = MESSAGES.get(key)
     if template is None:
         details = ", ".join(f"{name} {value}" for name, value in values.items())

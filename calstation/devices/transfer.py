@@ -21,6 +21,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 class Step(StrEnum):
     """How far a transfer has come, as its journal notes it: each on disk before the next begins.
 
+    `TURNED` and `AT_REST` say what proved the output behind it: turns as well, or a rest alone.
     A commit costs the unit a flash cycle from `COMMITTING` on, whether its answer comes or not.
     """
 
@@ -30,6 +31,8 @@ class Step(StrEnum):
     RESTARTED = "restarted"
     RESTORING = "restoring"
     REFUTED = "refuted"
+    TURNED = "turned"
+    AT_REST = "at_rest"
 
 
 class Closing(StrEnum):
@@ -124,10 +127,15 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
     if recognise(imu, entry, registers) is Holds.OLD:
         entry.close(Closing.KEPT)
         return dict(entry.old)
-    entry.note(Step.RESTORING)
-    found = _put(imu, registers, entry, entry.old).found
+    found = put_back(imu, registers, entry).found
     entry.close(Closing.RESTORED)
     return found
+
+
+def put_back(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
+    """Write the old values of an open entry, and leave it open. Raises DeviceFaultError as `transfer`."""
+    entry.note(Step.RESTORING)
+    return _put(imu, registers, entry, entry.old)
 
 
 def recognise(imu: Imu, entry: Entry, registers: RegisterMap | None = None) -> Holds:

@@ -8,7 +8,7 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Carry
 from calstation.physics.table import OUTER, TableGeometry
 from calstation.sequencer.acquisition import Acquisition
-from calstation.sequencer.fresh_data import REST, FreshData, await_restart
+from calstation.sequencer.fresh_data import REST, FreshData
 from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.steps import StepRunner
 
@@ -22,11 +22,10 @@ _ATTEMPTS = 3
 def carried_data(
     pulse: Pulse, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
 ) -> FreshData:
-    """Wait until the unit is ready again, rest, have it turned over, rest. The samples are not logged.
+    """Rest, have the unit turned over, rest.
 
     `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing.
     """
-    await_restart(pulse, acquisition)
     outer, inner = runner.asked
     for attempt in range(_ATTEMPTS):
         start, end = (outer, over(geometry, outer)) if attempt % 2 == 0 else (over(geometry, outer), outer)

@@ -144,6 +144,23 @@ class Verdict:
 
 
 @dataclass(frozen=True)
+class Settled:
+    """An errand at a unit's registers is over.
+
+    Attributes
+    ----------
+    closing : of the transfer in the journal: done, kept, restored; stopped where an operator's stop ended it
+    proof : "turn" or "rest", by what the output was found right; "" where it was not looked at
+    unit : what it holds, as `station.hand_registers` has it; {} after a stop
+    """
+
+    serial: str
+    closing: str
+    proof: str
+    unit: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Fault:
     """The run failed on `kind` (device, configuration, input, internal); `text` is the error's own words."""
 
@@ -165,6 +182,7 @@ Event: TypeAlias = (
     | Message
     | StageSolved
     | Verdict
+    | Settled
     | Fault
 )
 
@@ -183,6 +201,7 @@ _KINDS: dict[str, type[Event]] = {
         Message,
         StageSolved,
         Verdict,
+        Settled,
         Fault,
     )
 }

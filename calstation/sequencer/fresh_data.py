@@ -4,13 +4,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.errors import DeviceFaultError
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.physics.rotation import rotation_vector
-from calstation.physics.table import TableGeometry
+from calstation.physics.table import JointLimits, TableGeometry
 from calstation.sequencer.acquisition import Acquisition
+from calstation.sequencer.guard import JOINTS
 from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.steps import StepRunner
 
@@ -62,15 +63,37 @@ class FreshData:
 def fresh_data(
     pulse: Pulse, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
 ) -> FreshData:
-    """Wait until the unit is ready again, rest, turn it over, rest, turn it a little. The samples are not logged.
+    """Rest, turn the unit over, rest, turn it a little.
 
-    `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing.
+    `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing,
+    ConfigurationError where a joint cannot turn.
     """
-    await_restart(pulse, acquisition)
+    over, little = turns(runner.position(), geometry.limits, pulse.status.limits)
     first = _rest(pulse, acquisition) * scale
-    outer = _turn(0, acquisition, runner, geometry, scale)
+    outer = _turn(over, acquisition, runner, geometry, scale)
     second = _rest(pulse, acquisition) * scale
-    return FreshData((first, second), REST, (outer, _turn(1, acquisition, runner, geometry, scale)))
+    return FreshData((first, second), REST, (outer, _turn(little, acquisition, runner, geometry, scale)))
+
+
+def turns(start: tuple[float, float], profile: JointLimits, own: JointLimits) -> tuple[Move, Move]:
+    """The turn of the outer joint, then that of the inner one, within the profile's travel and the table's own.
+
+    `start` : joint angles, rad. Raises ConfigurationError where a joint cannot turn.
+    """
+    rate, acceleration = min(_RATE, *profile.rate), min(_ACCELERATION, *profile.acceleration)
+    target = list(start)
+    moves = []
+    for joint, name in enumerate(JOINTS):
+        angles = [start[joint] + by for by in (_TURNS[joint], -_TURNS[joint], _SHORT, -_SHORT)]
+        reachable = [a for a in angles if profile.within(joint, a) and own.within(joint, a)]
+        if not reachable:
+            raise ConfigurationError(
+                f"table: its {name} axis cannot turn by {np.rad2deg(_SHORT):.0f}° to either side, so no turn can prove"
+                " the unit's output; widen its travel"
+            )
+        target[joint] = reachable[0]
+        moves.append(Move(target[0], target[1], rate, acceleration, ("verify",)))
+    return moves[0], moves[1]
 
 
 def await_restart(pulse: Pulse, acquisition: Acquisition) -> None:
@@ -98,20 +121,11 @@ def _rest(pulse: Pulse, acquisition: Acquisition) -> FloatArray:
 
 
 def _turn(
-    joint: int, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
+    move: Move, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
 ) -> Turned:
     start = runner.position()
-    target = list(start)
-    reachable = [
-        angle
-        for angle in (_TURNS[joint], -_TURNS[joint], _SHORT, -_SHORT)
-        if geometry.limits.within(joint, start[joint] + angle)
-    ]
-    target[joint] += reachable[0] if reachable else 0.0
-    limits = geometry.limits
-    rate, acceleration = min(_RATE, *limits.rate), min(_ACCELERATION, *limits.acceleration)
     with acquisition.tap() as blocks:
-        runner.drive(Move(target[0], target[1], rate, acceleration, ("verify",)))
+        runner.drive(move)
     if not _whole(blocks):
         raise DeviceFaultError("IMU: no data during a turn; check cable, power and port")
     counts = np.concatenate([block.counts for block in blocks])

@@ -16,12 +16,15 @@ class State(StrEnum):
     FAULT = "fault"
     PASSED = "passed"
     FAILED = "failed"
+    DONE = "done"
 
 
 TRANSITIONS: dict[State, frozenset[State]] = {
     State.IDLE: frozenset({State.PREPARING}),
     State.PREPARING: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
-    State.RUNNING: frozenset({State.PAUSING, State.STOPPING, State.FAULT, State.PASSED, State.FAILED}),
+    State.RUNNING: frozenset(
+        {State.PAUSING, State.STOPPING, State.FAULT, State.PASSED, State.FAILED, State.DONE}
+    ),
     State.PAUSING: frozenset({State.PAUSED, State.STOPPING, State.FAULT}),
     State.PAUSED: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
     State.STOPPING: frozenset({State.STOPPED, State.FAULT}),
@@ -29,10 +32,12 @@ TRANSITIONS: dict[State, frozenset[State]] = {
     State.FAULT: frozenset({State.IDLE}),
     State.PASSED: frozenset({State.IDLE}),
     State.FAILED: frozenset({State.IDLE}),
+    State.DONE: frozenset({State.IDLE}),
 }
-"""From each state, the states that may follow. A fault is latched: only a reset to idle leaves it."""
+"""From each state, the states that may follow. A fault is latched: only a reset to idle leaves it. What is no
+calibration has neither passed nor failed in the end: it is done."""
 
-ENDED = frozenset({State.STOPPED, State.FAULT, State.PASSED, State.FAILED})
+ENDED = frozenset({State.STOPPED, State.FAULT, State.PASSED, State.FAILED, State.DONE})
 """States in which a run is over."""
 
 

@@ -15,9 +15,9 @@ from calstation.records.limits import estimated_stage
 from calstation.records.meta import LogMeta, context_from_meta
 from calstation.records.raw_log import RawLogWriter
 from calstation.sequencer.control import StopRequested
+from calstation.sequencer.driving import Aside
 from calstation.sequencer.events import Event, Message
 from calstation.sequencer.fresh_data import FreshData
-from calstation.sequencer.sequencer import Aside
 from calstation.sequencer.task import Concluded
 from calstation.station import register_journal
 from calstation.station.compose import compose
@@ -102,6 +102,7 @@ class Conclusion:
             entry.note(Step.REFUTED)
             self.registers["new"] = aside(lambda: restore(self.imu, entries, entry))
             raise refuted(wrong[0], "its old registers were put back")
+        entry.note(Step.TURNED)
         entry.close(Closing.DONE)
         self.registers |= {"verified": True, "written_utc": datetime.now(UTC).isoformat(timespec="seconds")}
         self.tell(Message("registers_written", {"count": len(self._done.found)}))

@@ -1,4 +1,4 @@
-"""The engine's one entry: a run in a process of its own that hears commands and tells events."""
+"""The engine's one entry: a run, or an errand, in a process of its own that hears commands and tells events."""
 
 import multiprocessing
 import signal
@@ -15,11 +15,11 @@ from typing import Any
 
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.control import Command, Control
-from calstation.sequencer.events import Event, Fault, Verdict, from_json
+from calstation.sequencer.events import Event, Fault, Settled, Verdict, from_json
 from calstation.station.channel import BEAT, Channel
 from calstation.station.mailbox import Mailbox
 from calstation.station.own_process import start_apart
-from calstation.station.request import RunRequest
+from calstation.station.request import RegisterErrand, RunRequest
 
 _SLICE = 0.2
 """Longest uninterruptible wait for a message, s."""
@@ -70,8 +70,8 @@ class Engine:
         self._looked = time.monotonic()
 
     @classmethod
-    def start(cls, request: RunRequest) -> "Engine":
-        """Start a run in a new process."""
+    def start(cls, request: RunRequest | RegisterErrand) -> "Engine":
+        """Start a run, or an errand at a unit's registers, in a new process."""
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_engine, args=(there, request), name="calstation engine")
@@ -174,7 +174,7 @@ class Engine:
     def _take(self, message: dict[str, Any]) -> Event:
         event = from_json(message)
         self._begun = True
-        self._told_end = self._told_end or isinstance(event, Verdict | Fault)
+        self._told_end = self._told_end or isinstance(event, Verdict | Settled | Fault)
         return event
 
     def _falls_silent(self, heard: bool, frozen_after: float) -> bool:
@@ -199,7 +199,7 @@ class Engine:
         return Fault(DeviceFaultError.__name__, f"engine: {what}; {_MEND}", DeviceFaultError.exit_code)
 
 
-def _engine(connection: "Connection[Any, Any]", request: RunRequest) -> None:
+def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterErrand) -> None:
     """Entry of the engine's process: no signal that it can hear ends it without a safe stop."""
     control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -216,9 +216,14 @@ def _engine(connection: "Connection[Any, Any]", request: RunRequest) -> None:
         lambda: not control.stuck(STUCK_AFTER),
     )
     try:
-        from calstation.station.run import execute
+        if isinstance(request, RunRequest):
+            from calstation.station.run import execute
 
-        execute(request, channel.emit, control)
+            execute(request, channel.emit, control)
+        else:
+            from calstation.station.register_errand import attend
+
+            attend(request, channel.emit, control)
     except CalstationError as error:
         channel.emit(Fault(type(error).__name__, str(error), error.exit_code))
     except Exception:  # noqa: BLE001 - told to the listener, whose process this is not

@@ -1,29 +1,20 @@
-"""Registers by hand: read from the unit, set beside what a result wants, written on an engineer's explicit word.
-
-Who wrote what stands in the unit's journal beside the runs (`register_journal`), and so does the intention with the
-old values, on disk before the first register is written.
-"""
+"""Registers by hand: read from the unit, set beside what a result wants; `register_errand` writes them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import Entry, transfer
 from calstation.errors import InputError
 from calstation.records.log import open_log
 from calstation.station import register_journal
 from calstation.station.compose import compose
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup, configured
-from calstation.station.unfinished import refuse_interrupted
-from calstation.station.unit_alone import prove_at_rest, unit_alone
+from calstation.station.unit_alone import unit_alone
 from calstation.station.worker import Tell
-
-_READ, _PROVING = 0.6, 0.8
-"""Told when the old registers are read, and when the new ones are to be proved."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +32,7 @@ class Register:
 
 @dataclass(frozen=True)
 class UnitRegisters:
-    """What a unit holds.
+    """What a unit holds; `to_json` and `of` carry it in an event.
 
     Attributes
     ----------
@@ -62,6 +53,15 @@ class UnitRegisters:
     def values(self) -> dict[str, float]:
         """SI by parameter."""
         return {register.parameter: register.value for register in self.registers}
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain values."""
+        return asdict(self)
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> "UnitRegisters":
+        """What `to_json` has made."""
+        return cls(**{**data, "registers": tuple(Register(**row) for row in data["registers"])})
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def read_unit(tell: Tell, request: RunRequest, runs: Path) -> UnitRegisters:
     setup, _ = configured(request)
     with unit_alone(tell, setup) as unit:
         values = unit.imu.read_registers()
-    return _held(setup, unit.identity, values, runs)
+    return held(setup, unit.identity, values, runs)
 
 
 def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any]) -> Wanted:
@@ -129,48 +129,8 @@ def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any])
     )
 
 
-def write_unit(
-    tell: Tell,
-    request: RunRequest,
-    serial: str,
-    values: Mapping[str, float],
-    source: str,
-    engineer: str,
-    runs: Path,
-) -> UnitRegisters:
-    """Work for the workshop, never to be killed: write registers, read back, commit, restart, read again, prove.
-
-    Parameters
-    ----------
-    serial : of the unit that is meant; another one in the fixture is refused
-    values : SI by parameter; registers of other parameters keep theirs
-    source : the log that the values come from
-    engineer : who says so
-    runs : folder of the runs, where the journal is
-
-    Raises
-    ------
-    DeviceFaultError
-        where another unit answers, an earlier transfer is open, a value does not fit, a register does not read back,
-        or the unit's output at rest is wrong with them; it then has its old ones again.
-    ConfigurationError
-        where the journal cannot be written; nothing was written then.
-    """
-    setup, _ = configured(request)
-
-    def begin(old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
-        tell(_READ)
-        return register_journal.begin(runs, serial, old, new, by=engineer, why="hand", source=source)
-
-    with unit_alone(tell, setup) as unit:
-        refuse_interrupted(unit.imu, setup, runs, serial)
-        done = transfer(unit.imu, _map(setup), serial, values, begin)
-        tell(_PROVING)
-        prove_at_rest(unit.imu, unit.clock, setup, done)
-    return _held(setup, unit.identity, done.found, runs)
-
-
-def _held(setup: Setup, identity: ImuIdentity, values: Mapping[str, float], runs: Path) -> UnitRegisters:
+def held(setup: Setup, identity: ImuIdentity, values: Mapping[str, float], runs: Path) -> UnitRegisters:
+    """What a unit holds, of its registers' `values`, SI by parameter."""
     return UnitRegisters(
         identity.serial,
         identity.model,

@@ -1,7 +1,7 @@
-"""`RunRequest`: what a listener asks the engine to run, as plain values that travel between processes."""
+"""What a listener asks the engine to do, as plain values that travel between processes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -40,3 +40,25 @@ class RunRequest:
     beyond_attempts: bool = False
     faults: Path | None = None
     unfinished: Literal["finish", "restore"] | None = None
+
+
+@dataclass(frozen=True)
+class RegisterErrand:
+    """What is to be done to a unit's registers without a run.
+
+    Attributes
+    ----------
+    request : the unit, where it is, the folder of the runs with the journal, and who asks (`operator`)
+    what : write `values`; or finish an interrupted transfer; or restore what the unit held before one
+    values : SI by parameter; registers of other parameters keep theirs
+    source : where the values come from
+    transfer : before which the unit held what is to be restored; None for the latest, interrupted or not
+    at_rest : leave the table alone: the output is proved at rest, without a turn
+    """
+
+    request: RunRequest
+    what: Literal["write", "finish", "restore"]
+    values: Mapping[str, float] = field(default_factory=dict)
+    source: str = ""
+    transfer: str | None = None
+    at_rest: bool = False

@@ -34,7 +34,7 @@ from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.resume import Continuation
 from calstation.station.setup import Setup, prepare
 from calstation.station.solve import StageChain, one_blas_thread
-from calstation.station.unfinished import settle
+from calstation.station.unfinished import Unproved, settle
 from calstation.station.virtual_hands import VirtualHands
 from calstation.station.who import computer_user
 from calstation.station.wiring import Devices, connected
@@ -94,6 +94,7 @@ class _Run:
     meta: LogMeta
     log: RawLogWriter
     chain: StageChain
+    unproved: Unproved | None = None
     registers: dict[str, Any] = field(default_factory=dict)
 
     def verify(self, solution: Solution) -> bool:
@@ -175,9 +176,11 @@ def _connect(place: _Place, injector: FaultInjector, hands: VirtualHands) -> Non
             if isinstance(devices.clock, BenchClock):
                 injector.order = devices.clock.order
                 hands.carry = devices.clock.carry
-            settle(devices.imu, devices.clock, place.setup, place.folder, place.emit)
+            unproved = settle(
+                devices.imu, devices.table, devices.clock, place.setup, place.folder, place.emit, place.hear
+            )
             meta = place.meta(devices.imu.read_registers())
-            run = _Run(place, meta, place.log(meta), StageChain(meta))
+            run = _Run(place, meta, place.log(meta), StageChain(meta), unproved)
             _run(run, devices)
     except (DeviceFaultError, StopRequested) as error:
         if run is not None:
@@ -205,7 +208,14 @@ def _run(run: _Run, devices: Devices) -> None:
 
 
 def _sequence(run: _Run, devices: Devices) -> Ended:
-    """Carry on what was begun before, then drive and solve what is left."""
+    """Carry on what was begun before, then drive and solve what is left; say what was written and never proved."""
+    ended = _drive(run, devices)
+    if run.unproved is not None and run.unproved.open:
+        run.tell(Message("transfer_unproved"))
+    return ended
+
+
+def _drive(run: _Run, devices: Devices) -> Ended:
     control = run.place.control
     try:
         after = run.carry_on()
@@ -241,6 +251,7 @@ def _sequence(run: _Run, devices: Devices) -> Ended:
         verify=run.verify,
         conclude=conclusion.conclude,
         prove=conclusion.prove,
+        prove_first=None if run.unproved is None else run.unproved.prove,
         control=control,
         solved=solved,
         after=after,

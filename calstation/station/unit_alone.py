@@ -8,16 +8,13 @@ from datetime import UTC, datetime
 import numpy as np
 
 from calstation.devices.interfaces import Imu, ImuIdentity, SampleBatch
-from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import Closing, Step, Transferred, restore
 from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray
-from calstation.records.meta import context_from_meta, prior_from_meta
+from calstation.records.meta import context_from_meta
 from calstation.sequencer.acquisition import to_si
 from calstation.sequencer.fresh_data import REST, FreshData
 from calstation.sequencer.ports import Clock
 from calstation.station.clock import BenchClock
-from calstation.station.proof import Proven, prove, refuted
 from calstation.station.setup import Setup
 from calstation.station.wiring import endpoints, open_imu
 from calstation.station.worker import Tell
@@ -39,9 +36,12 @@ class UnitAlone:
 
 
 @contextmanager
-def unit_alone(tell: Tell, setup: Setup) -> Iterator[UnitAlone]:
-    """The IMU alone; closed on the way out. Raises DeviceFaultError, ConfigurationError."""
-    with endpoints(setup) as at:
+def unit_alone(tell: Tell, setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator[UnitAlone]:
+    """The IMU alone; closed on the way out. Raises DeviceFaultError, ConfigurationError.
+
+    hear : called while a virtual bench comes up, may raise
+    """
+    with endpoints(setup, hear) as at:
         tell(_SHARES[0])
         imu = open_imu(setup, at.imu)
         try:
@@ -54,37 +54,17 @@ def unit_alone(tell: Tell, setup: Setup) -> Iterator[UnitAlone]:
             imu.close()
 
 
-def prove_at_rest(imu: Imu, clock: Clock, setup: Setup, done: Transferred) -> None:
-    """Judge a restarted unit that nobody turns by what any unit of its type may be off; close the journal's entry.
-
-    One whose corrected output is wrong gets its old registers back. Raises DeviceFaultError.
-    """
-    wrong = [check for check in _checks(imu, clock, setup, done) if not check.passed]
-    if wrong:
-        done.entry.note(Step.REFUTED)
-        restore(imu, RegisterMap(tuple(setup.imu.registers)), done.entry)
-        raise refuted(wrong[0], "its old registers were put back")
-    done.entry.close(Closing.DONE)
-
-
-def _checks(imu: Imu, clock: Clock, setup: Setup, done: Transferred) -> tuple[Proven, ...]:
-    meta = setup.meta(datetime.now(UTC), 1, {})
-    context = context_from_meta(meta)
-    rest = _rest(imu, clock, setup.imu.status.ready, round(REST * context.imu.sample_rate))
-    registers = None if setup.after_registers else done.found
-    fresh = FreshData((rest * to_si(context.imu),), REST)
-    return prove(fresh, registers, prior_from_meta(meta).covariance, context)
-
-
-def _rest(imu: Imu, clock: Clock, ready: int, count: int) -> FloatArray:
-    """Mean counts of `count` samples in a row of a unit that is ready, shape (6,). Raises DeviceFaultError."""
-    parts = samples_in_a_row(imu, clock, ready, count)
+def rest_of(unit: UnitAlone, setup: Setup, hear: Callable[[], None]) -> FreshData:
+    """Output at rest of a unit that nobody turns. Raises DeviceFaultError; `hear` may raise as well."""
+    model = context_from_meta(setup.meta(datetime.now(UTC), 1, {})).imu
+    count = round(REST * model.sample_rate)
+    parts = samples_in_a_row(unit.imu, unit.clock, setup.imu.status.ready, count, lambda taken: hear())
     if parts is None:
         raise DeviceFaultError(
             f"IMU: no rest without a gap within {_WITHIN:g} s of its restart; check cable, power and port"
         )
     mean: FloatArray = np.concatenate([part.counts for part in parts]).mean(axis=0)
-    return mean
+    return FreshData((mean * to_si(model),), REST)
 
 
 def samples_in_a_row(

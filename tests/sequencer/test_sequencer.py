@@ -11,6 +11,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.physics.motion import Move
 from calstation.sequencer.control import Command
+from calstation.sequencer.driving import Aside
 from calstation.sequencer.events import (
     Fault,
     Message,
@@ -21,7 +22,6 @@ from calstation.sequencer.events import (
     StepStarted,
 )
 from calstation.sequencer.safe_stop import safe_stop
-from calstation.sequencer.sequencer import Aside
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
 from calstation.sequencer.task import Concluded, StagePlan

@@ -1,0 +1,210 @@
+"""Table and unit in one hand: prepared, moved and looked at; every way out leaves the table at rest, axes off."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from calstation.devices.interfaces import Imu, Table
+from calstation.errors import CalstationError, DeviceFaultError
+from calstation.estimation.samples import SampleBlock
+from calstation.physics.motion import Move
+from calstation.sequencer import states
+from calstation.sequencer.acquisition import Acquisition, LastSample, to_si
+from calstation.sequencer.carried_data import carried_data
+from calstation.sequencer.control import Control, StopRequested
+from calstation.sequencer.events import Fault, Message, StateChanged
+from calstation.sequencer.fresh_data import FreshData, await_restart, fresh_data, turns
+from calstation.sequencer.guard import check_limits, check_travel
+from calstation.sequencer.guiding import Guiding
+from calstation.sequencer.ports import Clock, Emit
+from calstation.sequencer.preflight import Preflight
+from calstation.sequencer.pulse import Pulse
+from calstation.sequencer.safe_stop import safe_stop
+from calstation.sequencer.states import State
+from calstation.sequencer.steps import StepRunner
+from calstation.sequencer.task import Task
+
+LOOK = 0.05
+"""Host time between looks while something else is done, s."""
+
+Aside = Callable[[Callable[[], Any]], Any]
+"""Does a work in a thread of its own, to its end, and returns what it returns or raises."""
+
+
+class Driving:
+    """What moves a table does so inside `run`, after `begin` and `preflight`.
+
+    Parameters
+    ----------
+    control : takes the operator's commands from any thread
+    emit : is told everything
+    take : is given every sample that is not taken aside
+    service : called at every tick; on_show : when a display is due
+    after : where a run that is resumed had come to
+
+    Attributes
+    ----------
+    state : where it stands
+    acquisition : of the samples; pulse, runner, guiding : there from `begin` on
+    """
+
+    pulse: Pulse
+    runner: StepRunner
+    guiding: Guiding
+
+    def __init__(
+        self,
+        task: Task,
+        table: Table,
+        imu: Imu,
+        clock: Clock,
+        control: Control,
+        emit: Emit,
+        *,
+        take: Callable[[SampleBlock], None] = lambda block: None,
+        service: Callable[[], None] = lambda: None,
+        on_show: Callable[[], None] = lambda: None,
+        after: LastSample | None = None,
+    ) -> None:
+        self.state = State.IDLE
+        self._task = task
+        self._table = table
+        self._imu = imu
+        self._clock = clock
+        self._control = control
+        self._emit = emit
+        self._service = service
+        self._on_show = on_show
+        self.acquisition = Acquisition(
+            imu,
+            task.imu,
+            clock,
+            take,
+            latency=task.latency,
+            masks=task.masks,
+            span=task.span,
+            after=after,
+        )
+
+    def run(self, work: Callable[[], State]) -> CalstationError | None:
+        """Do a work and go to the state that it ends in. Every way out leaves the table at rest, axes off.
+
+        Errors of devices, configuration and input end in the state fault and are returned; a mistake of
+        the program stops the table as well and is raised.
+        """
+        try:
+            with self._control.ticking():
+                end = work()
+        except StopRequested:
+            try:
+                self.go(State.STOPPING)
+                if self._control.stop_reason != "operator":
+                    self._emit(Message("stopped_because", {"reason": self._control.stop_reason}))
+            finally:
+                self._stop_safely()
+            self.go(State.STOPPED)
+            return None
+        except CalstationError as error:
+            self._stop_safely()
+            self.go(State.FAULT)
+            self._emit(Fault(type(error).__name__, str(error), error.exit_code))
+            return error
+        except BaseException:
+            self._stop_safely()
+            raise
+        self.go(end)
+        return None
+
+    def go(self, state: State) -> None:
+        """To another state."""
+        previous, self.state = self.state, states.step(self.state, state)
+        self._emit(StateChanged(self.state, previous))
+
+    def begin(self) -> None:
+        """Look at the table for the first time; nothing moves. Raises DeviceFaultError where it does not answer."""
+        task = self._task
+        self.pulse = Pulse(
+            self._table,
+            self._imu,
+            self.acquisition,
+            self._clock,
+            self._control,
+            self._emit,
+            self._service,
+            self._on_show,
+        )
+        self.guiding = Guiding(task.imu, self.pulse, self.acquisition, self._control, self._emit)
+        self.runner = StepRunner(
+            self._table,
+            self.pulse,
+            self.acquisition,
+            self._control,
+            self._emit,
+            task.geometry.limits,
+            self.go,
+            self.guiding,
+        )
+
+    def preflight(self) -> None:
+        """Make sure of everything, axes on, at home. Raises DeviceFaultError or ConfigurationError."""
+        Preflight(
+            self._table,
+            self._imu,
+            self.pulse,
+            self.acquisition,
+            self.runner,
+            self._clock,
+            self._task.geometry,
+            to_si(self._task.imu),
+            self._task.preflight,
+            self._emit,
+        ).run()
+
+    def check_turns(self) -> None:
+        """The turns of `fresh_data` from here against the limits. Raises ConfigurationError."""
+        geometry, own = self._task.geometry, self.pulse.status.limits
+        for move in turns(self.runner.position(), geometry.limits, own):
+            check_limits(geometry.limits, move)
+            check_travel(own, move)
+
+    def fresh_data(self, *, restarted: bool = True) -> FreshData:
+        """The unit's output at rest and in turns, to be judged; that of one just `restarted` goes to no log.
+
+        Raises DeviceFaultError, ConfigurationError, StopRequested.
+        """
+        if restarted:
+            self.aside(self._imu.start)
+            await_restart(self.pulse, self.acquisition)
+        take = carried_data if self._task.by_hand else fresh_data
+        return take(self.pulse, self.acquisition, self.runner, self._task.geometry, to_si(self._task.imu))
+
+    def aside(self, work: Callable[[], Any]) -> Any:
+        """Do what must not be interrupted, the table's watchdog fed meanwhile; whatever happens, it is done then."""
+        with ThreadPoolExecutor(1, "aside") as worker:
+            job = worker.submit(work)
+            while not job.done():
+                self._clock.idle(LOOK)
+                self.pulse.keep_alive()
+                self._control.take()
+            return job.result()
+
+    def finish(self) -> None:
+        """To the load angle, axes off."""
+        self._emit(Message("finishing"))
+        outer, inner = self._task.load_angle
+        limits = self._task.geometry.limits
+        rate = min(self._task.travel_rate, *limits.rate)
+        acceleration = min(self._task.travel_acceleration, *limits.acceleration)
+        if not self.runner.arrived((outer, inner)):
+            self.runner.drive(Move(outer, inner, rate, acceleration, ("load",)))
+        self.pulse.powered = False
+        self._table.disable()
+
+    def _stop_safely(self) -> None:
+        self.acquisition.stage, self.acquisition.valid = "", False
+        for failure in safe_stop(self._table, self._clock):
+            self._emit(Message("safe_stop_incomplete", {"text": failure}))
+        try:
+            self.acquisition.drain()
+        except DeviceFaultError as error:
+            self._emit(Message("safe_stop_incomplete", {"text": str(error)}))

@@ -1,0 +1,63 @@
+"""Is a unit's output right behind a transfer that no run has made? By what any unit of its type may be off."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+from calstation.devices.interfaces import Imu
+from calstation.devices.registers import RegisterMap
+from calstation.devices.transfer import Closing, Step, Transferred, restore
+from calstation.errors import DeviceFaultError
+from calstation.records.meta import context_from_meta, prior_from_meta
+from calstation.sequencer.driving import Aside
+from calstation.sequencer.fresh_data import FreshData
+from calstation.station.proof import Proven, prove, refuted
+from calstation.station.setup import Setup
+
+
+def at_once(work: Callable[[], Any]) -> Any:
+    """Does a work where no table needs to be looked after meanwhile."""
+    return work()
+
+
+def judge(setup: Setup, imu: Imu, done: Transferred, fresh: FreshData, aside: Aside = at_once) -> None:
+    """Close the journal's entry of new registers; where the output is wrong with them, the old ones are put back.
+
+    Raises DeviceFaultError.
+    """
+    entry = done.entry
+    wrong = _wrong(setup, done, fresh)
+    if wrong:
+        entry.note(Step.REFUTED)
+        aside(lambda: restore(imu, RegisterMap(tuple(setup.imu.registers)), entry))
+        raise refuted(wrong[0], "its old registers were put back")
+    entry.note(_by(fresh))
+    entry.close(Closing.DONE)
+
+
+def judge_old(setup: Setup, done: Transferred, fresh: FreshData) -> None:
+    """Close the entry of registers that were put back: the unit is as it was, whatever its output is worth.
+
+    Raises DeviceFaultError where that is wrong.
+    """
+    entry = done.entry
+    wrong = _wrong(setup, done, fresh)
+    entry.note(Step.REFUTED if wrong else _by(fresh))
+    entry.close(Closing.RESTORED)
+    if wrong:
+        check = wrong[0]
+        raise DeviceFaultError(
+            f"IMU: its old registers are back, but with them {check.name} measures {check.value:.6g} {check.unit},"
+            f" expected {check.expected:.6g} within {check.tolerance:.2g}; calibrate the unit before it is used"
+        )
+
+
+def _wrong(setup: Setup, done: Transferred, fresh: FreshData) -> list[Proven]:
+    meta = setup.meta(datetime.now(UTC), 1, {})
+    registers = None if setup.after_registers else done.found
+    checks = prove(fresh, registers, prior_from_meta(meta).covariance, context_from_meta(meta))
+    return [check for check in checks if not check.passed]
+
+
+def _by(fresh: FreshData) -> Step:
+    return Step.TURNED if fresh.turns else Step.AT_REST
