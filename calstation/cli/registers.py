@@ -15,11 +15,12 @@ from calstation.errors import StoppedError
 from calstation.physics.units import display
 from calstation.sequencer.events import Fault, Settled
 from calstation.station import register_journal
+from calstation.station.config import load_station
 from calstation.station.engine import Engine
 from calstation.station.hand_registers import UnitRegisters
+from calstation.station.register_errand import turning
 from calstation.station.register_journal import Transfer
 from calstation.station.request import RegisterErrand, RunRequest
-from calstation.station.setup import configured
 
 CLOSINGS = {
     None: "OPEN: interrupted, finish or restore it",
@@ -102,13 +103,12 @@ def _do(errand: RegisterErrand, what: str, json: str | None, *, yes: bool, debug
 
 def _confirm(errand: RegisterErrand, what: str, yes: bool) -> None:
     """No motion that was not announced, and none on hardware that nobody has agreed to."""
-    setup, _ = configured(errand.request)
-    station, serial = setup.station, errand.request.serial
-    if setup.by_hand:
+    turns = turning(errand)
+    _, station = load_station(errand.request.station)
+    serial = errand.request.serial
+    if not turns:
+        what += " Nothing moves: at rest hardly anything of the gyros can be proved."
         place = f"unit {serial} in the fixture of '{station.name}', at rest"
-    elif errand.at_rest:
-        what += f" The table of '{station.name}' is left alone, so no turn proves the gyros."
-        place = f"unit {serial} in its fixture, at rest"
     else:
         what += (
             f" For that the table of '{station.name}' is going to move: home, half a turn, 30°, load angle; Ctrl-C"

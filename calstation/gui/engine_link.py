@@ -4,17 +4,22 @@ from PySide6.QtCore import QObject, QTimer, Signal
 
 from calstation.sequencer.control import Command
 from calstation.station.engine import Engine
-from calstation.station.request import RunRequest
+from calstation.station.request import RegisterErrand, RunRequest
 
 _EVERY = 30
 """Between two looks at the engine, ms."""
 
 
 class EngineLink(QObject):
-    """Starts runs and re-emits what they tell.
+    """Starts runs, and errands at a unit's registers, and re-emits what they tell.
 
     `event(object)` carries every event; an engine that dies is told as a `Fault`. `running_changed(bool)` says when
-    a run's process begins and has ended.
+    the process of either begins and has ended.
+
+    Attributes
+    ----------
+    request : of the last run, or the last errand's place and unit
+    errand : the last one, None where a run came behind it
     """
 
     event = Signal(object)  # type: ignore[assignment] # QObject.event is of no use to a listener
@@ -24,20 +29,22 @@ class EngineLink(QObject):
         super().__init__(parent)
         self._engine: Engine | None = None
         self.request: RunRequest | None = None
+        self.errand: RegisterErrand | None = None
         self._timer = QTimer(self)
         self._timer.setInterval(_EVERY)
         self._timer.timeout.connect(self._poll)
 
     @property
     def running(self) -> bool:
-        """Whether a run's process lives."""
+        """Whether the process of a run or an errand lives."""
         return self._engine is not None
 
-    def start(self, request: RunRequest) -> None:
-        """Start a run; only one at a time."""
+    def start(self, order: RunRequest | RegisterErrand) -> None:
+        """Start a run or an errand; only one at a time."""
         assert self._engine is None, "a run is going on"
-        self.request = request
-        self._engine = Engine.start(request)
+        self.errand = order if isinstance(order, RegisterErrand) else None
+        self.request = order if isinstance(order, RunRequest) else order.request
+        self._engine = Engine.start(order)
         self.running_changed.emit(True)
         self._timer.start()
 

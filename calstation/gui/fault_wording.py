@@ -6,12 +6,13 @@ known is shown as it is.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 from PySide6.QtCore import QCoreApplication
 
 from calstation.gui.wording import QT_TRANSLATE_NOOP
+from calstation.station.register_errand import OR_AT_REST
 
 _CAUSES = {
     "table": QT_TRANSLATE_NOOP("faults", "Table"),
@@ -251,6 +252,21 @@ SENTENCES: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP(
         "faults",
+        "IMU: its old registers are back, but with them {0} measures {1}, expected {2} within {3}; calibrate the unit"
+        " before it is used",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: its {0} axis cannot turn by {1}° to either side, so no turn can prove the unit's output; widen its"
+        " travel",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: unit '{0}' is in the fixture, the values are for '{1}'; nothing was written; change the unit or open"
+        " its own result",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
         "IMU: with its new registers {0} measures {1}, expected {2} within {3}; its old registers were put "
         "back; look whether the table was disturbed, whether latitude and gravity in the station file are "
         "right, and whether the IMU profile's registers mean what the unit makes of them; then run again",
@@ -384,6 +400,10 @@ def word_fault(kind: str, text: str) -> FaultWords:
     """The words of a `Fault` of this kind and text; of a mistake of the program only its last line is shown."""
     if kind == "internal":
         return _internal(text)
+    if text.endswith(OR_AT_REST):
+        words = word_fault(kind, text.removesuffix(OR_AT_REST))
+        beside = QCoreApplication.translate("faults", "Or choose “Write, table at rest”.")
+        return replace(words, mend=f"{words.mend} {beside}".strip())
     cause = _cause(kind, text)
     for pattern, sentence in _REWORDED:
         if found := re.fullmatch(pattern, text, re.DOTALL):
@@ -394,6 +414,7 @@ def word_fault(kind: str, text: str) -> FaultWords:
 
 def known(text: str) -> bool:
     """Whether the sentence can be said in every language."""
+    text = text.removesuffix(OR_AT_REST)
     return any(pattern.fullmatch(text) for pattern, _ in _patterns()) or any(
         re.fullmatch(pattern, text, re.DOTALL) for pattern, _ in _REWORDED
     )

@@ -14,6 +14,7 @@ from calstation.sequencer.events import (
     Event,
     Fault,
     Message,
+    Settled,
     StageEnded,
     StageProgress,
     StageSolved,
@@ -27,6 +28,9 @@ from calstation.station.outline import Outline, outline
 MOVING_STATES = ("starting", "preparing", "running", "pausing", "paused", "stopping")
 """States in which a run is going on."""
 
+ENDED = ("stopped", "fault", "passed", "failed", "done")
+"""States in which a run or an errand is over."""
+
 _REMARKS = (
     "step_repeated",
     "safe_stop_incomplete",
@@ -35,6 +39,7 @@ _REMARKS = (
     "turns_assumed_whole",
     "transfer_finished",
     "transfer_unproved",
+    "old_unproved",
     "stopped_because",
     "stopped_early",
     "handover_waiting",
@@ -83,6 +88,7 @@ class RunStatus(QObject):
     ----------
     state : the sequencer's, or ``starting`` before its first word
     outline : what the run is; None before the first one
+    errand : it is no run but an errand at the unit's registers
     serial : of its unit, "" before the first one
     stages : in order, and the transfer where the unit has registers
     said : latest message or step as ("message", id, values) or ("step", kind, label), to be worded when shown;
@@ -100,6 +106,7 @@ class RunStatus(QObject):
         self._link = link
         self.state = "idle"
         self.outline: Outline | None = None
+        self.errand = False
         self.serial = ""
         self.stages: list[StageState] = []
         self.said: tuple[str, str, Any] | None = None
@@ -181,6 +188,7 @@ class RunStatus(QObject):
         if running:
             assert self._link.request is not None
             self.state = "starting"
+            self.errand = self._link.errand is not None
             self.serial = self._link.request.serial
             self.verdict = self.fault = self.said = None
             self.remarks = []
@@ -188,11 +196,11 @@ class RunStatus(QObject):
             self._begun = self._behind = 0.0
             try:
                 self.outline = outline(self._link.request)
-                self.stages = planned(self.outline)
+                self.stages = [] if self.errand else planned(self.outline)
             except CalstationError:  # the engine meets it as well and tells it as a fault
                 self.stages = []
         elif self.going:
-            self.state = "incomplete"
+            self.state = "idle" if self.errand else "incomplete"
         self.changed.emit()
 
     def _take(self, event: Event) -> None:
@@ -215,6 +223,8 @@ class RunStatus(QObject):
             self._solve_stage(event)
         elif isinstance(event, Message):
             self._hear(event.id, event.values)
+        elif isinstance(event, Settled):
+            self.state = "idle"
         elif isinstance(event, Fault):
             self.fault = event
             self.state = "fault"
@@ -228,8 +238,10 @@ class RunStatus(QObject):
         self._telling.start()
 
     def _change_state(self, state: str) -> None:
-        if self.state == "stopping" and state not in ("stopped", "fault", "passed", "failed"):
+        if self.state == "stopping" and state not in ENDED:
             return  # the stop was pressed after this was said
+        if state in ENDED and self.errand:
+            return  # its last word follows
         self.state = state
         if state == "stopped":
             self._leave("stopped")

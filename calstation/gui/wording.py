@@ -116,6 +116,13 @@ _MESSAGES = {
         "wording", "Hand-over: {count} waiting, {folder} cannot be reached ({reason})."
     ),
     "handover_done": QT_TRANSLATE_NOOP("wording", "Hand-over: {count} results went to {folder}."),
+    "registers_writing": QT_TRANSLATE_NOOP("wording", "Writing the registers."),
+    "registers_proved": QT_TRANSLATE_NOOP(
+        "wording", "Registers written, read back, and the output right with them ({proof})."
+    ),
+    "old_unproved": QT_TRANSLATE_NOOP(
+        "wording", "The old registers are back as they were; the output was not looked at to its end."
+    ),
     "verifying": QT_TRANSLATE_NOOP("wording", "Checking the output of the restarted unit."),
     "registers_kept": QT_TRANSLATE_NOOP("wording", "Outside the limits: the unit keeps its registers."),
     "better_kept": QT_TRANSLATE_NOOP(
@@ -153,6 +160,10 @@ _VALUES = {
         "restored": QT_TRANSLATE_NOOP("wording", "the old registers are back"),
     },
     "reason": _REASONS,
+    "proof": {
+        "turn": QT_TRANSLATE_NOOP("wording", "with a turn of the table"),
+        "rest": QT_TRANSLATE_NOOP("wording", "at rest, no turn was made"),
+    },
 }
 """Values of messages that are words themselves."""
 
@@ -239,6 +250,13 @@ def word_message(key: str, values: Mapping[str, Any]) -> str:
     if "stage" in shown:
         shown["stage"] = word_stage(str(shown["stage"]))
     return _say(_MESSAGES[key]).format(**shown)
+
+
+def word_busy(errand: bool) -> str:
+    """Why nothing else can be begun now, and the mend."""
+    if errand:
+        return _say(QT_TRANSLATE_NOOP("wording", "Registers are being written; press STOP first."))
+    return _say(QT_TRANSLATE_NOOP("wording", "A calibration is going on; press STOP first."))
 
 
 def word_step(kind: str, label: tuple[str | float, ...]) -> str:

@@ -50,6 +50,13 @@ Hear = Callable[[], None]
 """Takes the operator's commands; raises StopRequested."""
 
 
+def turning(errand: RegisterErrand) -> bool:
+    """Whether a table is going to move for it. Raises InputError where there is nothing to do, ConfigurationError."""
+    setup, _ = configured(errand.request)
+    _Work.of(errand, setup, lambda event: None)
+    return not (errand.at_rest or setup.by_hand)
+
+
 def attend(errand: RegisterErrand, emit: Emit, control: Control) -> None:
     """Do an errand to its end: its last event is `Settled`, or the `Fault` that ended it.
 

@@ -75,7 +75,7 @@ class Offer:
     schedules : complete values of every stage offered, by name
     estimates : parameters of each stage offered
     rate, acceleration : most that both joints do, °/s and °/s²
-    virtual : the station is a virtual bench; station : its name
+    virtual : the station is a virtual bench; station : its name; by_hand : its rails are turned by hand
     serial_pattern : regular expression for a whole serial number; serial : of the virtual bench's unit, else ""
     """
 
@@ -83,6 +83,7 @@ class Offer:
     name: str
     station: str
     virtual: bool
+    by_hand: bool
     stages: tuple[str, ...]
     offered: tuple[str, ...]
     schedules: Mapping[str, Mapping[str, Any]]
@@ -106,6 +107,7 @@ def offer(station: Path | None, product: Path | None) -> Offer:
         name=setup.product.name,
         station=setup.station.name,
         virtual=setup.station.bench is not None,
+        by_hand=setup.by_hand,
         stages=setup.stages,
         offered=offered,
         schedules={stage: s.model_dump(mode="json") for stage, s in whole.schedules.items()},

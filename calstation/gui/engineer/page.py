@@ -28,7 +28,7 @@ from calstation.gui.page import Page
 from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.gui.wording import word_stage
+from calstation.gui.wording import word_busy, word_stage
 from calstation.sequencer.events import Event, Verdict
 from calstation.station.finished import Finished
 from calstation.station.forecast import forecast
@@ -306,7 +306,7 @@ class EngineerPage(Page):
 
     def _allow(self) -> None:
         running = self.app.engine_link.running
-        busy = self.tr("A calibration is going on; press STOP first.") if running else ""
+        busy = word_busy(self.app.run.errand) if running else ""
         role = (
             ""
             if self.app.role.engineer
@@ -324,6 +324,8 @@ class EngineerPage(Page):
         self.choice.lock(busy, role, name or self._why_not_save())
         self.preview.set_why_not(self._problem or self._why_no_choice())
         self.registers.engineer = self._fields.engineer
+        found = self._offer
+        self.registers.table_of = "" if found is None or found.by_hand else found.station
         self.registers.set_why_not(
             self._problem or busy or device,
             role or self._problem or busy or device or name or self._desk.why_not(),

@@ -1,6 +1,7 @@
 """The registers view at work: what a result wants, what the unit holds, and the write that was asked for."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
@@ -8,14 +9,18 @@ from PySide6.QtCore import QObject, Signal
 from calstation.gui.context import AppContext
 from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.wording import word_message, word_step
+from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
 from calstation.station.finished import Finished
-from calstation.station.hand_registers import UnitRegisters, Wanted, read_unit, wanted_registers, write_unit
-from calstation.station.request import RunRequest
-from calstation.station.workshop import Job
+from calstation.station.hand_registers import UnitRegisters, Wanted, read_unit, wanted_registers
+from calstation.station.request import RegisterErrand, RunRequest
+
+_LEFT = ("transfer_unproved", "old_unproved")
+"""Messages that say how a unit was left whose write did not come to its end."""
 
 
 class RegisterDesk(QObject):
-    """Does the view's work; `changed` when something else may be done now.
+    """Does the view's work, reading in the workshop, writing by the engine; `changed` when something else may be done.
 
     request : what would be run now, for its station, product and engineer's name
     """
@@ -26,15 +31,17 @@ class RegisterDesk(QObject):
         super().__init__(parent)
         self._app, self._request = app, request
         self._run: Finished | None = None
-        self._writing = False
+        self._errand: RegisterErrand | None = None
+        self._left = ""
         self.view = RegistersView()
         self._wanting = JobWatch(self)
         self._wanting.done.connect(self._show_wanted)
         self._wanting.failed.connect(self.view.complain)
         self.view.read_wanted.connect(self._read)
         self.view.write_wanted.connect(self._write)
-        self.view.watch.done.connect(self._told)
+        self.view.watch.done.connect(self._show_unit)
         self.view.watch.failed.connect(lambda _: self.changed.emit())
+        app.engine_link.event.connect(self._hear)
 
     def take(self, run: Finished) -> None:
         """Another run is looked at: find what it wants in the registers."""
@@ -63,30 +70,53 @@ class RegisterDesk(QObject):
 
     def _read(self) -> None:
         job = self._app.workshop.submit(read_unit, self._request(), self._app.runs_folder, cancellable=False)
-        self._begin(job, writing=False)
-
-    def _write(self, values: Mapping[str, float]) -> None:
-        assert self._run is not None
-        request, result = self._request(), self._run.result
-        job = self._app.workshop.submit(
-            write_unit,
-            request,
-            str(result["unit"]["serial"]),
-            dict(values),
-            Path(result["log"]["file"]).name,
-            request.operator or "",
-            self._app.runs_folder,
-            cancellable=False,
-        )
-        self._begin(job, writing=True)
-
-    def _begin(self, job: Job, *, writing: bool) -> None:
-        self._writing = writing
         self.view.watch.watch(job)
         self.view.begin()
         self.changed.emit()
 
-    def _told(self, unit: UnitRegisters) -> None:
-        self.view.show_unit(unit, written=self._writing)
-        self._writing = False
+    def _show_unit(self, unit: UnitRegisters) -> None:
+        self.view.show_unit(unit)
         self.changed.emit()
+
+    def _write(self, values: Mapping[str, float], at_rest: bool) -> None:
+        assert self._run is not None
+        if self._app.workshop.at_device:
+            self.view.complain(self.tr("Another page is talking to a device; try again in some seconds."))
+            return
+        result = self._run.result
+        self._errand = RegisterErrand(
+            replace(self._request(), serial=str(result["unit"]["serial"])),
+            "write",
+            dict(values),
+            Path(result["log"]["file"]).name,
+            at_rest=at_rest,
+        )
+        self._left = ""
+        self.view.begin()
+        self.view.tell(lambda: self.tr("Starting the engine and connecting."))
+        self._app.engine_link.start(self._errand)
+
+    def _hear(self, event: Event) -> None:
+        """How the write in hand gets on, and how it ended."""
+        if self._errand is None or self._app.engine_link.errand is not self._errand:
+            return
+        if isinstance(event, Message):
+            key, values = event.id, event.values
+            if key in _LEFT:
+                self._left = key
+            self.view.tell(lambda: word_message(key, values))
+        elif isinstance(event, StepStarted):
+            kind, label = event.kind, event.label
+            self.view.tell(lambda: word_step(kind, label))
+        elif isinstance(event, Settled):
+            self._errand = None
+            if event.closing == "stopped":
+                left = word_message(self._left, {}) if self._left else self.tr("Nothing was written.")
+                self.view.complain(f"{self.tr('Stopped.')} {left}")
+            else:
+                self.view.show_unit(UnitRegisters.of(event.unit), event.proof)
+            self.changed.emit()
+        elif isinstance(event, Fault):
+            self._errand = None
+            self.view.complain(event.text)
+            self.changed.emit()

@@ -12,7 +12,7 @@ from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
-from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.units import aligned, display
 from calstation.station.hand_registers import Register, UnitRegisters, Wanted
@@ -21,10 +21,13 @@ _NONE = "–"
 
 
 class RegistersView(QWidget):
-    """`read_wanted` and `write_wanted(values)` ask the page to have it done by the workshop."""
+    """`read_wanted` and `write_wanted(values, at_rest)` ask the page to have it done.
+
+    table_of : station whose table turns to prove what is written, "" where hands turn the rails
+    """
 
     read_wanted = Signal()
-    write_wanted = Signal(object)
+    write_wanted = Signal(object, bool)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -35,7 +38,9 @@ class RegistersView(QWidget):
         self._cells: dict[str, dict[str, str]] = {}
         self._error, self._why_not = "", ""
         self._written = False
-        self.engineer = ""
+        self._proof = ""
+        self._said: Words | None = None
+        self.engineer = self.table_of = ""
         self.watch = JobWatch(self)
         self._row = JobRow(self.watch)
         self.notice = NoticeBar()
@@ -103,15 +108,21 @@ class RegistersView(QWidget):
             self.unit = None
         self._fill()
 
-    def show_unit(self, unit: UnitRegisters, *, written: bool = False) -> None:
-        """What the unit holds; `written` just now, on the engineer's word."""
-        self.unit, self._written, self._error = unit, written, ""
+    def show_unit(self, unit: UnitRegisters, proof: str = "") -> None:
+        """What the unit holds; `proof` : by what that was found right, where it was written just now."""
+        self.unit, self._written, self._error = unit, bool(proof), ""
+        self._proof, self._said = proof, None
         self._fill()
 
     def begin(self) -> None:
         """The unit is being asked."""
         self._error = ""
         self.notice.dismiss()
+        self._say()
+
+    def tell(self, words: Words) -> None:
+        """How a write gets on."""
+        self._said = words
         self._say()
 
     def set_why_not(self, read: str, write: str) -> None:
@@ -203,31 +214,59 @@ class RegistersView(QWidget):
 
     def complain(self, error: str) -> None:
         """Say what could not be done."""
-        self._error = error
+        self._error, self._said = error, None
         self._say()
 
     def _ask(self) -> None:
         """State exactly what will change, and wait for the word."""
         assert self.wanted is not None
         assert self.unit is not None
-        wanted, unit, changes = self.wanted, self.unit, self.changes
+        wanted, unit, changes, table = self.wanted, self.unit, self.changes, self.table_of
+
+        def write(*, at_rest: bool) -> None:
+            self.write_wanted.emit(wanted.values, at_rest)
+
+        turning = (
+            Choice(
+                "confirm_at_rest_button", lambda: self.tr("Write, table at rest"), lambda: write(at_rest=True)
+            ),
+            Choice(
+                "confirm_write_button",
+                lambda: self.tr("Write and turn the table"),
+                lambda: write(at_rest=False),
+            ),
+        )
+        by_hand = Choice(
+            "confirm_write_button",
+            lambda: self.tr("Write {0} registers").format(len(wanted.registers)),
+            lambda: write(at_rest=True),
+        )
         self.notice.ask(
             "caution",
             lambda: self.tr("Write {0} registers of unit {1}?").format(len(wanted.registers), unit.serial),
-            lambda: self.tr(
-                "{0} of them change, exactly as the table shows below ({1}); all others keep their values. "
-                "The unit commits them to flash and restarts: flash write number {2} known here. "
-                "It stands in the journal under the name {3}."
-            ).format(len(changes), self._addresses(changes), unit.commits + 1, self.engineer),
+            lambda: (
+                self.tr(
+                    "{0} of them change, exactly as the table shows below ({1}); all others keep their values. "
+                    "The unit commits them to flash and restarts: flash write number {2} known here. "
+                    "It stands in the journal under the name {3}."
+                ).format(len(changes), self._addresses(changes), unit.commits + 1, self.engineer)
+                + "\n"
+                + self._proving(table)
+            ),
             (
                 Choice("cancel_write_button", lambda: self.tr("Cancel"), lambda: None, primary=True),
-                Choice(
-                    "confirm_write_button",
-                    lambda: self.tr("Write {0} registers").format(len(wanted.registers)),
-                    lambda: self.write_wanted.emit(wanted.values),
-                ),
+                *(turning if table else (by_hand,)),
             ),
         )
+
+    def _proving(self, table: str) -> str:
+        """What proves the output behind the write, and what moves for it."""
+        if not table:
+            return self.tr("Then its output is checked at rest; do not touch the unit.")
+        return self.tr(
+            "Then the table of “{0}” moves: home, half a turn, 30°, load angle, which proves the gyros as well; at "
+            "rest hardly anything of them shows. Is everybody clear of it, and the unit tight? STOP works all the time."
+        ).format(table)
 
     def _addresses(self, names: list[str]) -> str:
         """Addresses as ranges."""
@@ -243,14 +282,15 @@ class RegistersView(QWidget):
     def _say_why_not(self) -> None:
         """Why the button is grey, beside it: a tooltip is not there for a finger."""
         self._reason.setText(self._why_not)
-        self._reason.setVisible(bool(self._why_not) and not self.watch.busy)
+        self._reason.setVisible(bool(self._why_not) and not self.watch.busy and self._said is None)
 
     def _say(self) -> None:
         busy = self.watch.busy
         self._say_why_not()
         self._row.setVisible(busy)
-        for widget in (self._about, self.read_button, self.write_button):
-            widget.setVisible(not busy)
+        self._about.setVisible(not busy)
+        for button in (self.read_button, self.write_button):
+            button.setVisible(not busy and self._said is None)
         self._badge.setVisible(not busy and bool(self._badge_of()))
         if shown := self._badge_of():
             self._badge.show_state(*shown)
@@ -258,6 +298,8 @@ class RegistersView(QWidget):
         self._about.setText(one_line(self._error) if self._error else self._sentence())
 
     def _badge_of(self) -> tuple[str, str] | None:
+        if self._said is not None:
+            return "active", self.tr("being written")
         if self._error:
             return "bad", self.tr("not done")
         if self._written:
@@ -270,7 +312,15 @@ class RegistersView(QWidget):
         return None
 
     def _sentence(self) -> str:
+        if self._said is not None:
+            return self._said()
         parts = []
+        if self._written:
+            parts.append(
+                self.tr("Found right with a turn of the table.")
+                if self._proof == "turn"
+                else self.tr("Found right at rest; no turn was made.")
+            )
         if self.unit is not None:
             parts.append(
                 self.tr("Unit {0}, {1}, firmware {2}; flash writes known here: {3}.").format(

@@ -129,11 +129,10 @@ class RunHeader(QWidget):
         theme.set_kind(self._captions[1], "error" if wrong else "")
         self._caption()
 
-    def set_running(self, running: bool) -> None:
-        """While a run goes on nothing of it can be changed."""
-        why = self.tr("A calibration is going on; press STOP first.") if running else ""
+    def set_running(self, why: str) -> None:
+        """While something goes on (`why`, "" for nothing) nothing of it can be changed."""
         for widget in (self.operator_edit, self.serial_edit, self.product_combo):
-            widget.setEnabled(not running)
+            widget.setEnabled(not why)
             widget.setToolTip(why)
 
     def set_start(self, why_not: str) -> None:

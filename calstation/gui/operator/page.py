@@ -34,7 +34,7 @@ from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.page import Page
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
-from calstation.gui.wording import KINDS, word_message, word_stage, word_state, word_step
+from calstation.gui.wording import KINDS, word_busy, word_message, word_stage, word_state, word_step
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
@@ -360,11 +360,19 @@ class OperatorPage(Page):
 
         self.closing.ask(
             "caution",
-            lambda: self.tr("A calibration is going on"),
-            lambda: self.tr("Closing stops the table safely; the run can be continued later."),
+            lambda: (
+                self.tr("Registers are being written")
+                if self.app.run.errand
+                else self.tr("A calibration is going on")
+            ),
+            lambda: (
+                self.tr("Closing stops the table safely; a write in hand is brought to its end first.")
+                if self.app.run.errand
+                else self.tr("Closing stops the table safely; the run can be continued later.")
+            ),
             [
                 Choice("close_choice", lambda: self.tr("Stop and close"), stop),
-                Choice("stay_choice", lambda: self.tr("Go on calibrating"), lambda: None, primary=True),
+                Choice("stay_choice", lambda: self.tr("Go on"), lambda: None, primary=True),
             ],
         )
 
@@ -373,7 +381,7 @@ class OperatorPage(Page):
     def _refresh(self) -> None:
         run, fields = self.app.run, self._fields
         busy = self.app.engine_link.running
-        fields.set_running(busy)
+        fields.set_running(word_busy(run.errand) if busy else "")
         fields.set_start(self._why_no_start())
         fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
         self._badge.show_state(KINDS.get(run.state, "none"), word_state(run.state))
@@ -405,12 +413,12 @@ class OperatorPage(Page):
         if run.fault is not None:
             return self.tr("Read the fault and press Understood first.")
         if self.app.engine_link.running:
-            return self.tr("A calibration is going on.")
+            return word_busy(run.errand)
         return ""
 
     def _why_no_pause(self) -> str:
         return {
-            "running": "",
+            "running": self.tr("Registers are being written.") if self.app.run.errand else "",
             "paused": "",
             "pausing": self.tr("The table is coming to rest."),
             "starting": self.tr("The run can be paused once its first stage has begun."),

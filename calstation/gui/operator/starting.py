@@ -110,7 +110,14 @@ class Starting(QObject):
             lambda: self.tr("Writing the registers of {serial} was interrupted").format(
                 serial=request.serial
             ),
-            lambda: self.tr("Which registers is the unit to have before it is calibrated?"),
+            lambda: (
+                self.tr(
+                    "Which registers is the unit to have before it is calibrated? New ones are proved first, with a turn of "
+                    "the table."
+                )
+                if self.outline is not None and not self.outline.by_hand
+                else self.tr("Which registers is the unit to have before it is calibrated?")
+            ),
             [
                 Choice(
                     "restore_choice",
