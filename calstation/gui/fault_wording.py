@@ -12,7 +12,7 @@ from functools import cache
 from PySide6.QtCore import QCoreApplication
 
 from calstation.gui.wording import QT_TRANSLATE_NOOP
-from calstation.station.register_errand import OR_AT_REST
+from calstation.station.request import OR_AT_REST
 
 _CAUSES = {
     "table": QT_TRANSLATE_NOOP("faults", "Table"),

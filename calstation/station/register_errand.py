@@ -34,14 +34,11 @@ from calstation.station import register_journal
 from calstation.station.hand_registers import held
 from calstation.station.proving import at_once, judge, judge_old
 from calstation.station.register_journal import Transfer
-from calstation.station.request import RegisterErrand
+from calstation.station.request import OR_AT_REST, RegisterErrand
 from calstation.station.setup import Setup, configured
 from calstation.station.unfinished import refuse_interrupted, register_map
 from calstation.station.unit_alone import rest_of, unit_alone
 from calstation.station.wiring import connected
-
-OR_AT_REST = "; or leave the table alone: --at-rest"
-"""Ends what is told of a table that keeps an errand from beginning."""
 
 _OF_TABLES = ("table:", "schedule:")
 """Beginnings of what is told of a table, and of moves that it cannot make."""

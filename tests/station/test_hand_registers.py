@@ -9,9 +9,10 @@ import pytest
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.station import library
 from calstation.station.compose import compose
-from calstation.station.hand_registers import read_unit, wanted_registers, write_unit
+from calstation.station.hand_registers import UnitRegisters, read_unit, wanted_registers
 from calstation.station.register_journal import FOLDER, history
 from tests.station.conftest import Place
+from tests.station.errands import Errands
 
 SERIAL = "SN-000042"
 
@@ -46,27 +47,28 @@ def test_what_is_written_is_what_the_unit_then_holds(unit: Place) -> None:
     assert wanted.registers[0].value == np.float32(1e-6)
     assert bytes.fromhex(wanted.registers[0].raw) == np.array([1e-6], ">f4").tobytes()
 
-    after = write_unit(tell, unit.request(), SERIAL, wanted.values, "x.h5", "wang", runs)
+    after = UnitRegisters.of(Errands(unit.request()).write(wanted.values, at_rest=True).unit)
     again = read_unit(tell, unit.request(), runs)
     assert again.values == after.values == before.values | wanted.values
     assert again.commits == 1
     (entry,) = history(runs, SERIAL)
-    assert (entry.by, entry.why, entry.source, entry.closing) == ("wang", "hand", "x.h5", "done")
+    assert (entry.by, entry.why, entry.source, entry.closing) == ("tester", "hand", "x.h5", "done")
     assert entry.old == before.values
     assert entry.new == after.values
 
 
 def test_another_unit_than_meant_is_refused(unit: Place) -> None:
+    unit.write(serial=SERIAL)
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match=r"'SN-000042' is in the fixture.*nothing was written"):
-        write_unit(tell, unit.request(), "SN-000043", {"gyro_bias_x": 1e-6}, "x.h5", "wang", runs)
+        Errands(unit.request(serial="SN-000043")).write({"gyro_bias_x": 1e-6})
     assert history(runs, "SN-000043") == []
 
 
 def test_a_value_that_does_not_fit_is_refused(unit: Place) -> None:
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match="does not fit register 0"):
-        write_unit(tell, unit.request(), SERIAL, {"gyro_bias_x": 7.0}, "x.h5", "wang", runs)
+        Errands(unit.request()).write({"gyro_bias_x": 7.0}, at_rest=True)
     assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] != 7.0
 
 
@@ -75,7 +77,7 @@ def test_no_journal_no_write(unit: Place) -> None:
     runs.mkdir()
     (runs / FOLDER).write_text("a file where the folder should be", encoding="utf-8")
     with pytest.raises(ConfigurationError, match="nothing further was written to the unit"):
-        write_unit(tell, unit.request(), SERIAL, {"gyro_bias_x": 1e-6}, "x.h5", "wang", runs)
+        Errands(unit.request()).write({"gyro_bias_x": 1e-6}, at_rest=True)
     (runs / FOLDER).unlink()
     assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] == 0.0
 

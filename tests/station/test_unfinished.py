@@ -1,7 +1,7 @@
 """Interrupted transfers at the next start: run, workshop and command line, on a unit that keeps its flash."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,15 +12,15 @@ from calstation.cli.app import run_app
 from calstation.devices.registers import RegisterMap
 from calstation.devices.transfer import transfer
 from calstation.errors import DeviceFaultError, InputError
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Fault, Message, Verdict
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
 from calstation.station import register_journal
-from calstation.station.hand_registers import read_unit, write_unit
+from calstation.station.hand_registers import UnitRegisters, read_unit
 from calstation.station.run import execute
 from calstation.station.setup import configured
-from calstation.station.unfinished import finish_transfer, restore_registers
 from calstation.station.unit_alone import unit_alone
 from tests.station.conftest import Place
+from tests.station.errands import Errands
 
 pytestmark = pytest.mark.long
 
@@ -39,12 +39,15 @@ class Workbench:
         self.place = place
         self.runs = place.folder / "runs"
         self.request = place.request("six_position")
+        self.errands = Errands(place.request())
         self.healthy()
 
     def healthy(self, **bench: Any) -> None:
         self.place.write(flash_file=str(self.place.folder / "flash.bin"), **bench)
 
-    def interrupt(self, *, committed: bool) -> register_journal.Transfer:
+    def interrupt(
+        self, *, committed: bool, values: Mapping[str, float] = VALUES
+    ) -> register_journal.Transfer:
         """A transfer whose station lost its power, before or behind the commit."""
         setup, _ = configured(self.request)
 
@@ -64,7 +67,7 @@ class Workbench:
 
             unit.imu.commit = cut  # type: ignore[method-assign]
             with pytest.raises(Cut):
-                transfer(unit.imu, RegisterMap(tuple(setup.imu.registers)), SERIAL, VALUES, begin)
+                transfer(unit.imu, RegisterMap(tuple(setup.imu.registers)), SERIAL, values, begin)
         entry = register_journal.interrupted(self.runs, SERIAL)
         assert entry is not None
         return entry
@@ -107,7 +110,8 @@ def test_unproved_registers_stop_a_run_until_somebody_decides(bench: Workbench) 
     assert isinstance(events[-1], Verdict)
     assert events[-1].outcome == "fault"
     with pytest.raises(DeviceFaultError, match="finish or restore it"):
-        write_unit(tell, bench.request, SERIAL, VALUES, "x.h5", "wang", bench.runs)
+        bench.errands.write(VALUES)
+    assert bench.errands.moves() == []
     assert register_journal.interrupted(bench.runs, SERIAL) is not None
 
     events = bench.run(unfinished="restore")
@@ -120,35 +124,93 @@ def test_unproved_registers_stop_a_run_until_somebody_decides(bench: Workbench) 
 def test_finished_or_restored_without_a_run(bench: Workbench, committed: bool, choice: str) -> None:
     entry = bench.interrupt(committed=committed)
     if choice == "finish":
-        settled = finish_transfer(tell, bench.request, bench.runs)
+        settled = bench.errands.do("finish")
         assert settled.closing == "done"
     else:
-        settled = restore_registers(tell, bench.request, bench.runs, "wang")
+        settled = bench.errands.do("restore")
         assert settled.closing == "restored"
-    assert dict(settled.registers) == dict(entry.new if choice == "finish" else entry.old)
+    assert settled.proof == "turn"
+    assert UnitRegisters.of(settled.unit).values == dict(entry.new if choice == "finish" else entry.old)
     assert register_journal.interrupted(bench.runs, SERIAL) is None
     assert register_journal.cycles(bench.runs, SERIAL) == 2
     with pytest.raises(InputError, match="nothing to finish"):
-        finish_transfer(tell, bench.request, bench.runs)
+        bench.errands.do("finish")
+
+
+def test_new_registers_finished_before_a_run_are_proved_by_its_table_before_its_first_stage(
+    bench: Workbench,
+) -> None:
+    bench.interrupt(committed=True)
+    events = bench.run(unfinished="finish")
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "passed"
+    assert told(events, "transfer_settled")[0]["closing"] == "done"
+    begun = [i for i, event in enumerate(events) if isinstance(event, StageStarted)]
+    turns = [i for i, e in enumerate(events) if isinstance(e, StepStarted) and e.label == ("verify",)]
+    assert [i < begun[0] for i in turns] == [True, True, False, False]
+    first, second = register_journal.history(bench.runs, SERIAL)
+    assert (first.closing, first.steps[-1]) == (second.closing, second.steps[-1]) == ("done", "turned")
+
+
+def test_new_registers_that_the_runs_table_refutes_are_taken_back_and_nothing_is_calibrated(
+    bench: Workbench,
+) -> None:
+    entry = bench.interrupt(committed=True, values={"gyro_scale_x": 0.05})
+    events = bench.run(unfinished="finish")
+    (fault,) = [event for event in events if isinstance(event, Fault)]
+    assert "its old registers were put back" in fault.text
+    assert not [event for event in events if isinstance(event, StageStarted)]
+    assert bench.holds() == dict(entry.old)
+    (closed,) = register_journal.history(bench.runs, SERIAL)
+    assert closed.closing == "restored"
+
+
+def test_a_table_that_may_not_move_keeps_a_run_from_finishing_a_transfer(bench: Workbench) -> None:
+    bench.interrupt(committed=True)
+    bench.healthy(interlock_closed=False)
+    events = bench.run(unfinished="finish")
+    (fault,) = [event for event in events if isinstance(event, Fault)]
+    assert "interlock" in fault.text
+    assert register_journal.cycles(bench.runs, SERIAL) == 1
+    assert register_journal.interrupted(bench.runs, SERIAL) is not None
+
+
+def test_a_run_stopped_before_its_table_proved_them_says_so(bench: Workbench) -> None:
+    bench.interrupt(committed=True)
+    control = Control()
+    events: list[Event] = []
+
+    def emit(event: Event) -> None:
+        events.append(event)
+        if isinstance(event, Message) and event.id == "homing":
+            control.send(Command.STOP)
+
+    execute(replace(bench.request, unfinished="finish"), emit, control)
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "stopped"
+    assert len(told(events, "transfer_unproved")) == 1
+    assert register_journal.interrupted(bench.runs, SERIAL) is not None
 
 
 def test_any_earlier_set_can_be_restored_by_its_transfer(bench: Workbench) -> None:
     for value in (1e-6, 2e-6):
-        write_unit(tell, bench.request, SERIAL, {"gyro_bias_x": value}, "x.h5", "wang", bench.runs)
+        bench.errands.write({"gyro_bias_x": value}, at_rest=True)
     known = register_journal.history(bench.runs, SERIAL)
-    restore_registers(tell, bench.request, bench.runs, "wang", known[1].id)
+    settled = bench.errands.do("restore", transfer=known[1].id)
+    assert (settled.closing, settled.proof) == ("done", "turn")
     assert bench.holds()["gyro_bias_x"] == np.float32(1e-6)
     assert [t.why for t in register_journal.history(bench.runs, SERIAL)] == ["hand", "hand", "restore"]
     with pytest.raises(InputError, match="has no transfer 'x'"):
-        restore_registers(tell, bench.request, bench.runs, "wang", "x")
+        bench.errands.do("restore", transfer="x")
     with pytest.raises(InputError, match="no transfer to unit 'SN-000007'"):
-        restore_registers(tell, replace(bench.request, serial="SN-000007"), bench.runs, "wang")
+        Errands(replace(bench.request, serial="SN-000007")).do("restore")
 
 
-def test_registers_that_make_the_output_wrong_are_taken_back(bench: Workbench) -> None:
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_registers_that_make_the_output_wrong_are_taken_back(bench: Workbench, at_rest: bool) -> None:
     before = bench.holds()
     with pytest.raises(DeviceFaultError, match=r"gravity measures .* its old registers were put back"):
-        write_unit(tell, bench.request, SERIAL, {"accel_scale_z": 0.05}, "x.h5", "wang", bench.runs)
+        bench.errands.write({"accel_scale_z": 0.05}, at_rest=at_rest)
     assert bench.holds() == before
     (entry,) = register_journal.history(bench.runs, SERIAL)
     assert entry.closing == "restored"

@@ -22,7 +22,7 @@ from calstation.gui.engineer.close_look import CloseLook
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
-from calstation.gui.engineer.register_desk import RegisterDesk
+from calstation.gui.engineer.register_desk import UNNAMED, RegisterDesk
 from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.page import Page
 from calstation.gui.widgets.elided import ElidedLabel
@@ -37,8 +37,6 @@ from calstation.station.request import RunRequest
 from calstation.station.schedules import Offer, offer
 
 _LEFT = 46 * theme.GRID
-_WAITING_SERIAL = "-"
-"""Stands for the unit where none is named yet."""
 
 
 class EngineerPage(Page):
@@ -172,7 +170,7 @@ class EngineerPage(Page):
     def _request(self) -> RunRequest:
         app, fields = self.app, self._fields
         return RunRequest(
-            fields.serial or _WAITING_SERIAL,
+            fields.serial or UNNAMED,
             app.station_path,
             app.product_path,
             self.choice.parts.stages,

@@ -15,6 +15,9 @@ from calstation.station.finished import Finished
 from calstation.station.hand_registers import UnitRegisters, Wanted, read_unit, wanted_registers
 from calstation.station.request import RegisterErrand, RunRequest
 
+UNNAMED = "-"
+"""Stands for the unit in a request where none is named yet."""
+
 _LEFT = ("transfer_unproved", "old_unproved")
 """Messages that say how a unit was left whose write did not come to its end."""
 
@@ -58,10 +61,12 @@ class RegisterDesk(QObject):
             return self.tr("Open a result or finish a run first: its values are what is written.")
         if view.unit is None:
             return self.tr("Read the unit first, so that what changes can be seen.")
-        if view.unit.serial != view.wanted.serial:
-            return self.tr("Unit {0} is in the fixture, the result is of {1}.").format(
-                view.unit.serial, view.wanted.serial
-            )
+        named = self._request().serial
+        for serial in (view.unit.serial, view.unit.serial if named == UNNAMED else named):
+            if serial != view.wanted.serial:
+                return self.tr("Unit {0} is in the fixture, the result is of {1}.").format(
+                    serial, view.wanted.serial
+                )
         return "" if view.changes else self.tr("The unit holds these values already.")
 
     def _show_wanted(self, wanted: Wanted) -> None:

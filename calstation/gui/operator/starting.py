@@ -112,8 +112,8 @@ class Starting(QObject):
             ),
             lambda: (
                 self.tr(
-                    "Which registers is the unit to have before it is calibrated? New ones are proved first, with a turn of "
-                    "the table."
+                    "Which registers is the unit to have before it is calibrated? New ones are proved first, with a "
+                    "turn of the table."
                 )
                 if self.outline is not None and not self.outline.by_hand
                 else self.tr("Which registers is the unit to have before it is calibrated?")

@@ -133,10 +133,6 @@
         <translation>这个文件打不开</translation>
     </message>
     <message>
-        <source>A calibration is going on; press STOP first.</source>
-        <translation>标定正在进行，请先按“停止”。</translation>
-    </message>
-    <message>
         <source>Only an engineer may change this; set the PIN first.</source>
         <translation>仅工程师可修改；请先设置密码。</translation>
     </message>
@@ -476,6 +472,18 @@
         <source>The unit holds these values already.</source>
         <translation>产品里已经是这些数值。</translation>
     </message>
+    <message>
+        <source>Another page is talking to a device; try again in some seconds.</source>
+        <translation>另一页面正在与设备通信，请过几秒再试。</translation>
+    </message>
+    <message>
+        <source>Starting the engine and connecting.</source>
+        <translation>正在启动并连接设备。</translation>
+    </message>
+    <message>
+        <source>Nothing was written.</source>
+        <translation>没有写入任何内容。</translation>
+    </message>
 </context>
 <context>
     <name>RegistersView</name>
@@ -528,6 +536,14 @@
         <translation>标定前：{0} {1}</translation>
     </message>
     <message>
+        <source>Write, table at rest</source>
+        <translation>写入，转台不动</translation>
+    </message>
+    <message>
+        <source>Write and turn the table</source>
+        <translation>写入并转动转台</translation>
+    </message>
+    <message>
         <source>Write {0} registers of unit {1}?</source>
         <translation>写入产品 {1} 的 {0} 个寄存器吗？</translation>
     </message>
@@ -542,6 +558,18 @@
     <message>
         <source>Write {0} registers</source>
         <translation>写入 {0} 个寄存器</translation>
+    </message>
+    <message>
+        <source>Then its output is checked at rest; do not touch the unit.</source>
+        <translation>写入后在静止状态下检查输出，请勿碰动产品。</translation>
+    </message>
+    <message>
+        <source>Then the table of “{0}” moves: home, half a turn, 30°, load angle, which proves the gyros as well; at rest hardly anything of them shows. Is everybody clear of it, and the unit tight? STOP works all the time.</source>
+        <translation>写入后“{0}”的转台会转动：回零、半圈、30°，再回装卸位，这样陀螺也能得到验证；静止时几乎看不出陀螺的错误。人员是否都已离开转台，产品是否装牢？随时可以按停止。</translation>
+    </message>
+    <message>
+        <source>being written</source>
+        <translation>正在写入</translation>
     </message>
     <message>
         <source>not done</source>
@@ -562,6 +590,14 @@
     <message>
         <source>equal</source>
         <translation>一致</translation>
+    </message>
+    <message>
+        <source>Found right with a turn of the table.</source>
+        <translation>已用转台转动验证，输出正确。</translation>
+    </message>
+    <message>
+        <source>Found right at rest; no turn was made.</source>
+        <translation>已在静止状态下验证，输出正确；没有转动。</translation>
     </message>
     <message>
         <source>Unit {0}, {1}, firmware {2}; flash writes known here: {3}.</source>

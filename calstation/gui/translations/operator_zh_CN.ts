@@ -162,8 +162,16 @@
         <translation>立即关闭</translation>
     </message>
     <message>
+        <source>Registers are being written</source>
+        <translation>正在写寄存器</translation>
+    </message>
+    <message>
         <source>A calibration is going on</source>
         <translation>正在标定</translation>
+    </message>
+    <message>
+        <source>Closing stops the table safely; a write in hand is brought to its end first.</source>
+        <translation>关闭会让转台安全停下；正在写入的寄存器会先写完。</translation>
     </message>
     <message>
         <source>Closing stops the table safely; the run can be continued later.</source>
@@ -174,16 +182,8 @@
         <translation>停止并关闭</translation>
     </message>
     <message>
-        <source>Go on calibrating</source>
-        <translation>继续标定</translation>
-    </message>
-    <message>
         <source>Read the fault and press Understood first.</source>
         <translation>请先看故障，再按“知道了”。</translation>
-    </message>
-    <message>
-        <source>A calibration is going on.</source>
-        <translation>正在标定。</translation>
     </message>
     <message>
         <source>The table is coming to rest.</source>
@@ -200,6 +200,14 @@
     <message>
         <source>Nothing is running.</source>
         <translation>没有在标定。</translation>
+    </message>
+    <message>
+        <source>Go on</source>
+        <translation>继续</translation>
+    </message>
+    <message>
+        <source>Registers are being written.</source>
+        <translation>正在写寄存器。</translation>
     </message>
     <message>
         <source>Load a unit, scan its serial number, press START.</source>
@@ -421,10 +429,6 @@
 <context>
     <name>RunHeader</name>
     <message>
-        <source>A calibration is going on; press STOP first.</source>
-        <translation>正在标定，请先按“停止”。</translation>
-    </message>
-    <message>
         <source>Press Space or click; Enter does not start, scanners send it.</source>
         <translation>请按空格键或点击；回车不会启动，因为扫码枪会发送回车。</translation>
     </message>
@@ -525,6 +529,10 @@
     <message>
         <source>Writing the registers of {serial} was interrupted</source>
         <translation>向 {serial} 写寄存器时中断</translation>
+    </message>
+    <message>
+        <source>Which registers is the unit to have before it is calibrated? New ones are proved first, with a turn of the table.</source>
+        <translation>标定之前，产品里应当是哪一组寄存器？新的一组会先用转台转动来验证。</translation>
     </message>
     <message>
         <source>Which registers is the unit to have before it is calibrated?</source>

@@ -1,0 +1,51 @@
+"""Errands at a unit's registers as a test asks for them, and what they told."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from calstation import errors
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
+from calstation.station.register_errand import attend
+from calstation.station.request import RegisterErrand, RunRequest
+
+
+@dataclass
+class Errands:
+    """Errands of one place, one after another; `events` and `control` are the last one's.
+
+    on_event : is told every event
+    """
+
+    request: RunRequest
+    on_event: Callable[["Errands", Event], None] = lambda errands, event: None
+    events: list[Event] = field(default_factory=list)
+    control: Control = field(default_factory=Control)
+
+    def do(self, what: Any, values: Mapping[str, float] | None = None, **more: Any) -> Settled:
+        """One errand; its answer. A fault is raised as what it was."""
+        self.events, self.control = [], Control()
+
+        def emit(event: Event) -> None:
+            self.events.append(event)
+            self.on_event(self, event)
+
+        attend(RegisterErrand(self.request, what, values or {}, **more), emit, self.control)
+        last = self.events[-1]
+        if isinstance(last, Settled):
+            return last
+        (fault,) = [event for event in self.events if isinstance(event, Fault)]
+        raise getattr(errors, fault.kind)(fault.text)
+
+    def write(self, values: Mapping[str, float], *, at_rest: bool = False) -> Settled:
+        """Write by hand."""
+        return self.do("write", values, source="x.h5", at_rest=at_rest)
+
+    def told(self) -> list[str]:
+        """Ids of the messages."""
+        return [event.id for event in self.events if isinstance(event, Message)]
+
+    def moves(self) -> list[str]:
+        """What the moves were for."""
+        return [str(event.label[0]) for event in self.events if isinstance(event, StepStarted)]
