@@ -29,6 +29,7 @@ from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.engineer.residuals_view import face
 from calstation.records.log import open_log
 from calstation.station import register_journal, versions
+from calstation.station.finished import Finished
 from tests.gui.conftest import PRODUCT, SERIAL, Operator, Place
 
 STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
@@ -338,14 +339,66 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     assert "12–15, 19, 23" in engineer.says()
     assert "flash write number 1" in engineer.says()
     assert register_journal.history(engineer.place.runs, SERIAL) == []
+    assert "the table of “test bench” moves" in engineer.says()
     engineer.press("confirm_write_button")
+    assert engineer.widget("stop_button", QPushButton).isEnabled()
+    engineer.until(lambda: "being written" in engineer.says())
+    assert "being written" in engineer.why_not("engineer_start_button")
     engineer.until(lambda: "written and read back" in engineer.says())
+    assert "Found right with a turn of the table." in engineer.says()
+    engineer.until_ended()
+    assert (engineer.run.state, engineer.run.fault) == ("idle", None), "what is no calibration has not passed"
     (entry,) = register_journal.history(engineer.place.runs, SERIAL)
     assert (entry.by, entry.why, entry.closing) == ("wang", "hand", "done")
     after = engineer.cells("register_table")
     assert after["accel_scale_x"]["Change"] == "0"
     assert after["accel_scale_x"]["In the unit"] == before["accel_scale_x"]["New"]
     assert "holds these values already" in engineer.why_not("write_registers_button")
+
+
+def at_the_registers(engineer: Engineer, **bench: Any) -> None:
+    """A result that asks for registers, its unit read, and the word asked for."""
+    engineer.place.write(flash_file=str(engineer.place.folder / "flash.bin"), **bench)
+    engineer.window.app.product_changed.emit()
+    engineer.unlock()
+    found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
+    result = {"unit": {"serial": SERIAL}, "parameters": found, "log": {"file": "x.h5"}, "registers": None}
+    engineer.page._desk.take(Finished(result, None, {}))
+    engineer.turn_to(5)
+    engineer.until(lambda: bool(engineer.cells("register_table")))
+    engineer.press("read_registers_button")
+    engineer.until(lambda: engineer.page.registers.unit is not None)
+    engineer.press("write_registers_button")
+
+
+def test_registers_are_written_with_the_table_left_alone_by_choice(engineer: Engineer) -> None:
+    at_the_registers(engineer)
+    engineer.press("confirm_at_rest_button")
+    engineer.until(lambda: "written and read back" in engineer.says())
+    assert "Found right at rest; no turn was made." in engineer.says()
+    (entry,) = register_journal.history(engineer.place.runs, SERIAL)
+    assert (entry.closing, entry.steps[-1]) == ("done", "at_rest")
+
+
+def test_a_table_that_cannot_turn_says_so_and_what_else_can_be_done(engineer: Engineer) -> None:
+    at_the_registers(engineer, interlock_closed=False)
+    engineer.press("confirm_write_button")
+    engineer.until(lambda: "not done" in engineer.says())
+    assert "Or choose “Write, table at rest”." in engineer.says()
+    assert register_journal.history(engineer.place.runs, SERIAL) == []
+    engineer.until_ended()
+    assert engineer.run.fault is not None, "told on the operator page as well, and to be acknowledged there"
+
+
+def test_stop_ends_a_turn_behind_a_write(engineer: Engineer) -> None:
+    at_the_registers(engineer, speed=5.0)
+    engineer.press("confirm_write_button")
+    engineer.until(lambda: "Checking the output" in engineer.says())
+    engineer.press("stop_button")
+    engineer.until(lambda: "written but not verified" in engineer.says())
+    engineer.until_ended()
+    assert engineer.run.state == "idle"
+    assert register_journal.interrupted(engineer.place.runs, SERIAL) is not None
 
 
 def test_a_part_says_so_and_when_its_registers_were_written(engineer: Engineer) -> None:

@@ -22,6 +22,7 @@ from tests.station.conftest import STATION, Place
 from tests.station.errands import Errands
 
 SERIAL = "SN-000042"
+VALUES = {"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}
 SCALE = 0.02
 """Of the unit's x gyro, larger than any calibrated one: what a wrong sign makes of it cannot be mistaken."""
 
@@ -41,7 +42,6 @@ class Floor:
             "seed": 5,
             "start_deg": [1.0, -1.0],
             "watchdog_ms": 10_000,
-            "parameters": {"gyro_scale_x": SCALE},
             **{name: str(self.place.folder / file) for name, file in files.items()},
             **bench,
         }
@@ -81,7 +81,8 @@ def stop_at(moment: str) -> Any:
 
 
 def test_a_wrong_sign_that_no_rest_shows_is_refuted_by_the_turn(floor: Floor) -> None:
-    floor.errands.write({"gyro_bias_x": 1e-6, "gyro_scale_x": SCALE})
+    floor.write_station(parameters={"gyro_scale_x": SCALE})
+    floor.errands.write({"gyro_scale_x": SCALE})
     assert floor.entry.steps[-1] == "turned"
     with pytest.raises(DeviceFaultError, match=r"outer_turn measures .* its old registers were put back"):
         floor.errands.write({"gyro_scale_x": -SCALE})
@@ -99,7 +100,7 @@ def test_the_table_is_prepared_before_the_write_turned_behind_it_and_left_at_its
     floor: Floor, profile: str
 ) -> None:
     floor.write_station(profile)
-    settled = floor.errands.write({"gyro_scale_x": SCALE})
+    settled = floor.errands.write(VALUES)
     assert (settled.closing, settled.proof) == ("done", "turn")
     told = floor.errands.told()
     order = [
@@ -138,12 +139,12 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
 ) -> None:
     floor.write_station(**bench)
     with pytest.raises(CalstationError, match=words) as refused:
-        floor.errands.write({"gyro_scale_x": SCALE})
+        floor.errands.write(VALUES)
     assert str(refused.value).endswith("; or leave the table alone: --at-rest")
     assert register_journal.history(floor.runs, SERIAL) == []
     assert floor.report["flash_cycles"] == 0
     assert floor.left_alone()
-    assert floor.errands.write({"gyro_scale_x": SCALE}, at_rest=True).proof == "rest"
+    assert floor.errands.write(VALUES, at_rest=True).proof == "rest"
 
 
 @pytest.mark.long
@@ -162,7 +163,7 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
 def test_a_stop_works_at_every_moment(floor: Floor, moment: str, written: bool, profile: str) -> None:
     floor.write_station(profile)
     floor.errands.on_event = stop_at(moment)
-    assert floor.errands.write({"gyro_scale_x": SCALE}).closing == "stopped"
+    assert floor.errands.write(VALUES).closing == "stopped"
     assert floor.left_alone()
     assert bool(register_journal.interrupted(floor.runs, SERIAL)) is written
     assert ("transfer_unproved" in floor.errands.told()) is written
@@ -177,8 +178,9 @@ def test_a_stop_works_at_every_moment(floor: Floor, moment: str, written: bool, 
 @pytest.mark.long
 def test_a_stop_where_the_table_is_left_alone(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")
-    assert floor.errands.write({"gyro_scale_x": SCALE}, at_rest=True).closing == "stopped"
+    assert floor.errands.write(VALUES, at_rest=True).closing == "stopped"
     assert floor.errands.told()[-1] == "transfer_unproved"
+    floor.errands.on_event = lambda errands, event: None
     assert floor.errands.do("restore", at_rest=True).closing == "restored"
 
 
@@ -212,7 +214,7 @@ def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
 
     floor.errands.on_event = spoil
     with pytest.raises(DeviceFaultError, match=words) as fault:
-        floor.errands.write({"gyro_scale_x": SCALE})
+        floor.errands.write(VALUES)
     assert "--at-rest" not in str(fault.value)
     assert "transfer_unproved" in floor.errands.told()
     assert floor.left_alone()
@@ -223,6 +225,7 @@ def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
 
 @pytest.mark.long
 def test_old_registers_that_are_put_back_are_looked_at_as_well(floor: Floor) -> None:
+    floor.write_station(parameters={"gyro_scale_x": SCALE})
     floor.errands.write({"gyro_scale_x": -SCALE}, at_rest=True)
     floor.errands.on_event = stop_at("verifying")
     floor.errands.write({"gyro_scale_x": 0.0})
@@ -243,7 +246,7 @@ def test_old_registers_that_are_put_back_are_looked_at_as_well(floor: Floor) -> 
 @pytest.mark.long
 def test_a_unit_that_has_its_old_registers_still_is_not_moved_for_them(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")
-    floor.errands.write({"gyro_scale_x": SCALE})
+    floor.errands.write(VALUES)
     entry = floor.entry
     floor.errands.on_event = lambda errands, event: None
     floor.errands.do("restore", at_rest=True)
@@ -267,7 +270,7 @@ def test_rails_that_hands_turn_are_left_to_them(floor: Floor) -> None:
 def test_the_terminal_says_what_will_move_and_how_it_was_proved(
     floor: Floor, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    floor.errands.write({"gyro_scale_x": SCALE}, at_rest=True)
+    floor.errands.write(VALUES, at_rest=True)
     place = ["--out", str(floor.runs), "--station", str(floor.place.station)]
     place += ["--product", str(floor.place.product)]
     assert run_app(["registers", "restore", SERIAL, *place]) == 0
@@ -293,7 +296,7 @@ def test_the_terminal_says_what_will_move_and_how_it_was_proved(
 @pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
 def test_ctrl_c_in_the_turn_stops_the_table(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")
-    floor.errands.write({"gyro_scale_x": SCALE})
+    floor.errands.write(VALUES)
     floor.write_station(speed=5.0)
     command = [sys.executable, "-m", "calstation", "registers", "finish", SERIAL, "--out", str(floor.runs)]
     command += ["--station", str(floor.place.station), "--product", str(floor.place.product)]

@@ -240,9 +240,8 @@ def test_the_command_line_lists_finishes_and_restores(
     assert "OPEN" in text()
     assert "1 flash cycles" in text()
     assert f"  {register_journal.history(bench.runs, SERIAL)[0].id}  OPEN" in text()
-    code, text = run("finish", SERIAL, *place, "--json", "-")
-    assert code == 0
-    assert json.loads(text())["registers"] == dict(entry.new)
+    assert run_app(["registers", "finish", SERIAL, *place, "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["registers"] == dict(entry.new)
     code, text = run("restore", SERIAL, *place)
     assert (code, bench.holds()) == (0, dict(entry.old))
     code, text = run("finish", SERIAL, *place)
