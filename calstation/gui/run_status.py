@@ -126,6 +126,11 @@ class RunStatus(QObject):
         return self.state in MOVING_STATES
 
     @property
+    def shown(self) -> str:
+        """`state` as it is to be worded and drawn: what is no calibration is not running as one."""
+        return "writing" if self.errand and self.state == "running" else self.state
+
+    @property
     def ended(self) -> bool:
         """Whether a run has ended with nothing to be acknowledged."""
         return self.state in ("passed", "failed", "stopped", "incomplete")
@@ -196,7 +201,8 @@ class RunStatus(QObject):
             self._begun = self._behind = 0.0
             try:
                 self.outline = outline(self._link.request)
-                self.stages = [] if self.errand else planned(self.outline)
+                rows = planned(self.outline)
+                self.stages = [row for row in rows if row.name == TRANSFER or not self.errand]
             except CalstationError:  # the engine meets it as well and tells it as a fault
                 self.stages = []
         elif self.going:
@@ -225,6 +231,7 @@ class RunStatus(QObject):
             self._hear(event.id, event.values)
         elif isinstance(event, Settled):
             self.state = "idle"
+            self._leave("stopped")
         elif isinstance(event, Fault):
             self.fault = event
             self.state = "fault"
@@ -279,9 +286,9 @@ class RunStatus(QObject):
         row = self._find(TRANSFER)
         if row is None:
             return
-        if key == "registers_transfer":
+        if key in ("registers_transfer", "registers_writing"):
             row.state, row.begun, row.remaining = "active", time.monotonic(), row.duration
-        elif key == "registers_written":
+        elif key in ("registers_written", "registers_proved"):
             row.state = "good"
             row.ended()
         elif key == "registers_kept":

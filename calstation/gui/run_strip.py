@@ -34,10 +34,10 @@ class RunStrip(QWidget):
     def refresh(self) -> None:
         """Follow the run."""
         run = self._run
-        words = word_state(run.state)
+        words = word_state(run.shown)
         if run.ended or run.fault is not None:  # of a unit that is named nowhere else on the page
             words = f"{run.serial}  ·  {words}"
-        self._badge.show_state(KINDS.get(run.state, "none"), words)
+        self._badge.show_state(KINDS.get(run.shown, "none"), words)
         parts = []
         if run.stage is not None:
             parts.append(word_stage(run.stage.name))

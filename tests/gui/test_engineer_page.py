@@ -339,7 +339,7 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     assert "12–15, 19, 23" in engineer.says()
     assert "flash write number 1" in engineer.says()
     assert register_journal.history(engineer.place.runs, SERIAL) == []
-    assert "the table of “test bench” moves" in engineer.says()
+    assert "The table of “test bench” moves" in engineer.says()
     engineer.press("confirm_write_button")
     assert engineer.widget("stop_button", QPushButton).isEnabled()
     engineer.until(lambda: "being written" in engineer.says())
@@ -397,7 +397,7 @@ def test_stop_ends_a_turn_behind_a_write(engineer: Engineer) -> None:
     engineer.press("stop_button")
     engineer.until(lambda: "written but not verified" in engineer.says())
     engineer.until_ended()
-    assert engineer.run.state == "idle"
+    assert (engineer.run.state, engineer.run.stage) == ("idle", None)
     assert register_journal.interrupted(engineer.place.runs, SERIAL) is not None
 
 

@@ -86,7 +86,9 @@ class RegisterDesk(QObject):
     def _write(self, values: Mapping[str, float], at_rest: bool) -> None:
         assert self._run is not None
         if self._app.workshop.at_device:
-            self.view.complain(self.tr("Another page is talking to a device; try again in some seconds."))
+            self.view.regret(
+                lambda: self.tr("Another page is talking to a device; try again in some seconds.")
+            )
             return
         result = self._run.result
         self._errand = RegisterErrand(
@@ -116,8 +118,8 @@ class RegisterDesk(QObject):
         elif isinstance(event, Settled):
             self._errand = None
             if event.closing == "stopped":
-                left = word_message(self._left, {}) if self._left else self.tr("Nothing was written.")
-                self.view.complain(f"{self.tr('Stopped.')} {left}")
+                left = self._left
+                self.view.regret(lambda: self._word_stopped(left))
             else:
                 self.view.show_unit(UnitRegisters.of(event.unit), event.proof)
             self.changed.emit()
@@ -125,3 +127,7 @@ class RegisterDesk(QObject):
             self._errand = None
             self.view.complain(event.text)
             self.changed.emit()
+
+    def _word_stopped(self, left: str) -> str:
+        """How a stop has left the unit."""
+        return word_message(left, {}) if left else self.tr("Stopped before anything was written.")

@@ -36,7 +36,8 @@ class RegistersView(QWidget):
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
         self._cells: dict[str, dict[str, str]] = {}
-        self._error, self._why_not = "", ""
+        self._why_not = ""
+        self._error: Words | None = None
         self._written = False
         self._proof = ""
         self._said: Words | None = None
@@ -103,20 +104,20 @@ class RegistersView(QWidget):
         """What the loaded result asks for."""
         self.wanted = wanted
         self._written = False
-        self._error = ""
+        self._error = None
         if wanted is None or self.unit is None or self.unit.serial != wanted.serial:
             self.unit = None
         self._fill()
 
     def show_unit(self, unit: UnitRegisters, proof: str = "") -> None:
         """What the unit holds; `proof` : by what that was found right, where it was written just now."""
-        self.unit, self._written, self._error = unit, bool(proof), ""
+        self.unit, self._written, self._error = unit, bool(proof), None
         self._proof, self._said = proof, None
         self._fill()
 
     def begin(self) -> None:
         """The unit is being asked."""
-        self._error = ""
+        self._error = None
         self.notice.dismiss()
         self._say()
 
@@ -213,8 +214,12 @@ class RegistersView(QWidget):
         return lambda name: self._cells[name].get(column, _NONE)
 
     def complain(self, error: str) -> None:
-        """Say what could not be done."""
-        self._error, self._said = error, None
+        """Say what could not be done, in an error's own words."""
+        self.regret(lambda: one_line(error))
+
+    def regret(self, words: Words) -> None:
+        """Say what was not done."""
+        self._error, self._said = words, None
         self._say()
 
     def _ask(self) -> None:
@@ -264,8 +269,8 @@ class RegistersView(QWidget):
         if not table:
             return self.tr("Then its output is checked at rest; do not touch the unit.")
         return self.tr(
-            "Then the table of “{0}” moves: home, half a turn, 30°, load angle, which proves the gyros as well; at "
-            "rest hardly anything of them shows. Is everybody clear of it, and the unit tight? STOP works all the time."
+            "The table of “{0}” moves: home first; behind the write half a turn and 30°, which proves the gyros as well. "
+            "Is everybody clear of it, and the unit tight? STOP works all the time."
         ).format(table)
 
     def _addresses(self, names: list[str]) -> str:
@@ -295,7 +300,7 @@ class RegistersView(QWidget):
         if shown := self._badge_of():
             self._badge.show_state(*shown)
         theme.set_kind(self._about, "error" if self._error else "")
-        self._about.setText(one_line(self._error) if self._error else self._sentence())
+        self._about.setText(self._error() if self._error else self._sentence())
 
     def _badge_of(self) -> tuple[str, str] | None:
         if self._said is not None:

@@ -136,7 +136,7 @@ class OperatorPage(Page):
         """A table with its plots; or, where the unit is carried, what its carrier must see from afar."""
         run = self.app.run
         carried = run.outline is not None and run.outline.by_hand
-        begun = any(stage.state != "waiting" for stage in run.stages)
+        begun = any(stage.state != "waiting" for stage in run.stages) and not run.errand
         self._lower.setCurrentIndex(1 if begun else 0)
         self._table.setVisible(not carried)
         self._position.setVisible(carried and begun)
@@ -384,7 +384,7 @@ class OperatorPage(Page):
         fields.set_running(word_busy(run.errand) if busy else "")
         fields.set_start(self._why_no_start())
         fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
-        self._badge.show_state(KINDS.get(run.state, "none"), word_state(run.state))
+        self._badge.show_state(KINDS.get(run.shown, "none"), word_state(run.shown))
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
         self._show_live()
         if run.going and self.notice.asking:

@@ -10,6 +10,9 @@ from calstation.gui.widgets.badge import StateIcon
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
 """By the message that opens each; the first opens with START."""
 
+_DONE = "registers_writing"
+"""Says that an errand's preparation is over; a run's stages take this list's place."""
+
 _HOMING = _STEPS.index("homing")
 _SAME = {"checking_gravity": "checking_mounting"}
 """Messages that open a step in place of its own, where the unit is carried by hand."""
@@ -59,7 +62,7 @@ class Preparation(QFrame):
             self._at = 0
         elif self._run.said is not None:
             said = _SAME.get(self._run.said[1], self._run.said[1])
-            self._at = _STEPS.index(said) if said in _STEPS else self._at
+            self._at = _STEPS.index(said) if said in _STEPS else len(_STEPS) if said == _DONE else self._at
         if self._carried != self._shown_carried:
             self.retranslate()
             return

@@ -481,8 +481,8 @@
         <translation>正在启动并连接设备。</translation>
     </message>
     <message>
-        <source>Nothing was written.</source>
-        <translation>没有写入任何内容。</translation>
+        <source>Stopped before anything was written.</source>
+        <translation>已停止，没有写入任何内容。</translation>
     </message>
 </context>
 <context>
@@ -564,8 +564,8 @@
         <translation>写入后在静止状态下检查输出，请勿碰动产品。</translation>
     </message>
     <message>
-        <source>Then the table of “{0}” moves: home, half a turn, 30°, load angle, which proves the gyros as well; at rest hardly anything of them shows. Is everybody clear of it, and the unit tight? STOP works all the time.</source>
-        <translation>写入后“{0}”的转台会转动：回零、半圈、30°，再回装卸位，这样陀螺也能得到验证；静止时几乎看不出陀螺的错误。人员是否都已离开转台，产品是否装牢？随时可以按停止。</translation>
+        <source>The table of “{0}” moves: home first; behind the write half a turn and 30°, which proves the gyros as well. Is everybody clear of it, and the unit tight? STOP works all the time.</source>
+        <translation>“{0}”的转台会转动：先回零，写入后再转半圈和 30°，这样陀螺也能得到验证。人员是否都已离开转台，产品是否装牢？随时可以按停止。</translation>
     </message>
     <message>
         <source>being written</source>

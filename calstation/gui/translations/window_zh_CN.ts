@@ -1000,6 +1000,10 @@
         <translation>标定中</translation>
     </message>
     <message>
+        <source>WRITING</source>
+        <translation>写寄存器</translation>
+    </message>
+    <message>
         <source>COMING TO REST</source>
         <translation>正在停稳</translation>
     </message>
