@@ -533,6 +533,18 @@
         <translation>惯组：产品拒绝保存寄存器；请断电重启后再试</translation>
     </message>
     <message>
+        <source>IMU: its old registers are back, but with them {0} measures {1}, expected {2} within {3}; calibrate the unit before it is used</source>
+        <translation>惯组：旧寄存器已恢复，但用它们 {0} 实测 {1}，应为 {2}，允差 {3}；产品使用前请先标定</translation>
+    </message>
+    <message>
+        <source>table: its {0} axis cannot turn by {1}° to either side, so no turn can prove the unit&apos;s output; widen its travel</source>
+        <translation>转台：{0} 轴向两侧都转不了 {1}°，无法用转动验证产品输出；请放宽行程</translation>
+    </message>
+    <message>
+        <source>IMU: unit &apos;{0}&apos; is in the fixture, the values are for &apos;{1}&apos;; nothing was written; change the unit or open its own result</source>
+        <translation>惯组：夹具上的产品是 {0}，数值属于 {1}，没有写入任何内容；请更换产品，或打开它自己的结果</translation>
+    </message>
+    <message>
         <source>site.latitude_deg = {0} in the station file, but the unit&apos;s gyros see the earth turn as at {1}° (sigma {2}°); correct latitude and gravity of the place, or look at the gyros where another unit agrees with the file</source>
         <translation>台站文件中 site.latitude_deg = {0}，但产品陀螺测得的地球自转对应纬度 {1}°（标准差 {2}°）；请改正台站的纬度和重力，若另一产品与文件一致则检查本产品的陀螺</translation>
     </message>
@@ -595,6 +607,10 @@
     <message>
         <source>The run began on station “{0}”, this is “{1}”; choose the station that it began on, then carry it on</source>
         <translation>该次标定是在工位“{0}”开始的，当前是“{1}”；请选择原来的工位，再继续</translation>
+    </message>
+    <message>
+        <source>Or choose “Write, table at rest”.</source>
+        <translation>或者选择“写入，转台不动”。</translation>
     </message>
     <message>
         <source>The program made a mistake: {0}</source>
@@ -904,6 +920,18 @@
         <translation>结果上交：{count} 份结果已送到 {folder}。</translation>
     </message>
     <message>
+        <source>Writing the registers.</source>
+        <translation>正在写寄存器。</translation>
+    </message>
+    <message>
+        <source>Registers written, read back, and the output right with them ({proof}).</source>
+        <translation>寄存器已写入并回读，用它们输出正确（{proof}）。</translation>
+    </message>
+    <message>
+        <source>The old registers are back as they were; the output was not looked at to its end.</source>
+        <translation>旧寄存器已原样恢复；输出的检查没有做完。</translation>
+    </message>
+    <message>
         <source>Checking the output of the restarted unit.</source>
         <translation>正在检查重启后产品的输出。</translation>
     </message>
@@ -982,6 +1010,14 @@
     <message>
         <source>the old registers are back</source>
         <translation>原有寄存器已恢复</translation>
+    </message>
+    <message>
+        <source>with a turn of the table</source>
+        <translation>转台转动验证</translation>
+    </message>
+    <message>
+        <source>at rest, no turn was made</source>
+        <translation>静止验证，没有转动</translation>
     </message>
     <message>
         <source>READY</source>
@@ -1086,6 +1122,14 @@
     <message>
         <source>Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go</source>
         <translation>外导轨转到 {1:.0f}°，内导轨转到 {2:.0f}°，然后松手</translation>
+    </message>
+    <message>
+        <source>Registers are being written; press STOP first.</source>
+        <translation>正在写寄存器，请先按停止。</translation>
+    </message>
+    <message>
+        <source>A calibration is going on; press STOP first.</source>
+        <translation>标定正在进行，请先按停止。</translation>
     </message>
     <message>
         <source>Resting</source>
