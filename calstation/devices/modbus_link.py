@@ -39,17 +39,22 @@ T = TypeVar("T")
 
 
 class ModbusRefusalError(DeviceFaultError):
-    """The device answers with a Modbus exception; `code` is its number."""
+    """The device answers with a Modbus exception; `code` is its number, `unit` who was asked."""
 
-    def __init__(self, what: str, code: int) -> None:
+    def __init__(self, what: str, code: int, unit: int) -> None:
         meaning = MEANINGS.get(code, f"exception {code}")
         mend = _MENDS.get(code, "look at the drive's display")
         super().__init__(f"table: {what}: {meaning} (Modbus exception {code}); {mend}")
         self.code = code
+        self.unit = unit
 
 
 class NoAnswerError(DeviceFaultError):
-    """The device does not answer, though it was asked as often as it may be."""
+    """The device does not answer, though it was asked as often as it may be; `unit` is who was asked."""
+
+    def __init__(self, text: str, unit: int) -> None:
+        super().__init__(text)
+        self.unit = unit
 
 
 class Carrier(Protocol):
@@ -118,8 +123,9 @@ class ModbusLink:
         asked = self._unit if unit is None else unit
         return self._transfer(
             lambda again: self._carrier.read(asked, address, count),
-            f"registers {address}-{address + count - 1} cannot be read",
+            f"registers {address}-{address + count - 1}{_of(unit)} cannot be read",
             _ATTEMPTS,
+            asked,
         )
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
@@ -127,15 +133,16 @@ class ModbusLink:
         asked = self._unit if unit is None else unit
         self._transfer(
             lambda again: self._carrier.write(asked, address, values, again),
-            f"register {address} cannot be written",
+            f"register {address}{_of(unit)} cannot be written",
             _ATTEMPTS if repeat else 1,
+            asked,
         )
 
     def close(self) -> None:
         """Hang up; never raises."""
         self._carrier.close()
 
-    def _transfer(self, transfer: Callable[[bool], T], what: str, attempts: int) -> T:
+    def _transfer(self, transfer: Callable[[bool], T], what: str, attempts: int, unit: int) -> T:
         reason = "no answer"
         attempts = 1 if self._greeting else attempts
         for attempt in range(attempts):
@@ -146,9 +153,11 @@ class ModbusLink:
                 reason = str(exc)
             except RefusedError as exc:
                 if exc.code not in NOT_YET or attempt + 1 == attempts:
-                    raise ModbusRefusalError(what, exc.code) from exc
+                    raise ModbusRefusalError(what, exc.code, unit) from exc
                 time.sleep(_AGAIN_AFTER)
-        raise NoAnswerError(f"table: {what} on {self._port} ({reason}); check cable, power and unit number")
+        raise NoAnswerError(
+            f"table: {what} on {self._port} ({reason}); check cable, power and unit number", unit
+        )
 
     def _ready(self) -> None:
         """An open link to the device that it was opened to."""
@@ -167,6 +176,11 @@ class ModbusLink:
                 raise
             finally:
                 self._greeting = False
+
+
+def _of(unit: int | None) -> str:
+    """Whose registers, where it is not the first unit."""
+    return "" if unit is None else f" of unit {unit}"
 
 
 class _GoneError(Exception):

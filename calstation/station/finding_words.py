@@ -178,6 +178,10 @@ _TABLE = {
         QT_TRANSLATE_NOOP("station_finding", "An answer does not look as the profile says."),
         QT_TRANSLATE_NOOP("station_finding", "Correct its pattern under [text.queries] ({words})."),
     ),
+    "no_number": (
+        QT_TRANSLATE_NOOP("station_finding", "A register does not hold what the profile says."),
+        QT_TRANSLATE_NOOP("station_finding", "Correct its entry under [registers] ({words})."),
+    ),
     "line_refused": (
         QT_TRANSLATE_NOOP("station_finding", "The table refuses a question ({words})."),
         QT_TRANSLATE_NOOP("station_finding", "Correct [text.queries] in the table profile."),

@@ -9,7 +9,7 @@ import numpy as np
 from calstation.devices.checks import check_bytes
 from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableStatus
 from calstation.devices.link import PortLostError, SerialSettings
-from calstation.devices.modbus_link import ModbusRefusalError
+from calstation.devices.modbus_link import ModbusRefusalError, NoAnswerError
 from calstation.devices.modbus_table import ModbusTable
 from calstation.devices.opening import SOCKETS, host_and_port
 from calstation.devices.quoting import quoted
@@ -52,7 +52,7 @@ def ask(
     except OtherModelError as exc:
         yield Finding("wrong_model", "wrong", {"found": exc.found, "expected": exc.expected})
     except ModbusRefusalError as exc:
-        yield Finding("exception", "wrong", {"code": exc.code, "unit": profile.unit or 0})
+        yield Finding("exception", "wrong", {"code": exc.code, "unit": exc.unit})
     except TextRefusalError as exc:
         yield Finding("line_refused", "wrong", {"words": str(exc)})
     except UnlikeAnswerError as exc:
@@ -62,9 +62,15 @@ def ask(
             yield _no_text(table.heard, profile, settings, port, str(exc))
     except PortLostError as exc:
         yield Finding("lost", "wrong", {"words": str(exc)})
+    except NoAnswerError as exc:
+        # What was heard before another drive fell silent was the first one's.
+        heard = table.heard if exc.unit == profile.unit else b""
+        yield _no_modbus(heard, profile, settings, port, str(exc), exc.unit)
     except DeviceFaultError as exc:
-        why = _no_modbus if isinstance(table, ModbusTable) else _no_text
-        yield why(table.heard, profile, settings, port, str(exc))
+        if isinstance(table, ModbusTable):
+            yield Finding("no_number", "wrong", {"words": str(exc)})
+        else:
+            yield _no_text(table.heard, profile, settings, port, str(exc))
     else:
         yield Finding("identified", "ok", {"model": identity.model, "serial": identity.serial})
         worst = max(times)
@@ -115,10 +121,9 @@ def _standing(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
 
 
 def _no_modbus(
-    heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, words: str
+    heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, words: str, unit: int
 ) -> Finding:
     """Why nothing that makes sense came, by the bytes that did."""
-    unit = profile.unit or 0
     values: dict[str, Value] = {"unit": unit, "seconds": profile.timeout_s, "words": words}
     if port.startswith("tcp://"):
         return Finding("not_modbus" if heard else "silent_tcp", "wrong", {**values, "count": len(heard)})

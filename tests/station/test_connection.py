@@ -1,6 +1,7 @@
 """A connection test names what is wrong with a link, on every kind of wrong link, and passes a right one."""
 
 import socket
+import struct
 import sys
 import tomllib
 from pathlib import Path
@@ -149,6 +150,36 @@ def test_something_that_does_not_speak_modbus() -> None:
         assert wrong(table(port=f"tcp://{address}")).id == "not_modbus"
 
 
+class FakeDrives:
+    """Two drives behind one address; of the inner one, unit 2, only so much is there."""
+
+    def __init__(self, inner: str) -> None:
+        self.inner = inner
+        self.words = [0] * 46
+        self.words[0:8] = struct.unpack(">8H", b"bench-drive".ljust(16, b"\0"))
+
+    def answer(self, heard: bytes) -> bytes:
+        if heard[6] == 2 and self.inner == "silent":
+            return b""
+        if heard[6] == 2 and self.inner == "refuses":
+            return wires.tcp_pdu(heard, bytes([0x83, 11]))
+        start, count = struct.unpack(">HH", heard[8:12])
+        words = list(self.words)
+        words[32:34] = [0, 0x7FC0] if self.inner == "no number" else [0, 0]  # the rate, a float
+        values = struct.pack(f">{count}H", *words[start : start + count])
+        return wires.tcp_pdu(heard, bytes([3, len(values)]) + values)
+
+
+@pytest.mark.parametrize(
+    ("inner", "expected", "unit"),
+    [("silent", "silent_tcp", 2), ("refuses", "exception", 2), ("no number", "no_number", None)],
+)
+def test_of_two_drives_the_one_is_named_that_is_wrong(inner: str, expected: str, unit: int | None) -> None:
+    with server(FakeDrives(inner).answer) as address:
+        found = wrong(table(profile="cia402_drives", port=f"tcp://{address}"))
+    assert (found.id, found.values.get("unit")) == (expected, unit)
+
+
 @pytest.mark.parametrize("code", [2, 4, 11])
 def test_a_table_that_refuses(code: int) -> None:
     with server(lambda heard: wires.tcp_pdu(heard, bytes([0x83, code]))) as address:
@@ -287,7 +318,7 @@ def streaming(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = (
         find("imus", "bench_nav").read_text(encoding="utf-8").replace("[link]", 'protocol = "stream"\n[link]')
     )
-    data = {k: v for k, v in tomllib.loads(text).items() if k not in ("commands", "registers")}
+    data = {k: v for k, v in tomllib.loads(text).items() if k not in ("commands", "registers", "corrected")}
     for name, content in (
         ("imus/quiet.toml", tomli_w.dumps(data)),
         ("products/quiet.toml", 'name = "p"\nimu = "quiet"\nserial_pattern = "X.*"\n'),

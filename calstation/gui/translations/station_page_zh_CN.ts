@@ -1123,6 +1123,14 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>请改正 [text.queries] 中的格式（{words}）。</translation>
     </message>
     <message>
+        <source>A register does not hold what the profile says.</source>
+        <translation>寄存器内容与配置文件不符。</translation>
+    </message>
+    <message>
+        <source>Correct its entry under [registers] ({words}).</source>
+        <translation>请修正 [registers] 中的对应条目（{words}）。</translation>
+    </message>
+    <message>
         <source>The table refuses a question ({words}).</source>
         <translation>转台拒绝询问（{words}）。</translation>
     </message>
