@@ -53,7 +53,7 @@ _KINDS = {
     "int_type": "a whole number",
     "string_type": "a text in quotes",
     "bool_type": "true or false",
-    "list_type": "a list [...]",
+    "list_type": "a list in brackets, [first, second]",
     "dict_type": "a table",
     "model_type": "a table",
     "finite_number": "a finite number",

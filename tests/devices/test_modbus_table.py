@@ -3,6 +3,7 @@
 import socket
 import struct
 import threading
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,7 +18,8 @@ from calstation.devices.table_map import ModbusRegister
 from calstation.devices.table_profile import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError, DeviceFaultError
 
-PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "bench.toml")
+SHIPPED = Path(__file__).parents[2] / "data" / "tables" / "bench.toml"
+PROFILE = load_table_profile(SHIPPED)
 MOVE, STOP, HOME = 1, 2, 3
 
 
@@ -253,3 +255,41 @@ def test_registers_round_trip(kind: str, part: float) -> None:
     assert len(words) == register.count
     assert all(0 <= word <= 0xFFFF for word in words)
     assert decode(register, words) == raw * register.scale
+
+
+def test_a_table_may_have_no_more_than_it_needs() -> None:
+    """Neither watchdog nor interlock, serial number or travel of its own; no bit tells that it moves or is homed."""
+    told = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
+    for name in (
+        "serial",
+        "interlock",
+        "watchdog",
+        "heartbeat",
+        "outer_low",
+        "outer_high",
+        "inner_low",
+        "inner_high",
+    ):
+        del told["registers"][name]
+    del told["status_bits"]["moving"]
+    told["status_bits"]["homed"] = {"always": True}
+    told["modbus"] |= {"timeout_s": 0.15, "gap": 0}
+    profile = TableProfile.model_validate(told)
+    words = image(status=0x0627)
+
+    def polled() -> list[tuple[bytes, bytes | None]]:
+        return [read(a, words[a:b]) for a, b in ((17, 19), (30, 34), (50, 54))]
+
+    model = list(struct.unpack(">8H", b"bench-table".ljust(16, b"\0")))
+    with table([read(0, model), *polled()], profile) as (driver, _):
+        assert driver.identify().serial == ""
+        status = driver.status()
+        driver.heartbeat()  # nothing to feed: nothing is said
+    assert status.interlock_closed
+    assert status.homed
+    assert status.moving  # its rate says so
+    assert status.watchdog == np.inf
+    np.testing.assert_allclose(status.limits.low, np.deg2rad([-1080.0, -1080.0]))
+    words[32:34] = words[52:54] = [0, 0]
+    with table(polled(), profile) as (driver, _):
+        assert not driver.status().moving

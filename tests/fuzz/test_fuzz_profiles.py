@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from calstation.configuration import validate
 from calstation.devices.frames import FrameDecoder
 from calstation.devices.imu_profile import ImuProfile
+from calstation.devices.register_table import RegisterTable
 from calstation.devices.registers import RegisterMap
 from calstation.devices.table_profile import TableProfile
+from calstation.devices.text_profile import TextSection
 from calstation.errors import ConfigurationError, DeviceFaultError
 
 DATA = Path(__file__).parents[2] / "data"
@@ -86,3 +88,49 @@ def test_a_profile_is_right_or_told(path: Path, data: st.DataObject) -> None:
         entries = RegisterMap(tuple(loaded.registers))
         with suppress(DeviceFaultError):
             entries.rounded(dict.fromkeys(entries.parameters, 0.0))
+    if isinstance(loaded, TableProfile) and loaded.registers:
+        check_obeys(loaded)
+    if isinstance(loaded, TableProfile) and loaded.text is not None:
+        check_lines(loaded.text)
+
+
+class Zeros:
+    """Registers that hold nothing and take everything that fits a Modbus transfer."""
+
+    heard = b""
+
+    def read(self, address: int, count: int) -> list[int]:
+        assert 0 <= address <= address + count <= 1 << 16
+        return [0] * count
+
+    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
+        assert 0 <= address <= address + len(values) <= 1 << 16
+        assert all(0 <= value <= 0xFFFF for value in values)
+
+    def close(self) -> None:
+        return
+
+
+def check_obeys(profile: TableProfile) -> None:
+    """A profile that loads can be told to do whatever it allows."""
+    inner = Zeros() if profile.map.inner_apart else None
+    table = RegisterTable(Zeros(), profile, 16, inner)
+    limits = profile.geometry().limits
+    table.status()
+    for command in (table.enable, table.home, table.stop, table.heartbeat, table.reset_fault, table.disable):
+        command()
+    for ends in (limits.low, limits.high, (0.0, 0.0)):
+        table.move(*ends, min(limits.rate), min(limits.acceleration))
+    with suppress(ConfigurationError):  # no such command, or nothing that stops it
+        table.rate(-limits.rate[0], limits.rate[1], min(limits.acceleration))
+
+
+def check_lines(text: TextSection) -> None:
+    """Every line of a profile that loads can be filled in and sent."""
+    values = {"angle": "1", "rate": "2", "acceleration": "3"}
+    named = {f"{joint}_{name}": value for joint in ("outer", "inner") for name, value in values.items()}
+    for name in type(text.commands).model_fields:
+        for line in getattr(text.commands, name):
+            assert line.format(axis="1", **values, **named).isascii()
+    for query in text.queries.values():
+        assert query.send.format(axis="1").isprintable()
