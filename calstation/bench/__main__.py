@@ -29,7 +29,8 @@ def read_config(text: str) -> dict[str, Any]:
 
 def main() -> int:
     """Exit code 0, or 2 where the configuration cannot be used."""
-    parser = argparse.ArgumentParser(prog="calstation.bench", description="Virtual calibration bench.")
+    about = "Virtual calibration bench; prints its ports and lives until its standard input closes."
+    parser = argparse.ArgumentParser(prog="calstation.bench", description=about)
     parser.add_argument("--config", default="{}", help="JSON text, or a .json or .toml file")
     argument = parser.parse_args().config
     try:

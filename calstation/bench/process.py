@@ -1,4 +1,4 @@
-"""The bench as a process: opens the devices' links, announces them, lives as long as its parent."""
+"""The bench as a process: opens the devices' links, announces them, lives until its standard input closes."""
 
 import asyncio
 import json

@@ -21,6 +21,12 @@ _VERDICTS = {
     "look": "The link works, but a run would not start like this.",
     "wrong": "Not ready: mend what is marked.",
 }
+_KINDS = {
+    "stations": "a station",
+    "tables": "a table profile",
+    "imus": "an IMU profile",
+    "products": "a product",
+}
 _MENDS = {"fault": "Remove its cause, then reset it: calstation table reset"}
 """What the window does with a button."""
 
@@ -66,9 +72,7 @@ def check_command(path: Path, json: str | None) -> int:
         for problem in problems:
             out.print(f"{path}:{problem.line}: {problem.text}", highlight=False, markup=False)
         if not problems:
-            out.print(
-                f"{path}: nothing is wrong with it, read as one of {kind}", highlight=False, markup=False
-            )
+            out.print(f"{path}: {_KINDS[kind]}, nothing is wrong with it", highlight=False, markup=False)
     return ConfigurationError.exit_code if problems else 0
 
 

@@ -12,7 +12,7 @@ from calstation.devices.ports import found_ports, resolve
 from calstation.devices.table_profile import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.station import imu_check, library, table_check
-from calstation.station.config import StationConfig, load_product
+from calstation.station.config import StationConfig, load_product, load_station
 from calstation.station.finding import Finding, Report, Value
 from calstation.station.line_check import wrong_line
 from calstation.station.listening import LISTEN, listen
@@ -31,6 +31,8 @@ from calstation.station.wiring import (
 )
 from calstation.station.worker import Tell
 
+EXAMPLE = "example_hardware"
+"""Station that new ones are copied from."""
 _VIRTUAL_UNIT = "SN-000001"
 _ABOUT_LINES = ("no_frames", "no_samples", "no_stream", "one_way", "wrong_checks")
 """Findings that a line of text explains better."""
@@ -86,6 +88,8 @@ def try_imu(tell: Tell, order: Order) -> Report:
                 found.append(finding)
         finally:
             imu.close()
+        if any(finding.id in ("gravity", "wrong_gravity") for finding in found):
+            found.extend(_place(setup))
         found = _by_a_line(setup, at, found)
         found.extend(_who_else_than_the_imu(setup, at, found, tell))
     return Report("imu", tuple(found))
@@ -144,6 +148,19 @@ def _who_else_than_the_imu(
             return
     if "no_frames" in ids and "://" not in at.imu:
         yield from imu_check.heard_elsewhere(at.imu, around.imu_serial, around.imu, tell)
+
+
+def _place(setup: Setup) -> Iterator[Finding]:
+    """Whether the site, by which gravity was judged, is still the one that the example came with."""
+    _, example = load_station(library.find("stations", EXAMPLE))
+    mine, theirs = setup.station.site, example.site
+    if setup.station.bench is None and (mine.latitude_deg, mine.longitude_deg, mine.height_m) == (
+        theirs.latitude_deg,
+        theirs.longitude_deg,
+        theirs.height_m,
+    ):
+        values: dict[str, Value] = {"latitude": mine.latitude_deg, "longitude": mine.longitude_deg}
+        yield Finding("example_site", "told", {**values, "height": mine.height_m})
 
 
 def _by_a_line(setup: Setup, at: Endpoints, found: list[Finding]) -> list[Finding]:

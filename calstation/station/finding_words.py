@@ -429,6 +429,13 @@ _IMU = {
         ),
         "",
     ),
+    "example_site": (
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "The site is the example's: latitude {latitude:g}°, longitude {longitude:g}°, height {height:g} m.",
+        ),
+        QT_TRANSLATE_NOOP("station_finding", "Put in the site of this station, unless it stands just there."),
+    ),
     "wrong_gravity": (
         QT_TRANSLATE_NOOP(
             "station_finding", "It measures {measured:.3f} m/s², gravity here is {expected:.3f} m/s²."
@@ -492,7 +499,7 @@ _SERVER = {
 }
 """Findings whose mend is another one behind a serial server, which has the baud in settings of its own."""
 
-_HINTS = ("other_baud", "unit_heard", "imus_line", "tables_line")
+_HINTS = ("example_site", "other_baud", "unit_heard", "imus_line", "tables_line")
 """What is told beside what is wrong, with a mend of its own."""
 
 WORDED: dict[str, tuple[str, str]] = {**_OPENING, **_TABLE, **_IMU}

@@ -15,6 +15,9 @@ from calstation.station.library import shipped_folder
 from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]
+NO_SERIAL = "# [imu.serial] # only where this line is not set as the IMU's profile says\n"
+OWN_SERIAL = "[imu.serial]\n"
+"""Of the example: the line that stands in place of a section, and the section's head."""
 
 
 def check(done: Done, code: int, *words: str) -> None:
@@ -210,9 +213,9 @@ def test_a_wrong_station_file(
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("baud = 921600", "baud = 0"), ("imu.serial.baud", "at least 50")),
-        (('parity = "N"', 'parity = "X"'), ("imu.serial.parity",)),
-        (("stop_bits = 1", "stop_bits = 3"), ("imu.serial.stop_bits",)),
+        ((NO_SERIAL, f"{OWN_SERIAL}baud = 0"), ("imu.serial.baud", "at least 50")),
+        ((NO_SERIAL, f'{OWN_SERIAL}parity = "X"'), ("imu.serial.parity",)),
+        ((NO_SERIAL, f"{OWN_SERIAL}stop_bits = 3"), ("imu.serial.stop_bits",)),
         (("timeout_s = 1.0", "timeout_s = 0.0"), ("imu.timeout_s",)),
         (('port = "/dev/ttyUSB0"', "# no port"), ("imu.port", "missing")),
     ],

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, Q
 
 from calstation.gui.app import create_window
 from calstation.gui.main_window import MainWindow
+from calstation.station import library
 from tests.gui.conftest import QUICK, SERIAL, STATION, Operator, Place
 
 ONE_STAGE = {"stages": ["six_position"]}
@@ -245,3 +246,15 @@ def test_a_broken_product_stands_where_it_can_be_mended(operator: Operator, plac
 
 def test_runs_go_to_the_folder_of_runs(operator: Operator) -> None:
     assert operator.window.app.runs_folder == Path("runs")
+
+
+def test_a_product_that_was_put_there_beside_the_window_is_offered(operator: Operator) -> None:
+    combo = operator.widget("product_combo", QComboBox)
+    before = combo.currentText()
+    text = (library.site_folder() / "products" / "short.toml").read_text(encoding="utf-8")
+    (library.site_folder() / "products" / "another.toml").write_text(text, encoding="utf-8")
+    operator.window.show_page("station_page")
+    operator.window.show_page("operator_page")
+    assert combo.findText("another") >= 0
+    assert combo.currentText() == before
+    assert operator.window.app.product_path == combo.currentData()

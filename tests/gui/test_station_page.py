@@ -492,7 +492,7 @@ def test_serial_settings_are_the_profiles_or_the_stations_own(hands: Hands) -> N
     hands.copy_station("line_3")
     hands.turn(IMU_LINK)
     draft = hands.page.drafts.station
-    hands.choose("imu_own_serial_combo", "as the profile says (921600 8N1)")
+    hands.choose("imu_own_serial_combo", "the profile's (921600 8N1)")
     assert draft.value(("imu", "serial")) is None
     hands.choose("imu_own_serial_combo", "this station's own")
     assert draft.value(("imu", "serial")) == {"baud": 921600, "data_bits": 8, "parity": "N", "stop_bits": 1}
@@ -566,6 +566,22 @@ def test_a_rule_that_the_page_does_not_know_is_told_in_the_loaders_words() -> No
 
 
 # Profiles as text
+
+
+def test_files_that_were_put_there_beside_the_window_are_offered(hands: Hands) -> None:
+    hands.turn(PROFILES)
+    files = hands.page.profiles.file_box
+    text = library.find("products", "nav_a").read_text(encoding="utf-8")
+    (library.site_folder() / "products").mkdir(parents=True, exist_ok=True)
+    (library.site_folder() / "products" / "nav_b.toml").write_text(text, encoding="utf-8")
+    assert files.findText("nav_b") < 0
+    hands.turn(IMU_LINK)
+    box = hands.find(QComboBox, "imu_test_product")
+    box.showPopup()
+    assert box.findText("nav_b") >= 0
+    box.hidePopup()
+    hands.turn(PROFILES)
+    assert files.findText("nav_b") >= 0
 
 
 def test_a_wrong_text_is_marked_at_its_line(hands: Hands) -> None:

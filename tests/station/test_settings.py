@@ -109,7 +109,7 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
             12,
             "table.profile = 'x' does not",
         ),
-        ("stations", "example_hardware", "baud = 921600", "baud = 9.5", 21, "must be a whole number"),
+        ("stations", "example_hardware", "timeout_s = 1.0", "timeout_s = 'long'", 18, "imu.timeout_s"),
         ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', 13, "did you mean 'port'?"),
     ],
 )

@@ -99,6 +99,12 @@ class RunHeader(QWidget):
         """Whether the number fits a product's pattern."""
         return re.fullmatch(pattern, self.serial) is not None
 
+    @property
+    def products(self) -> list[tuple[str, Path]]:
+        """The products that are offered, by name."""
+        box = self.product_combo
+        return [(box.itemText(i), box.itemData(i)) for i in range(box.count())]
+
     def set_products(self, products: list[tuple[str, Path]], chosen: Path | None) -> None:
         """Offer these products by name."""
         self.product_combo.clear()

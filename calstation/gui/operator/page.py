@@ -105,6 +105,7 @@ class OperatorPage(Page):
     def showEvent(self, event: QShowEvent) -> None:
         """Ready for a scan; and once, at the window's start, offer what was interrupted."""
         super().showEvent(event)
+        self._look_for_products()
         if not self._looked:
             self._looked = True
             self._resuming.open_up()
@@ -208,13 +209,21 @@ class OperatorPage(Page):
             self._fields.show_product(self.app.product_path)
         self._plan()
 
+    def _look_for_products(self) -> None:
+        """Files may have come and gone beside the window."""
+        if self.app.engine_link.running or self._fields.products == _products():
+            return
+        before = self.app.product_path
+        self._read_products()
+        if self.app.product_path != before:
+            self.app.product_changed.emit()
+
     def _read_products(self) -> None:
-        names = library.names("products")
-        products = [(name, library.find("products", name)) for name in names]
+        products = _products()
         paths = [path for _, path in products]
         chosen = self.app.product_path
-        if chosen is None:
-            last = str(self.app.settings.value("product", DEFAULT_PRODUCT))
+        if chosen not in paths:
+            last = str(self.app.settings.value("product", DEFAULT_PRODUCT)) if chosen is None else chosen.stem
             chosen = next((path for name, path in products if name == last), paths[0] if paths else None)
         self._fields.set_products(products, chosen)
         self.app.product_path = self._fields.product
@@ -448,6 +457,11 @@ class OperatorPage(Page):
             return ""
         what, key, values = run.said
         return word_message(key, values) if what == "message" else word_step(key, values)
+
+
+def _products() -> list[tuple[str, Path]]:
+    """All products by name."""
+    return [(name, library.find("products", name)) for name in library.names("products")]
 
 
 def _stack(*pages: QWidget) -> QStackedWidget:

@@ -105,6 +105,11 @@ class ChoiceBox(StillBox):
                 self.addItem(words, value)
             self.show_value(chosen)
 
+    def showPopup(self) -> None:
+        """Offer what there is at this moment: files come and go beside the window."""
+        self.fill()
+        super().showPopup()
+
     def value(self) -> Any:
         """What is chosen."""
         return self.currentData()

@@ -174,7 +174,7 @@ class LinkSection(QWidget):
         self._bench.setVisible(bench or by_hand)
         self._form.setVisible(not (bench or by_hand))
         port = data.value((self._device, "port"))
-        way = _way(port)
+        way = _way(port) if _way(port) in self._port_fields else _SERIAL
         if port:
             self._last[way] = str(port)
         else:
@@ -288,7 +288,7 @@ class LinkSection(QWidget):
 
     def _owns(self) -> list[tuple[Any, str]]:
         line = f" ({self._profile.line})" if self._profile is not None else ""
-        return [(False, self.tr("as the profile says") + line), (True, self.tr("this station's own"))]
+        return [(False, self.tr("the profile's") + line), (True, self.tr("this station's own"))]
 
     def _parities(self) -> list[tuple[Any, str]]:
         return [

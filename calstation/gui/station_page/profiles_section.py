@@ -4,6 +4,7 @@ import difflib
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QSignalBlocker
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QHBoxLayout,
@@ -181,6 +182,13 @@ class ProfilesSection(QWidget):
             present = chosen.stem
         self.file_box.setCurrentText(present if present in names else (names or [""])[0])
         self._open()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Offer files that were put there beside the window."""
+        super().showEvent(event)
+        offered = [self.file_box.itemText(i) for i in range(self.file_box.count())]
+        if offered != library.names(self.kind_box.value()):
+            self._fill()
 
     def _open(self) -> None:
         name = self.file_box.currentText()

@@ -119,12 +119,12 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>串口服务器（TCP）</translation>
     </message>
     <message>
-        <source>as the profile says</source>
-        <translation>按配置文件</translation>
-    </message>
-    <message>
         <source>this station&apos;s own</source>
         <translation>本工位单独设置</translation>
+    </message>
+    <message>
+        <source>the profile&apos;s</source>
+        <translation>按配置文件</translation>
     </message>
     <message>
         <source>none</source>
@@ -1429,6 +1429,14 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>It measures {measured:.3f} m/s², gravity here is {expected:.3f} m/s².</source>
         <translation>测得 {measured:.3f} m/s²，当地重力为 {expected:.3f} m/s²。</translation>
+    </message>
+    <message>
+        <source>The site is the example&apos;s: latitude {latitude:g}°, longitude {longitude:g}°, height {height:g} m.</source>
+        <translation>位置仍是示例工位的：纬度 {latitude:g}°，经度 {longitude:g}°，高度 {height:g} m。</translation>
+    </message>
+    <message>
+        <source>Put in the site of this station, unless it stands just there.</source>
+        <translation>请填写本工位的实际位置（除非恰好相同）。</translation>
     </message>
     <message>
         <source>If it stands still: correct accel_lsb, output or the frame&apos;s fields in the IMU profile.</source>
