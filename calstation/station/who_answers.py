@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.interfaces import Imu, OtherModelError, Table
 from calstation.devices.link import PortLostError, SerialSettings
-from calstation.devices.modbus_link import MEANINGS, ModbusRefusalError
+from calstation.devices.modbus_link import MEANINGS, ModbusRefusalError, NoAnswerError
 from calstation.devices.open_table import open_table
 from calstation.devices.table_profile import TableProfile
 from calstation.errors import CalstationError, DeviceFaultError
@@ -67,13 +67,11 @@ def _explained(fault: DeviceFaultError, wires: Wires) -> DeviceFaultError:
             f"table: it and the IMU are exchanged, its port {wires.table_port} is the IMU's; exchange table.port and"
             " imu.port in the station file"
         )
-    unit = wires.table.unit
-    if not str(fault).startswith("table: ") or unit is None:
-        return fault
     refused = fault.code if isinstance(fault, ModbusRefusalError) else None
-    if refused is not None and refused not in OTHER_NUMBER:
+    if not isinstance(fault, NoAnswerError | ModbusRefusalError) or refused not in (None, *OTHER_NUMBER):
         return fault
-    other = other_unit(wires)
+    unit = fault.unit
+    other = other_unit(wires) if unit == wires.table.unit else None
     if other is not None:
         return DeviceFaultError(
             f"table: on {wires.table_port} '{other[1]}' answers as unit {other[0]}, not as unit {unit}; correct"
@@ -84,8 +82,6 @@ def _explained(fault: DeviceFaultError, wires: Wires) -> DeviceFaultError:
             f"table: asked for its model as unit {unit} on {wires.table_port}, it refuses: {MEANINGS[refused]} (Modbus"
             f" exception {refused}); check the unit number, then look at the drive's display"
         )
-    if wires.table.modbus is not None and wires.table.modbus.inner_unit is not None:
-        return fault  # which of two drives it was, the fault does not say
     settings = "" if wires.table_port.startswith("tcp://") else ", baud, parity"
     return DeviceFaultError(
         f"table: nothing answers in Modbus on {wires.table_port} as unit {unit}; check cable, power{settings} and unit"
