@@ -9,6 +9,7 @@ from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock
 from calstation.records.csv_log import csv_blocks, meta_path
 from calstation.records.facts import FactsBuilder, LogFacts
+from calstation.records.hole import Hole
 from calstation.records.meta import LogMeta, load_meta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import raw_blocks, read_contents
@@ -21,6 +22,7 @@ class Log:
     Attributes
     ----------
     path, meta, events, results : as stored
+    holes : rows of a raw log that cannot be used, known once all samples were read; a gap for whoever reads them
     outcome : how the run ended, None where it did not reach its end or the log is a CSV
     """
 
@@ -31,6 +33,8 @@ class Log:
     results: list[dict[str, Any]] = field(default_factory=list)
     outcome: str | None = None
     stored_sha256: str | None = None
+    holes: tuple[Hole, ...] = ()
+    _found: list[Hole] = field(default_factory=list)
     _facts: LogFacts | None = None
 
     @property
@@ -44,10 +48,11 @@ class Log:
         Raises
         ------
         InputError
-            where the log is damaged, holds rows that cannot be used, or has no sample in the range.
+            where the log is damaged, holds rows that cannot be used and are no holes, or has no sample in the range.
         """
         builder = FactsBuilder(self.meta)
         any_sample = False
+        self._found.clear()
         for block in self._scan():
             builder.add(block)
             chosen = _between(block, first_seq, last_seq)
@@ -69,6 +74,7 @@ class Log:
         """Range, gaps, temperature and sha256 of the whole log, read once."""
         if self._facts is None:
             builder = FactsBuilder(self.meta)
+            self._found.clear()
             for block in self._scan():
                 builder.add(block)
             self._keep(builder.facts())
@@ -90,7 +96,8 @@ class Log:
         return self.facts().sha256
 
     def _keep(self, facts: LogFacts) -> None:
-        if self.stored_sha256 is not None and facts.sha256 != self.stored_sha256:
+        self.holes = tuple(self._found)
+        if self.stored_sha256 is not None and not self.holes and facts.sha256 != self.stored_sha256:
             raise InputError(
                 f"{self.path}: samples or configuration differ from what the run recorded (sha256);"
                 " use an unchanged copy of the log"
@@ -116,14 +123,16 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
     """
     if path.suffix == SUFFIX:
         contents = read_contents(path)
+        found: list[Hole] = []
         return Log(
             path,
             contents.meta,
-            lambda: raw_blocks(path),
+            lambda: raw_blocks(path, found),
             contents.events,
             contents.results,
             contents.outcome,
             contents.sha256,
+            _found=found,
         )
     if not path.name.endswith((".csv", ".csv.gz")):
         raise InputError(f"{path}: not a log; give a raw log ({SUFFIX}) or a .csv(.gz) beside its .toml")

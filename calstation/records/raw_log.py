@@ -13,6 +13,7 @@ import os
 import re
 import shutil
 import time
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -27,6 +28,7 @@ from calstation.estimation.samples import SampleBlock
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.locked import take
 from calstation.records.meta import LogMeta
+from calstation.records.row_check import CHECK, row_checks
 from calstation.records.superblock import SUPERBLOCK, superblock_end
 
 FORMAT = "calstation.log/1"
@@ -49,7 +51,7 @@ ROW = np.dtype(
         ("valid", "u1"),
     ]
 )
-"""Columns of every log; those of further IMUs and of a gimbal come after them."""
+"""Columns of every log; those of further IMUs and of a gimbal come after them, and each row's check last."""
 CHUNK_ROWS = 1024
 RESERVE = 32_000_000
 """Bytes that must be left on the disk: a run ends while there is still room for its log's and its result's end."""
@@ -60,7 +62,7 @@ def row_dtype(further_imus: int, joints: bool) -> np.dtype:
     """A row of a log with so many further IMUs, with the joints of a gimbal or without."""
     further = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
-    return np.dtype([*ROW.descr, *further, *gimbal])
+    return np.dtype([*ROW.descr, *further, *gimbal, (CHECK, "<u4")])
 
 
 _abandoned: list["RawLogWriter"] = []
@@ -99,6 +101,7 @@ class RawLogWriter:
             ) from exc
         configuration = np.frombuffer(meta.to_json().encode(), np.uint8)
         self._file.attrs["format"] = FORMAT
+        self._file.attrs["meta_crc32"] = zlib.crc32(configuration)
         self._file.create_dataset("meta", data=configuration)
         self._row = row_dtype(len(meta.secondaries), joints)
         self._samples = self._growing("samples", self._row, CHUNK_ROWS)
@@ -130,6 +133,7 @@ class RawLogWriter:
         for name, values in (("others", block.others), ("joints", block.joints)):
             if name in (self._row.names or ()):
                 rows[name] = values if values.shape[1] else np.nan
+        rows[CHECK] = row_checks(rows)
         self._facts.add(block)
         self._rows.append(rows)
         self.service()

@@ -3,6 +3,7 @@
 import itertools
 import json
 import time
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,17 +11,22 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from calstation.errors import InputError
 from calstation.estimation.samples import SampleBlock
+from calstation.records.hole import Hole, without
 from calstation.records.locked import held
 from calstation.records.meta import LogMeta, meta_from_json
 from calstation.records.raw_log import CHUNK_ROWS, FORMAT
+from calstation.records.row_check import CHECK, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
 
 _READ_ROWS = 16 * CHUNK_ROWS
 _BROKEN = (OSError, RuntimeError, KeyError)
 """What h5py raises of a file that is damaged."""
+
+_NONE = np.empty((0, 2), np.int64)
 
 _ATTEMPTS, _AGAIN_AFTER = 4, 0.05
 """How often a file that a run may be writing is opened, and what is waited in between, s."""
@@ -40,13 +46,16 @@ class RawLogContents:
 def read_contents(path: Path) -> RawLogContents:
     """Read configuration, events and results; raises InputError where the file is no readable raw log."""
     with _Opened(path) as file:
-        meta = meta_from_json(_text(file["meta"]), path)
-        closing = _json_lines(file["closing"])
+        stored = file["meta"][:]
+        if zlib.crc32(stored) != file.attrs.get("meta_crc32", zlib.crc32(stored)):
+            raise InputError(f"{path}: its configuration is damaged (crc32); use a copy of the log")
+        meta = meta_from_json(_text(stored), path)
+        closing = _json_lines(file, "closing")
         last = closing[-1] if closing else {}
         return RawLogContents(
             meta,
-            _json_lines(file["events"]),
-            _json_lines(file["results"]),
+            _json_lines(file, "events"),
+            _json_lines(file, "results"),
             last.get("outcome"),
             last.get("sha256"),
         )
@@ -68,43 +77,89 @@ def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
-def raw_blocks(path: Path) -> Iterator[SampleBlock]:
+def raw_blocks(path: Path, holes: list[Hole] | None = None) -> Iterator[SampleBlock]:
     """Read a raw log's samples in order in blocks of one stage.
 
-    After a crash the rows behind the first that does not rise (never written out) are left off; in a closed
-    log such a row is an error (InputError).
+    Rows that do not read as they were written are left out, and put into `holes`; those at the end of a log that
+    was not closed were never written out, and are no hole. Of a log whose rows have no checks (InputError) any such
+    row spoils the rest.
     """
     with _Opened(path) as file:
         samples = file["samples"]
-        names = [name.decode() for name in file["stages"][:]]
+        checked = CHECK in (samples.dtype.names or ())
+        names = [name.decode(errors="replace") for name in file["stages"][:]]
         closed = file["closing"].shape[0] > 0
-        last = np.int64(-1)
-        for start in range(0, samples.shape[0], _READ_ROWS):
-            rows = samples[start : start + _READ_ROWS]
-            rising = np.diff(rows["seq"], prepend=last) > 0
-            sound = rising & (rows["stage"] < len(names))
-            good = len(rows) if sound.all() else int(np.argmin(sound))
-            if good < len(rows) and closed:
-                raise InputError(f"{path}: row {start + good} is damaged; use a copy of the log")
-            rows = rows[:good]
-            if good:
-                last = rows["seq"][-1]
-                yield from _blocks(rows, names)
-            if good < len(sound):
+        end = _row_count(path, samples)
+        last, good_end = -1, 0
+        for start in range(0, end, _READ_ROWS):
+            rows, sound = _rows_and_sound(samples, start, min(start + _READ_ROWS, end), checked)
+            sound &= rows["stage"] < len(names)
+            sound &= _rising(rows["seq"], sound, last)
+            if not checked and not sound.all():
+                good = int(np.argmin(sound))
+                if closed:
+                    raise InputError(f"{path}: row {start + good} is damaged; use a copy of the log")
+                yield from _blocks(rows[:good], names)
                 return
+            for a, b in _stretches(sound):
+                if holes is not None and start + a > good_end:
+                    after = None if last < 0 else last
+                    holes.append(Hole(good_end, start + a - good_end, after, int(rows["seq"][a])))
+                last, good_end = int(rows["seq"][b - 1]), start + b
+                yield from _blocks(rows[a:b], names)
+        if holes is not None and closed and end > good_end:
+            holes.append(Hole(good_end, end - good_end, None if last < 0 else last, None))
 
 
 def row_count(path: Path) -> int:
     """Rows in a raw log, those that a crash spoilt included."""
     with _Opened(path) as file:
-        return int(file["samples"].shape[0])
+        return _row_count(path, file["samples"])
 
 
-def raw_rows(path: Path, start: int, stop: int) -> np.ndarray:
-    """Rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.row_dtype`."""
+def raw_rows(path: Path, start: int, stop: int, holes: NDArray[np.int64] = _NONE) -> np.ndarray:
+    """Good rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.row_dtype`.
+
+    holes : first row and number of rows of each, shape (n, 2)
+    """
     with _Opened(path) as file:
-        rows: np.ndarray = file["samples"][start:stop]
-        return rows
+        samples = file["samples"]
+        end = _row_count(path, samples) - int(holes[:, 1].sum())
+        parts = [samples[a:b] for a, b in without(holes, start, min(stop, end))]
+        return np.concatenate([samples[:0], *parts])
+
+
+def _row_count(path: Path, samples: h5py.Dataset) -> int:
+    """Rows told, but no more than the file has room for: nobody reads for ever what is not there."""
+    return min(int(samples.shape[0]), path.stat().st_size // samples.dtype.itemsize)
+
+
+def _rows_and_sound(
+    samples: h5py.Dataset, start: int, stop: int, checked: bool
+) -> tuple[np.ndarray, NDArray[np.bool_]]:
+    """Rows `start` to `stop`, and which of them their check proves; of a chunk that cannot be read none."""
+    try:
+        rows = samples[start:stop]
+    except _BROKEN:
+        if not checked or stop - start <= CHUNK_ROWS:
+            if not checked:
+                raise
+            return np.zeros(stop - start, samples.dtype), np.zeros(stop - start, np.bool_)
+        cuts = [*range(start, stop, CHUNK_ROWS), stop]
+        parts = [_rows_and_sound(samples, a, b, checked) for a, b in itertools.pairwise(cuts)]
+        return np.concatenate([rows for rows, _ in parts]), np.concatenate([sound for _, sound in parts])
+    return rows, row_checks(rows) == rows[CHECK] if checked else np.ones(len(rows), np.bool_)
+
+
+def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
+    """Which of the sound rows' sequence numbers rise over all sound ones before them."""
+    kept = np.where(sound, seq, -1)
+    return kept > np.maximum.accumulate(np.concatenate([[last], kept[:-1]]))
+
+
+def _stretches(sound: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8)))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
@@ -186,16 +241,22 @@ class _Opened:
         return InputError(f"{self._path}: damaged, cut short or no raw log; use a copy of the log")
 
 
-def _text(dataset: h5py.Dataset) -> str:
-    return bytes(dataset[:]).decode("utf-8", errors="replace")
+def _text(data: NDArray[np.uint8]) -> str:
+    return bytes(data).decode("utf-8", errors="replace")
 
 
-def _json_lines(dataset: h5py.Dataset) -> list[dict[str, Any]]:
-    """Whole lines that parse; what a crash left half written is skipped."""
+def _json_lines(file: h5py.File, name: str) -> list[dict[str, Any]]:
+    """Whole lines that parse; what a crash left half written, or cannot be read, is skipped."""
+    try:
+        text = _text(file[name][:])
+    except _BROKEN:
+        return []
     lines = []
-    for line in _text(dataset).split("\n")[:-1]:
+    for line in text.split("\n")[:-1]:
         try:
-            lines.append(json.loads(line))
-        except ValueError:
+            content = json.loads(line)
+        except (ValueError, RecursionError):
             continue
+        if isinstance(content, dict):
+            lines.append(content)
     return lines
