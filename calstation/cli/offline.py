@@ -52,5 +52,6 @@ def import_command(source: Path, target: Path, meta: Path | None) -> int:
 def export_command(log: Path, target: Path) -> int:
     """Write `target` and its TOML from a raw log."""
     facts = export_csv(log, target)
-    Console(stderr=True).print(f"{target}: {facts.samples} samples", highlight=False, markup=False)
+    left_out = f", {facts.damaged} damaged rows left out" if facts.damaged else ""
+    Console(stderr=True).print(f"{target}: {facts.samples} samples{left_out}", highlight=False, markup=False)
     return 0

@@ -43,6 +43,7 @@ MESSAGES: dict[str, str] = {
     "transfer_kept": "An earlier transfer to {serial} was interrupted; the unit kept its registers.",
     "transfer_open": "An earlier transfer to {serial} was interrupted ({utc}); the unit holds {holds} registers.",
     "transfer_settled": "The interrupted transfer to {serial} is settled: {closing}.",
+    "log_damaged": "{file}: damaged rows left out as gaps: {rows}, samples {where}.",
     "resumed": "Carrying on {log} behind its finished stages: {stages}.",
     "transfer_unproved": "The registers are written but not verified: the next start with this unit asks whether to "
     "finish or to put the old ones back.",

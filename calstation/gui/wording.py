@@ -111,6 +111,10 @@ _MESSAGES = {
     "transfer_settled": QT_TRANSLATE_NOOP(
         "wording", "The interrupted transfer to {serial} is settled: {closing}."
     ),
+    "log_damaged": QT_TRANSLATE_NOOP(
+        "wording",
+        "Damaged rows of the log left out as gaps: {rows}, samples {where}.",
+    ),
     "resumed": QT_TRANSLATE_NOOP("wording", "Carrying on {log} after its finished stages: {stages}."),
     "handover_waiting": QT_TRANSLATE_NOOP(
         "wording", "Hand-over: {count} waiting, {folder} cannot be reached ({reason})."

@@ -28,7 +28,7 @@ class LogFacts:
 
     first_seq, last_seq : unwrapped, 0 and -1 where there is no sample; samples : their number; gaps : places
     where samples are missing; temperature : mean, lowest and highest in °C, None where unknown; sha256 : of
-    sample rows and configuration
+    sample rows and configuration; damaged : rows that could not be read
     """
 
     first_seq: int
@@ -37,6 +37,7 @@ class LogFacts:
     gaps: int
     temperature: tuple[float, float, float] | None
     sha256: str
+    damaged: int = 0
 
 
 class FactsBuilder:

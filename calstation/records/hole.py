@@ -1,10 +1,13 @@
 """Rows of a raw log that do not read as they were written: left out as a gap, and told."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+_TOLD = 6
+"""Holes of which a message says where they are."""
 
 
 @dataclass(frozen=True)
@@ -23,14 +26,17 @@ class Hole:
     before: int | None
 
     @property
-    def values(self) -> Mapping[str, int | str]:
-        """What is told of it."""
-        return {
-            "first_row": self.row,
-            "last_row": self.row + self.count - 1,
-            "after": "the start" if self.after is None else self.after,
-            "before": "the end" if self.before is None else self.before,
-        }
+    def missing(self) -> str:
+        """Sequence numbers that are missing, the first and last, without the one that nobody knows."""
+        first = "" if self.after is None else f"{self.after + 1}"
+        last = "" if self.before is None else f"{self.before - 1}"
+        return f"{first}…{last}"
+
+
+def told(holes: Sequence[Hole]) -> dict[str, int | str]:
+    """What a message says of holes: rows in all, and where the first of them are."""
+    places = [hole.missing for hole in holes[:_TOLD]] + ["…"] * (len(holes) > _TOLD)
+    return {"rows": sum(hole.count for hole in holes), "where": ", ".join(places)}
 
 
 def without(holes: NDArray[np.int64], start: int, stop: int) -> Iterator[tuple[int, int]]:

@@ -1,7 +1,7 @@
 """One way to read any log: the project's raw log (.h5) or a CSV beside its TOML."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +102,7 @@ class Log:
                 f"{self.path}: samples or configuration differ from what the run recorded (sha256);"
                 " use an unchanged copy of the log"
             )
-        self._facts = facts
+        self._facts = replace(facts, damaged=sum(hole.count for hole in self.holes))
 
 
 def _between(block: SampleBlock, first: int | None, last: int | None) -> SampleBlock:

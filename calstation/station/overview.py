@@ -22,6 +22,8 @@ MOST_MARKS = 20_000
 """Marks of a kind that are kept; of more only the number is known."""
 _LOOK_BACK = 4096
 """Rows read before those asked for, to find the angles last polled."""
+_HOLES = "holes.npy"
+"""Beside the picture: first row and number of rows of each stretch of damaged ones, shape (n, 2)."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,8 @@ def overview(tell: Callable[..., None], path: Path, folder: Path) -> Overview:
             done += len(block)
             tell(min(done / total, 0.99))
         writer.close()
+        holes = np.array([(hole.row, hole.count) for hole in log.holes], np.int64).reshape(-1, 2)
+        np.save(folder / _HOLES, holes)
     except OSError as exc:
         raise ConfigurationError(
             f"{folder}: the log's picture cannot be written ({exc.strerror or exc}); make room on its disk"
@@ -124,7 +128,7 @@ def samples(
     """
     before = max(0, start - _LOOK_BACK)
     if path.suffix == SUFFIX:
-        rows = raw_rows(path, before, stop)
+        rows = raw_rows(path, before, stop, np.load(folder / _HOLES))
         seq = rows["seq"]
         angles = _held(np.rad2deg(rows["angles"]), seq, np.full(2, np.nan), -1)
         values = np.hstack([rows["counts"] * scale, angles]).astype(np.float32)

@@ -4,9 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.records.checks import offline_online
-from calstation.records.log import open_log
+from calstation.records.hole import told
+from calstation.records.log import Log, open_log
+from calstation.records.raw_read import solved_stages
 from calstation.station.result import Ending, build_result, judge, parameters_json
 from calstation.station.solve import Watch, solve
 
@@ -28,13 +30,16 @@ def resolve(
 ) -> Resolved:
     """Solve a log's stages between two sequence numbers (both included, unwrapped).
 
-    `progress` is told how it gets on. Raises InputError or ConfigurationError with file, field and mend.
+    `progress` is told how it gets on. Damaged rows are a gap, and told by the message ``log_damaged``.
+    Raises InputError or ConfigurationError with file, field and mend.
     """
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
         raise ConfigurationError(f"--from {first_seq} lies behind --to {last_seq}; swap them")
     log = open_log(path)
     chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
     facts = log.facts()
+    if log.holes and stages is None and first_seq is None and last_seq is None:
+        _check_complete(log, [solution.stage for solution in chain.solutions])
     solutions = tuple(chain.solutions)
     ending = Ending(
         "resolved",
@@ -50,5 +55,18 @@ def resolve(
         online = log.results[-1].get("parameters", {})
         judgement = judgement.with_more(offline_online(section, parameters_json(solutions), online))
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
-    messages = tuple((key, dict(values)) for solution in solutions for key, values in solution.messages)
-    return Resolved(result, messages)
+    messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
+    if log.holes:
+        result["log"]["damaged"] = [{"rows": hole.count, "seq": hole.missing} for hole in log.holes]
+        messages.insert(0, ("log_damaged", {"file": path.name, **told(log.holes)}))
+    return Resolved(result, tuple(messages))
+
+
+def _check_complete(log: Log, solved: list[str]) -> None:
+    """Raises InsufficientDataError where damage has cost all samples of a stage that the run had solved."""
+    for stage in solved_stages(log.events):
+        if stage not in solved:
+            raise InsufficientDataError(
+                f"{log.path}: all samples of stage '{stage}' are damaged; use a copy of the log, or name the others"
+                " with --stages"
+            )

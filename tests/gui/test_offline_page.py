@@ -1,10 +1,12 @@
 """The offline page: a log is opened, looked at, solved again over a range, compared and exported."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
+import h5py
 import pyqtgraph as pg
 import pytest
 import tomli_w
@@ -14,6 +16,7 @@ from PySide6.QtWidgets import (
     QApplication,
     QCheckBox,
     QFileDialog,
+    QLabel,
     QLineEdit,
     QPushButton,
     QTableView,
@@ -461,3 +464,20 @@ def test_history_hands_a_log_over(window: MainWindow, run_log: Path, qtbot: QtBo
     qtbot.waitUntil(lambda: button(offline, "solve_button").text() == "开始离线解算", timeout=WAIT)
     solve(offline, qtbot)
     assert offline.comparison.difference_badge.text() == "逐位完全一致"
+
+
+def test_damaged_rows_are_told_before_and_behind_the_answer(
+    page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot
+) -> None:
+    path = tmp_path / "hurt.h5"
+    shutil.copyfile(run_log, path)
+    with h5py.File(path, "r+", libver="latest") as file:
+        rows = file["samples"][400:410]
+        rows["counts"] += 1e6
+        file["samples"][400:410] = rows
+    opened(page, path, qtbot)
+    said = {label.text() for label in page.findChildren(QLabel) if label.isVisible()}
+    assert {"gaps: 1", "damaged rows: 10"} <= said
+    solve(page, qtbot)
+    words = f"Damaged rows of the log left out as gaps: 10, samples {rows['seq'][0]}…"
+    assert words in page.comparison.note_label.text()

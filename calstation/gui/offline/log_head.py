@@ -23,7 +23,7 @@ class LogHead(QWidget):
         super().__init__(parent)
         self._overview: Overview | None = None
         self._facts = _Elided()
-        self._signs = {kind: (QLabel(), QLabel()) for kind in ("gap", "spoilt")}
+        self._signs = {kind: (QLabel(), QLabel()) for kind in ("gap", "spoilt", "damaged")}
         self._buttons = {
             name: QPushButton()
             for name in ("zoom_in_button", "zoom_out_button", "zoom_range_button", "zoom_all_button")
@@ -84,6 +84,7 @@ class LogHead(QWidget):
         for kind, count, word in (
             ("gap", log.gaps.count, self.tr("gaps: {0}")),
             ("spoilt", log.spoilt_samples, self.tr("spoilt samples: {0}")),
+            ("damaged", facts.damaged, self.tr("damaged rows: {0}")),
         ):
             icon, text = self._signs[kind]
             icon.setPixmap(_sign(kind))

@@ -139,7 +139,7 @@ class Strip(_Layer):
 
 
 def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
-    """A gap's sign, a triangle, or that of spoilt samples, a square."""
+    """A gap's sign, a triangle, or that of spoilt samples and damaged rows, a square."""
     c = theme.colours()
     painter.setPen(Qt.PenStyle.NoPen)
     if kind == "gap":

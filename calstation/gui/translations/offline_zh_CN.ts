@@ -157,6 +157,10 @@
         <source>spoilt samples: {0}</source>
         <translation>无效采样 {0} 个</translation>
     </message>
+    <message>
+        <source>damaged rows: {0}</source>
+        <translation>损坏的数据行 {0} 行</translation>
+    </message>
 </context>
 <context>
     <name>LogPlot</name>

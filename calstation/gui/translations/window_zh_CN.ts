@@ -908,6 +908,10 @@
         <translation>{serial} 中断的写入已处理：{closing}。</translation>
     </message>
     <message>
+        <source>Damaged rows of the log left out as gaps: {rows}, samples {where}.</source>
+        <translation>记录中有 {rows} 行数据已损坏，按中断剔除，采样 {where}。</translation>
+    </message>
+    <message>
         <source>Carrying on {log} after its finished stages: {stages}.</source>
         <translation>接着 {log} 继续，已完成的阶段：{stages}。</translation>
     </message>

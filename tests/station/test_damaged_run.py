@@ -1,0 +1,130 @@
+"""A run whose log was damaged on its disk: what is left is solved, exported and drawn, and the holes are told."""
+
+import json
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.errors import InsufficientDataError
+from calstation.records.convert import export_csv
+from calstation.station.overview import overview, samples
+from calstation.station.resolve import resolve
+from tests.station.conftest import Place
+
+HURT = 43
+"""Rows on a page of 4 kB."""
+
+
+@pytest.fixture(scope="module")
+def run_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a run that passed."""
+    verdict = Place(tmp_path_factory.mktemp("run")).run("rate", "six_position")
+    assert verdict.outcome == "passed"
+    return Path(verdict.log)
+
+
+class Damaged:
+    """A copy of the log that can be hurt."""
+
+    def __init__(self, source: Path, folder: Path) -> None:
+        self.path = folder / "hurt.h5"
+        shutil.copyfile(source, self.path)
+        with h5py.File(self.path, "r") as file:
+            names = np.array([name.decode() for name in file["stages"][:]])
+            rows = file["samples"][:]
+        self.seq, self.steps, self.stages = rows["seq"], rows["step"], names[rows["stage"]]
+
+    def hurt(self, start: int, count: int = HURT) -> None:
+        """Change what rows hold, as a disk does."""
+        with h5py.File(self.path, "r+", libver="latest") as file:
+            rows = file["samples"][start : start + count]
+            rows["counts"][:, 0] += 1e6
+            file["samples"][start : start + count] = rows
+
+    def rest(self, stage: str) -> int:
+        """A row in the middle of a stage's longest step."""
+        steps = self.steps[self.stages == stage]
+        step = int(np.bincount(steps).argmax())
+        return int(np.median(np.flatnonzero((self.stages == stage) & (self.steps == step)))) - HURT // 2
+
+
+@pytest.fixture
+def log(run_log: Path, tmp_path: Path) -> Damaged:
+    return Damaged(run_log, tmp_path)
+
+
+def test_a_hole_is_a_gap_and_told(log: Damaged, run_log: Path) -> None:
+    row = log.rest("six_position")
+    log.hurt(row)
+    whole, solved = resolve(run_log).result, resolve(log.path)
+    missing = f"{log.seq[row]}…{log.seq[row + HURT - 1]}"
+    assert solved.result["log"]["damaged"] == [{"rows": HURT, "seq": missing}]
+    assert solved.result["log"]["gaps"] == whole["log"]["gaps"] + 1
+    assert solved.messages[0] == (
+        "log_damaged",
+        {"file": "hurt.h5", "rows": HURT, "where": missing},
+    )
+    for name, parameter in whole["parameters"].items():
+        found = solved.result["parameters"][name]
+        assert abs(found["value"] - parameter["value"]) < 4.0 * found["sigma"]
+    assert "damaged" not in whole["log"]
+
+
+def test_only_a_stage_that_lacks_data_then_is_refused(log: Damaged) -> None:
+    rate = np.flatnonzero(log.stages == "rate")
+    for row in rate[:: len(rate) // 25]:
+        log.hurt(int(row), 2)
+    with pytest.raises(InsufficientDataError, match=r"stage 'rate': rate: no whole turn .*gaps"):
+        resolve(log.path)
+    solved = resolve(log.path, ("six_position",))
+    assert solved.result["stages"] == ["six_position"]
+    assert solved.messages[0][0] == "log_damaged"
+    assert str(solved.messages[0][1]["where"]).endswith(", …")
+
+
+def test_a_stage_of_which_nothing_is_left_is_not_passed_over(log: Damaged) -> None:
+    rows = np.flatnonzero(log.stages == "six_position")
+    log.hurt(int(rows[0]), len(rows))
+    with pytest.raises(
+        InsufficientDataError, match="all samples of stage 'six_position' are damaged; use a copy"
+    ):
+        resolve(log.path)
+    assert resolve(log.path, ("rate",)).result["stages"] == ["rate"]
+
+
+def test_the_terminal_says_what_is_left_out(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
+    log.hurt(log.rest("six_position"))
+    assert run_app(["resolve", str(log.path), "--json", "-"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["log"]["damaged"][0]["rows"] == HURT
+    assert f"hurt.h5: damaged rows left out as gaps: {HURT}, samples " in " ".join(err.split())
+    target = log.path.with_suffix(".csv")
+    assert run_app(["export", str(log.path), "-o", str(target)]) == 0
+    assert f"{len(log.seq) - HURT} samples, {HURT} damaged rows left out" in " ".join(
+        capsys.readouterr().err.split()
+    )
+
+
+def test_an_export_has_all_that_is_left(log: Damaged) -> None:
+    log.hurt(log.rest("six_position"))
+    target = log.path.with_suffix(".csv")
+    assert export_csv(log.path, target).damaged == HURT
+    assert resolve(target).result["parameters"] == resolve(log.path).result["parameters"]
+
+
+def test_samples_behind_a_hole_are_drawn_where_they_are(log: Damaged, tmp_path: Path) -> None:
+    row = log.rest("rate")
+    log.hurt(row)
+
+    def tell(*_: object, **__: object) -> None:
+        """Nobody listens."""
+
+    seen = overview(tell, log.path, tmp_path / "picture")
+    assert seen.facts.damaged == HURT
+    assert seen.gaps.places.tolist() == [[log.seq[row - 1], log.seq[row + HURT]]]
+    drawn = samples(tell, log.path, seen.folder, seen.scale, row - 5, row + 5, 100)
+    assert drawn.seq.tolist() == [*log.seq[row - 5 : row], *log.seq[row + HURT : row + HURT + 5]]
