@@ -93,7 +93,8 @@ class RawLogWriter:
             # The library's own lock is another's: it is given up when SWMR mode is switched on.
             self._file = h5py.File(path, "x", libver="latest", locking=False)
             self._sync_handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
-            take(self._sync_handle, _LOCKED_WITHIN, shared=True)
+            if not take(self._sync_handle, _LOCKED_WITHIN, shared=True):
+                raise OSError(errno.EBUSY, "another program has locked it")
         except OSError as exc:
             reason = "it exists already" if exc.errno == errno.EEXIST else exc.strerror or str(exc)
             raise ConfigurationError(
@@ -101,7 +102,7 @@ class RawLogWriter:
             ) from exc
         configuration = np.frombuffer(meta.to_json().encode(), np.uint8)
         self._file.attrs["format"] = FORMAT
-        self._file.attrs["meta_crc32"] = zlib.crc32(configuration)
+        self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
         self._file.create_dataset("meta", data=configuration)
         self._row = row_dtype(len(meta.secondaries), joints)
         self._samples = self._growing("samples", self._row, CHUNK_ROWS)

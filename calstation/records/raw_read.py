@@ -131,7 +131,7 @@ def raw_rows(path: Path, start: int, stop: int, holes: NDArray[np.int64] = _NONE
 
 def _row_count(path: Path, samples: h5py.Dataset) -> int:
     """Rows told, but no more than the file has room for: nobody reads for ever what is not there."""
-    return min(int(samples.shape[0]), path.stat().st_size // samples.dtype.itemsize)
+    return min(int(samples.shape[0]), path.stat().st_size // int(samples.dtype.itemsize))
 
 
 def _rows_and_sound(
