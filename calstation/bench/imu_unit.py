@@ -35,6 +35,8 @@ OFF, RAW, CORRECTED = 0, 1, 2
 
 #: Device time during which the flash is busy after a commit, and silence after power-up or reset, s.
 FLASH_TIME = 0.2
+#: Commands that a busy flash refuses at most: time that is granted may stand still meanwhile.
+FLASH_REFUSALS = 3
 BOOT_TIME = 0.1
 
 
@@ -79,7 +81,7 @@ class ImuUnit:
         self.increments = True
         self.fails_writing: int | None = None
         self.fails_committing: int | None = None
-        self._busy_until = -np.inf
+        self._busy_until, self._refusals = -np.inf, 0
         self.streaming = True
         self._start(0.0)
 
@@ -176,7 +178,7 @@ class ImuUnit:
         address, count = struct.unpack("<HB", payload[:3])
         if count == 0 or address + count > REGISTERS or len(payload) != 3 + 4 * count:
             return BAD_ADDRESS
-        if time < self._busy_until:
+        if self._burning(time):
             return FLASH_BUSY
         if self.fails_writing is not None:
             self.fails_writing -= len(payload)
@@ -185,6 +187,10 @@ class ImuUnit:
                 raise PowerCut
         self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
         return payload[:3]
+
+    def _burning(self, time: float) -> bool:
+        self._refusals -= time < self._busy_until
+        return time < self._busy_until and self._refusals >= 0
 
     def _read_words(self, payload: bytes, time: float) -> bytes | int:
         assert self.axes is not None
@@ -213,9 +219,9 @@ class ImuUnit:
         return payload[:3]
 
     def _commit(self, payload: bytes, time: float) -> bytes | int:
-        if time < self._busy_until:
+        if self._burning(time):
             return FLASH_BUSY
-        self._busy_until = time + FLASH_TIME
+        self._busy_until, self._refusals = time + FLASH_TIME, FLASH_REFUSALS
         power_for, self.fails_committing = self.fails_committing, None
         self._flash.burn(self.registers, power_for)
         return struct.pack("<BI", 0, self.flash_cycles)

@@ -1,6 +1,7 @@
 """Driver of an IMU whose samples and command replies come as binary frames on one serial link."""
 
 import struct
+from collections.abc import Iterator
 
 from calstation.devices.frames import Reply, command_frame
 from calstation.devices.imu_profile import OPS, ImuProfile
@@ -9,7 +10,7 @@ from calstation.devices.link import SerialLink
 from calstation.devices.numbers import number
 from calstation.devices.register_profile import RegisterEntry
 from calstation.devices.registered_imu import RegisteredImu
-from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.errors import DeviceFaultError
 
 _ERRORS = {
@@ -37,16 +38,14 @@ class FramedImu(RegisteredImu):
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.commands is not None
-        super().__init__(link, profile, profile.commands, profile.commands.reset_timeout_s)
-        self._commands = profile.commands
-
-    def commit(self) -> None:
-        """Write the registers to flash, once: a lost answer is a fault, never a second flash cycle."""
-        answer = self._ask("commit", b"", attempts=1)
-        if answer[:1] != b"\x00":
-            raise DeviceFaultError(
-                "IMU: the unit refused to commit its registers; power it off and on, try again"
-            )
+        commands = self._commands = profile.commands
+        super().__init__(
+            link,
+            profile,
+            commands,
+            commit_timeout=commands.commit_timeout_s,
+            reset_timeout=commands.reset_timeout_s,
+        )
 
     def read_words(self, address: int, count: int) -> list[int]:
         """Read 16-bit registers of the system's own axes; a lost answer is asked for again."""
@@ -60,7 +59,9 @@ class FramedImu(RegisteredImu):
         """Write 16-bit registers of the system's own axes; a lost answer is asked for again only where `repeat`."""
         head = struct.pack(self._format("HB"), address, len(values))
         body = struct.pack(self._format(f"{len(values)}H"), *values)
-        self._ask("write_words", head + body, head, _ATTEMPTS if repeat else 1)
+        question = self._question("write_words", head + body, head)
+        attempts = _ATTEMPTS if repeat else 1
+        self.exchange(question, timeout=self._commands.timeout_s, attempts=attempts, urgent=repeat)
 
     def _switch_on(self, *, corrected: bool) -> None:
         section = self._profile.corrected if corrected else None
@@ -77,6 +78,13 @@ class FramedImu(RegisteredImu):
                 "model;serial;firmware",
             )
         return ImuIdentity(*parts)
+
+    def _burn(self) -> None:
+        answer = self._ask("commit", b"", attempts=1, timeout=self._commit_timeout)
+        if answer[:1] != b"\x00":
+            raise DeviceFaultError(
+                "IMU: the unit refused to commit its registers; power it off and on, try again"
+            )
 
     def _restart(self) -> None:
         self._ask("reset", b"", attempts=1)
@@ -116,16 +124,38 @@ class FramedImu(RegisteredImu):
     def _format(self, codes: str) -> str:
         return ("<" if self._profile.frame.byte_order == "little" else ">") + codes
 
-    def _ask(self, name: str, payload: bytes, begins: bytes = b"", attempts: int = _ATTEMPTS) -> bytes:
+    def _ask(
+        self,
+        name: str,
+        payload: bytes,
+        begins: bytes = b"",
+        attempts: int = _ATTEMPTS,
+        timeout: float | None = None,
+    ) -> bytes:
         """Send a command and wait for its reply, whose payload must begin with `begins`."""
+        question = self._question(name, payload, begins)
+        return self.exchange(question, timeout=timeout or self._commands.timeout_s, attempts=attempts)
+
+    def _other_questions(self) -> Iterator[Question[bytes]]:
+        """Who it is, then registers, in ever shorter parts."""
+        yield self._question("identify", b"", b"")
+        transfers = [(e, *part) for e in self._registers.entries for part in self._transfers(e)]
+        for shorter in range(max((count for _, _, count in transfers), default=0)):
+            for entry, begin, count in transfers:
+                if count > shorter:
+                    head = struct.pack(self._format("HB"), entry.place(begin), count - shorter)
+                    yield self._question("read", head, head)
+
+    def _question(self, name: str, payload: bytes, begins: bytes) -> Question[bytes]:
         ops, meanings = {**OPS, **self._commands.ops}, self._commands.errors or _ERRORS
         op = ops[name]
 
         def take(reply: Reply) -> bytes | None:
             if reply.op == ops["error"]:
-                code = str(reply.payload[0]) if reply.payload else "0"
-                raise ImuRefusalError(f"IMU: command {op} was refused: {meanings.get(code, f'code {code}')}")
+                code = reply.payload[0] if reply.payload else 0
+                text = f"IMU: command {op} was refused: {meanings.get(str(code), f'code {code}')}"
+                raise ImuBusyError(text) if code in self._commands.busy_codes else ImuRefusalError(text)
             return reply.payload if reply.op == op and reply.payload.startswith(begins) else None
 
         request = command_frame(self._commands, self._profile.frame, op, payload)
-        return self.exchange(request, take, timeout=self._commands.timeout_s, attempts=attempts)
+        return Question(request, (op, begins), take)

@@ -42,6 +42,10 @@ OPS = {
 """Ops of the framed link, and their usual numbers; those of words belong to systems with axes of their own."""
 
 
+FLASH_BUSY = 3
+"""The usual code of the framed link's error that its flash is being burnt."""
+
+
 class StreamSection(StrictModel):
     """`[stream]`: what a count means; units as in a log's `[imu]`.
 
@@ -76,7 +80,9 @@ class CommandSection(StrictModel):
     """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | check over op to payload.
 
     ops : numbers of the ops where they are not `OPS`; errors : meaning of the codes of an error's reply
-    timeout_s : host time for an answer; reset_timeout_s : for the unit to answer again after a reset
+    busy : codes of the errors that say "not yet"; absent 3, where errors are the usual ones
+    timeout_s : host time for an answer; commit_timeout_s : until the flash is burnt; reset_timeout_s : for the unit to
+        answer again after a reset
     """
 
     request_sync: str
@@ -84,7 +90,9 @@ class CommandSection(StrictModel):
     crc: str
     ops: dict[str, int] = Field(default_factory=dict)
     errors: dict[str, str] = Field(default_factory=dict)
+    busy: list[int] | None = None
     timeout_s: float = Field(gt=0, le=60)
+    commit_timeout_s: float = Field(default=5.0, gt=0, le=120)
     reset_timeout_s: float = Field(default=30.0, gt=0)
 
     @field_validator("ops")
@@ -99,6 +107,11 @@ class CommandSection(StrictModel):
         if len(set(numbers)) < len(numbers):
             raise ValueError("two ops have the same number; correct one")
         return {**OPS, **ops}
+
+    @property
+    def busy_codes(self) -> tuple[int, ...]:
+        """Codes of the errors that say "not yet"."""
+        return tuple(self.busy) if self.busy is not None else () if self.errors else (FLASH_BUSY,)
 
     @field_validator("errors")
     @classmethod

@@ -171,7 +171,7 @@ class Imu(Protocol):
         """Make the registers permanent."""
 
     def reset(self) -> None:
-        """Restart the unit."""
+        """Restart the unit, and return once it has: what it then tells is what its flash holds."""
 
     def close(self) -> None:
         """Hang up."""

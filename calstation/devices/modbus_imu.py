@@ -2,27 +2,24 @@
 
 import struct
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-from calstation.devices.checks import check_bytes
 from calstation.devices.frames import Reply
 from calstation.devices.imu_profile import ImuProfile, TextRegisters, WordCommand
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.link import SerialLink
-from calstation.devices.modbus_link import MEANINGS
-from calstation.devices.modbus_rtu import READ, REFUSED, WRITE, WRITE_MANY, RtuReply
+from calstation.devices.modbus_link import ACKNOWLEDGED, MEANINGS, NOT_YET
+from calstation.devices.modbus_rtu import REFUSED, RtuReply, RtuRequest
 from calstation.devices.numbers import ByteOrder, WordOrder, number
 from calstation.devices.register_profile import RegisterEntry
-from calstation.devices.registered_imu import RegisteredImu
-from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.devices.registered_imu import POLL, RegisteredImu
+from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
 _MOST = 120
 """Registers in one transfer."""
-_POLL = 0.02
-"""Host time between two looks whether a commit is done, s."""
 
 
 class ModbusImu(RegisteredImu):
@@ -36,24 +33,16 @@ class ModbusImu(RegisteredImu):
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.modbus is not None
-        self._section = profile.modbus
+        section = self._section = profile.modbus
+        self._texts = [text for text in (section.model, section.serial, section.firmware) if text is not None]
         self._word = 0
-        super().__init__(link, profile, RtuReply(self._section.unit), self._section.reset_timeout_s)
-
-    def read_registers(self) -> dict[str, float]:
-        """Calibration registers in SI by parameter."""
-        with self._quiet():
-            return super().read_registers()
-
-    def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write calibration registers; parameters not named keep theirs."""
-        with self._quiet():
-            super().write_registers(values)
-
-    def commit(self) -> None:
-        """Write the registers to flash, once: a lost answer is a fault, never a second flash cycle."""
-        with self._quiet():
-            self._order(self._section.commit, "commit")
+        super().__init__(
+            link,
+            profile,
+            RtuReply(section.unit),
+            commit_timeout=section.commit_timeout_s,
+            reset_timeout=section.reset_timeout_s,
+        )
 
     def _switch_on(self, *, corrected: bool) -> None:
         stream, section = self._section.stream, self._profile.corrected if corrected else None
@@ -69,8 +58,14 @@ class ModbusImu(RegisteredImu):
             self._text(section.firmware, attempts) if section.firmware else "",
         )
 
+    def _burn(self) -> None:
+        self._order(self._section.commit, "commit", self._commit_timeout)
+
+    def _burning(self) -> bool:
+        return not self._done(self._section.commit)
+
     def _restart(self) -> None:
-        self._order(self._section.reset, "reset")
+        self._order(self._section.reset, "reset", self._section.timeout_s)
 
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
         self._turn_to(entry.page)
@@ -105,19 +100,37 @@ class ModbusImu(RegisteredImu):
         raw = b"".join(word.to_bytes(2, "big") for word in words)
         return raw.split(b"\0")[0].decode("ascii", errors="replace").strip()
 
-    def _order(self, command: WordCommand, what: str) -> None:
+    def _order(self, command: WordCommand, what: str, timeout: float) -> None:
         """Write a command's value, once, and wait until it is done."""
-        self._write(command.address, [command.value], attempts=1, timeout=self._section.commit_timeout_s)
-        if command.done is None:
-            return
-        deadline = time.monotonic() + self._section.commit_timeout_s
-        while self._read(command.address, 1) != [command.done]:
+        deadline = time.monotonic() + self._commit_timeout
+        try:
+            self._write(command.address, [command.value], attempts=1, timeout=timeout)
+        except ModbusBusyError as exc:
+            if exc.code != ACKNOWLEDGED:
+                raise
+        else:
+            if command.done is None:
+                return
+        while not self._done(command):
             if time.monotonic() > deadline:
                 raise DeviceFaultError(
-                    f"IMU: the {what} was not done within {self._section.commit_timeout_s:g} s; power the unit off and"
-                    " on, try again"
+                    f"IMU: the {what} was not done within {self._commit_timeout:g} s; leave its power on until it is,"
+                    " then start again"
                 )
-            time.sleep(_POLL)
+            time.sleep(POLL)
+
+    def _done(self, command: WordCommand) -> bool:
+        """Whether a unit that carries a command out has done it; it may be busy, or silent, until then."""
+        place = command.address if command.done is not None else self._section.model.address
+        try:
+            return self._read(place, 1, attempts=1)[0] == command.done or command.done is None
+        except ImuRefusalError as exc:
+            if not isinstance(exc, ImuBusyError):
+                raise
+        except DeviceFaultError:
+            if self.lost:
+                raise
+        return False
 
     @contextmanager
     def _quiet(self) -> Iterator[None]:
@@ -134,35 +147,46 @@ class ModbusImu(RegisteredImu):
                 self._write(stream.address, [self._word])
 
     def _read(self, address: int, count: int, attempts: int = _ATTEMPTS) -> list[int]:
-        data = self._ask(READ, struct.pack(">HH", address, count), bytes([2 * count]), attempts)
+        data = self._ask(RtuRequest.read(self._section.unit, address, count), attempts)
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
     def _write(
         self, address: int, values: list[int], attempts: int = _ATTEMPTS, timeout: float | None = None
     ) -> None:
-        if len(values) == 1:
-            payload = struct.pack(">HH", address, values[0])
-            self._ask(WRITE, payload, payload, attempts, timeout)
-            return
-        head = struct.pack(">HH", address, len(values))
-        body = struct.pack(f">B{len(values)}H", 2 * len(values), *values)
-        self._ask(WRITE_MANY, head + body, head, attempts, timeout)
+        self._ask(RtuRequest.write(self._section.unit, address, values), attempts, timeout)
 
-    def _ask(
-        self, function: int, payload: bytes, begins: bytes, attempts: int, timeout: float | None = None
-    ) -> bytes:
-        """Send a request and wait for its answer, whose data must begin with `begins`."""
+    def _other_questions(self) -> Iterator[Question[bytes]]:
+        """Texts, whole and in part: they stand on no page."""
+        longest = max(self._texts, key=lambda text: text.words)
+        for words in (*(text.words for text in self._texts), *range(1, longest.words)):
+            address = next((text.address for text in self._texts if text.words == words), longest.address)
+            yield _question(RtuRequest.read(self._section.unit, address, words))
 
-        def take(reply: Reply) -> bytes | None:
-            if reply.op == function | REFUSED:
-                code = reply.payload[0]
-                address = int.from_bytes(payload[:2], "big")
-                raise ImuRefusalError(
-                    f"IMU: register {address} is refused: {MEANINGS.get(code, f'exception {code}')}"
-                    f" (Modbus exception {code})"
-                )
-            return reply.payload if reply.op == function and reply.payload.startswith(begins) else None
+    def _ask(self, request: RtuRequest, attempts: int, timeout: float | None = None) -> bytes:
+        timeout = timeout or self._section.timeout_s
+        return self.exchange(_question(request), timeout=timeout, attempts=attempts)
 
-        frame = bytes([self._section.unit, function]) + payload
-        request = frame + check_bytes("crc16_modbus", frame, "little")
-        return self.exchange(request, take, timeout=timeout or self._section.timeout_s, attempts=attempts)
+
+class ModbusBusyError(ImuBusyError):
+    """Modbus exception 5 or 6; `code` is its number."""
+
+    def __init__(self, text: str, code: int) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+def _question(request: RtuRequest) -> Question[bytes]:
+    """A request whose answer's data are wanted."""
+
+    def take(reply: Reply) -> bytes | None:
+        if reply.op == request.function | REFUSED:
+            code = reply.payload[0]
+            text = (
+                f"IMU: register {request.address} is refused: {MEANINGS.get(code, f'exception {code}')}"
+                f" (Modbus exception {code})"
+            )
+            raise ModbusBusyError(text, code) if code in NOT_YET else ImuRefusalError(text)
+        mine = reply.op == request.function and reply.payload.startswith(request.begins)
+        return reply.payload if mine else None
+
+    return Question(request.frame, request.look, take)

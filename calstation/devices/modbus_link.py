@@ -22,7 +22,10 @@ MEANINGS = {
 }
 """What Modbus exceptions mean, by their codes."""
 
-NOT_YET = (5, 6)
+ACKNOWLEDGED = 5
+"""The exception of a device that does what it was told, but takes its time."""
+
+NOT_YET = (ACKNOWLEDGED, 6)
 """Exceptions of a device that is only late."""
 
 _MENDS = {
@@ -80,8 +83,8 @@ class Carrier(Protocol):
     def read(self, unit: int, address: int, count: int) -> list[int]:
         """Read holding registers. Raises UnansweredError, RefusedError, PortLostError."""
 
-    def write(self, unit: int, address: int, values: list[int], again: bool) -> None:
-        """Write holding registers; `again` where the same was sent just before. Raises as `read`."""
+    def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
+        """Write holding registers, which may be `repeat`-ed, or were just written: `again`. Raises as `read`."""
 
 
 class ModbusLink:
@@ -132,7 +135,7 @@ class ModbusLink:
         """Write registers, as `read`; a lost transfer is repeated only where `repeat`. Raises DeviceFaultError."""
         asked = self._unit if unit is None else unit
         self._transfer(
-            lambda again: self._carrier.write(asked, address, values, again),
+            lambda again: self._carrier.write(asked, address, values, repeat=repeat, again=again),
             f"register {address}{_of(unit)} cannot be written",
             _ATTEMPTS if repeat else 1,
             asked,

@@ -15,12 +15,9 @@ from typing import cast
 from calstation.devices.checks import check_bytes
 from calstation.devices.frames import Reply
 from calstation.devices.link import PortLostError, SerialLink, SerialSettings
-from calstation.devices.unanswered import Unanswered
+from calstation.devices.unanswered import QUIET, Unanswered
 
 READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
-
-QUIET = 0.05
-"""Host time without a byte after which nothing is being sent any more, s."""
 
 _FRAME_GAP = 3.5
 """Characters of silence that part two frames."""
@@ -213,13 +210,18 @@ class RtuLine:
         data = self._ask(RtuRequest.read(unit, address, count))
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
-    def write(self, unit: int, address: int, values: list[int], again: bool) -> None:
+    def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
         """Write holding registers. Raises as `read`.
 
-        again : the same was sent just before. It need not wait until the line is in order: whichever of the two is
-            answered, the values are there
+        repeat : they may be written twice. So they are at once, however much is still to come, as it may be a stop
+        again : the same was sent just before: whichever of the two is answered, the values are there
         """
-        self._ask(RtuRequest.write(unit, address, values), again)
+        request = RtuRequest.write(unit, address, values)
+        unanswered = self._unanswered.setdefault(unit, Unanswered())
+        if repeat and not again and request.look in unanswered:
+            self._send(request.frame)
+            unanswered.add(request.look)
+        self._ask(request, again)
 
     def _ask(self, request: RtuRequest, again: bool = False) -> bytes:
         unanswered = self._unanswered.setdefault(request.unit, Unanswered())
@@ -233,7 +235,6 @@ class RtuLine:
     def _exchange(self, request: RtuRequest, unanswered: Unanswered) -> bytes:
         """Send a request and wait for its answer."""
         self._listen_until_quiet(request.unit, unanswered, 0.0)
-        time.sleep(max(0.0, self._last + self._gap - time.monotonic()))
         self._send(request.frame)
         deadline = time.monotonic() + self._timeout
         heard, place, others = b"", 0, False
@@ -269,6 +270,7 @@ class RtuLine:
 
     def _send(self, data: bytes) -> None:
         assert self._link is not None
+        time.sleep(max(0.0, self._last + self._gap - time.monotonic()))
         try:
             self._link.write(data)
         except PortLostError:

@@ -71,8 +71,8 @@ class TcpConnection:
             raise UnansweredError("an answer of the wrong length")
         return list(answer.registers)
 
-    def write(self, unit: int, address: int, values: list[int], again: bool) -> None:
-        """Write holding registers, `again` or for the first time. Raises as `read`."""
+    def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
+        """Write holding registers, whether they may be or have been written before. Raises as `read`."""
         try:
             if len(values) == 1:
                 answer = self._client.write_register(address, values[0], device_id=unit)

@@ -1,17 +1,22 @@
-"""What IMU drivers with calibration registers share: the map, entry after entry, and a restart that is waited for."""
+"""What IMU drivers with calibration registers share: the map entry by entry, a commit and a restart to be sure of."""
 
 import time
 from abc import abstractmethod
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext, suppress
 
 from calstation.devices.frames import ReplyKind
 from calstation.devices.imu_profile import CommandSection, ImuProfile
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.link import SerialLink
+from calstation.devices.mark import Mark, markable, marked
 from calstation.devices.register_profile import RegisterEntry
-from calstation.devices.registers import RegisterMap
-from calstation.devices.streamed_imu import StreamedImu
+from calstation.devices.registers import RegisterMap, alike
+from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.errors import DeviceFaultError
+
+POLL = 0.02
+"""Host time between two looks whether a unit has done what it was told, s."""
 
 
 class RegisteredImu(StreamedImu):
@@ -22,6 +27,7 @@ class RegisteredImu(StreamedImu):
     link : open port
     profile : what the bytes mean
     replies : packets that answer commands
+    commit_timeout : host time that burning the flash may take, s
     reset_timeout : host time for the unit to answer again after a reset, s
     """
 
@@ -30,12 +36,15 @@ class RegisteredImu(StreamedImu):
         link: SerialLink,
         profile: ImuProfile,
         replies: CommandSection | ReplyKind,
+        *,
+        commit_timeout: float,
         reset_timeout: float,
     ) -> None:
         super().__init__(link, profile, replies)
         self._registers = RegisterMap(tuple(profile.registers))
-        self._reset_timeout = reset_timeout
+        self._commit_timeout, self._reset_timeout = commit_timeout, reset_timeout
         self._streaming = False
+        self._burns_until = 0.0
 
     def start(self, *, corrected: bool = False) -> None:
         """Switch the stream on, see `interfaces.Imu`."""
@@ -59,29 +68,110 @@ class RegisteredImu(StreamedImu):
 
     def read_registers(self) -> dict[str, float]:
         """Calibration registers in SI by parameter."""
-        return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
+        with self._quiet():
+            return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
     def write_registers(self, values: Mapping[str, float]) -> None:
         """Write calibration registers; parameters not named keep theirs."""
         missing = [name for name in self._registers.parameters if name not in values]
         present = self.read_registers() if missing else {}
         numbers = self._registers.encode({**present, **values})
-        for entry in self._registers.entries:
-            self._write_entry(entry, numbers[entry.key])
+        with self._quiet():
+            for entry in self._registers.entries:
+                self._write_entry(entry, numbers[entry.key])
+
+    def commit(self) -> None:
+        """Write the registers to flash, once: a lost answer is a fault, never a second flash cycle."""
+        self._burns_until = time.monotonic() + self._commit_timeout
+        with self._quiet():
+            self._burn()
+        self._burns_until = 0.0
 
     def reset(self) -> None:
-        """Restart the unit and wait until it answers again; a stream that was on is switched on again."""
-        self._restart()
+        """Restart the unit, not before its flash is burnt, and wait until it has; a stream that was on is on again.
+
+        Raises DeviceFaultError where it does not answer again, or shows that it has not restarted.
+        """
+        self._outlast_commit()
+        mark = self._mark()
         deadline = time.monotonic() + self._reset_timeout
-        while True:
-            try:
-                self._ask_identity(attempts=1)
-                break
-            except DeviceFaultError:
-                if self.lost or time.monotonic() > deadline:
-                    raise
+        try:
+            self._restart()
+        except ImuRefusalError:
+            raise
+        except DeviceFaultError:  # one that restarts at once has no time to answer
+            if self.lost:
+                raise
+        while not self._restarted(mark, last=time.monotonic() > deadline):
+            time.sleep(POLL)
         if self._streaming:
             self.start()
+
+    def _outlast_commit(self) -> None:
+        """A commit that was not seen to end may still burn: restarted now the unit would hold neither old nor new."""
+        if not self._burns_until:
+            return
+        time.sleep(max(0.0, self._burns_until - time.monotonic()))
+        if self._burning():
+            raise ImuBusyError(
+                f"IMU: the unit's flash is still busy {self._commit_timeout:g} s after its commit; leave its power on"
+                " until it is done, then start again"
+            )
+        self._burns_until = 0.0
+
+    def _mark(self) -> Mark | None:
+        """Mark the unit's memory; waits until its flash takes no time any more. None where it has no registers."""
+        entry = markable(self._registers.entries)
+        if entry is None:
+            return None
+        with self._quiet():
+            before = self._read_entry(entry)
+            self._write_patiently(entry, marked(entry, before))
+            shown = self._read_entry(entry)
+        if alike(before, shown):
+            raise DeviceFaultError(
+                f"IMU: {entry} takes no value, so a restart could not be told; look at the unit's write protection"
+            )
+        return Mark(entry, tuple(before), tuple(shown))
+
+    def _write_patiently(self, entry: RegisterEntry, numbers: list[float]) -> None:
+        deadline = time.monotonic() + self._commit_timeout
+        while True:
+            try:
+                self._write_entry(entry, numbers)
+            except ImuBusyError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(POLL)
+            else:
+                return
+
+    def _restarted(self, mark: Mark | None, *, last: bool) -> bool:
+        """Whether it answers and the mark is gone. Raises DeviceFaultError where not and it is the `last` look."""
+        try:
+            self._ask_identity(attempts=1)
+            if mark is None:
+                return True
+            with self._quiet():
+                found = self._read_entry(mark.entry)
+        except DeviceFaultError:
+            if self.lost or last:
+                raise
+            return False
+        if not alike(mark.shown, found):
+            return True
+        if last:
+            with suppress(DeviceFaultError), self._quiet():
+                self._write_entry(mark.entry, list(mark.before))
+            raise DeviceFaultError(
+                f"IMU: the unit answers but has not restarted within {self._reset_timeout:g} s of its reset, so what"
+                " its flash holds is not known; switch its power off and on, then start again"
+            )
+        return False
+
+    def _quiet(self) -> AbstractContextManager[None]:
+        """While registers are asked: the stream is off, where the unit needs that."""
+        return nullcontext()
 
     @abstractmethod
     def _switch_on(self, *, corrected: bool) -> None:
@@ -98,6 +188,14 @@ class RegisteredImu(StreamedImu):
     @abstractmethod
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
         """Write numbers to an entry's registers."""
+
+    @abstractmethod
+    def _burn(self) -> None:
+        """Tell the unit, once, to burn its registers, and wait until it has."""
+
+    def _burning(self) -> bool:
+        """Whether the unit says that its flash is still being burnt."""
+        return False
 
     @abstractmethod
     def _restart(self) -> None:

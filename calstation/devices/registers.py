@@ -1,7 +1,7 @@
 """The register map of a profile: parameters in SI to register values and back."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -172,6 +172,11 @@ def _near(entry: RegisterEntry, wanted: float, found: float, converted: bool) ->
         return abs(wanted - found) <= tolerance
     kind = number(entry.type)
     return _same(kind.nearest(wanted / entry.scale), kind.nearest(found / entry.scale))
+
+
+def alike(numbers: Sequence[float], others: Sequence[float]) -> bool:
+    """Every bit of all numbers is the same; any NaN is like any other."""
+    return all(_same(a, b) for a, b in zip(numbers, others, strict=True))
 
 
 def _same(a: float, b: float) -> bool:

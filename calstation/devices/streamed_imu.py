@@ -4,9 +4,10 @@ import queue
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from calstation.devices.imu_profile import CommandSection, ImuProfile
 from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
 from calstation.devices.link import SerialLink
 from calstation.devices.sample_count import SampleCount
+from calstation.devices.unanswered import QUIET, Unanswered
 from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray, IntArray
 
@@ -25,10 +27,31 @@ _NOISE_FRAMES = 40
 """Frames' worth of bytes without one sound frame that counts as a wrong setting of the link."""
 
 T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
 
 
 class ImuRefusalError(DeviceFaultError):
     """The unit understands and refuses a command."""
+
+
+class ImuBusyError(ImuRefusalError):
+    """The unit cannot do it yet: its flash is being burnt, or it still wakes up."""
+
+
+@dataclass(frozen=True)
+class Question(Generic[T_co]):
+    """A command that is answered.
+
+    Attributes
+    ----------
+    request : as it goes out
+    look : what its answer has in common with those to other commands that could be taken for it
+    take : what a reply says, None where it answers something else; raises ImuRefusalError
+    """
+
+    request: bytes
+    look: Hashable
+    take: Callable[[Reply], T_co | None]
 
 
 @dataclass(frozen=True)
@@ -63,6 +86,7 @@ class StreamedImu(ABC):
         self._arrived: queue.SimpleQueue[_Arrived] = queue.SimpleQueue()
         self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
         self._outbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._unanswered = Unanswered()
         self._asking = threading.Lock()
         self._closing = threading.Event()
         self._failure: DeviceFaultError | None = None
@@ -139,20 +163,16 @@ class StreamedImu(ABC):
         self._thread.join(5.0)
         self._link.close()
 
-    def exchange(
-        self,
-        request: bytes,
-        take: Callable[[Reply], T | None],
-        *,
-        timeout: float,
-        attempts: int,
-    ) -> T:
-        """Send a command and wait for the reply that `take` accepts.
+    def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
+        """Send a command and wait for its reply.
+
+        A reply that came late would be taken for the next one's. So nothing is sent whose answer would look like one
+        that may still come, before the unit has answered a question that looks otherwise.
 
         Parameters
         ----------
-        take : what a reply says, None where it answers something else; may raise
         timeout : host time for each attempt, s
+        urgent : may be told twice and must not wait: it is sent at once in any case, and again where needed
 
         Raises
         ------
@@ -160,22 +180,69 @@ class StreamedImu(ABC):
             where nothing acceptable comes, or the link is lost.
         """
         with self._asking:
-            while not self._replies.empty():
-                self._replies.get()
-            for _ in range(attempts):
-                self._check()
-                self._outbox.put(request)
-                deadline = time.monotonic() + timeout
-                while (left := deadline - time.monotonic()) > 0:
-                    try:
-                        reply = self._replies.get(timeout=min(left, 0.1))
-                    except queue.Empty:
-                        self._check()
+            for attempt in range(attempts):
+                if question.look in self._unanswered and not (urgent and attempt):
+                    if urgent:
+                        self._outbox.put(question.request)
+                        self._unanswered.add(question.look)
+                    self._listen_until_quiet()
+                    if not self._between(timeout):
                         continue
-                    taken = take(reply)
-                    if taken is not None:
-                        return taken
-        raise DeviceFaultError(self._unanswered(timeout))
+                taken = self._attempt(question, timeout)
+                if taken is not None:
+                    return taken
+        raise DeviceFaultError(self._unheard(timeout))
+
+    def _other_questions(self) -> Iterator[Question[object]]:
+        """Questions to any unit of this kind whose answers look differently from each other."""
+        return iter(())
+
+    def _between(self, timeout: float) -> bool:
+        """Ask what looks like nothing that may still come; whether it is answered, and so all that was asked before."""
+        while True:
+            for question in self._other_questions():
+                if question.look not in self._unanswered:
+                    try:
+                        return self._attempt(question, timeout) is not None
+                    except ImuRefusalError:
+                        return True
+            if not self._unanswered:
+                return True
+            self._unanswered.forget_oldest()
+
+    def _attempt(self, question: Question[T], timeout: float) -> T | None:
+        """Send a command once; None where it is not answered in time."""
+        self._check()
+        while not self._replies.empty():
+            self._replies.get()
+        self._outbox.put(question.request)
+        deadline = time.monotonic() + timeout
+        while (left := deadline - time.monotonic()) > 0:
+            try:
+                reply = self._replies.get(timeout=min(left, 0.1))
+            except queue.Empty:
+                self._check()
+                continue
+            try:
+                taken = question.take(reply)
+            except ImuRefusalError:
+                if set(self._unanswered) <= {question.look}:
+                    self._unanswered.answered(question.look)
+                    raise
+                # It may be an older command's, and then none before that will be answered any more.
+                self._unanswered.forget_oldest()
+                continue
+            if taken is not None:
+                self._unanswered.answered(question.look)
+                return taken
+        self._unanswered.add(question.look)
+        return None
+
+    def _listen_until_quiet(self) -> None:
+        """Wait until no reply comes any more."""
+        with suppress(queue.Empty):
+            while True:
+                self._replies.get(timeout=QUIET)
 
     @property
     def lost(self) -> bool:
@@ -191,7 +258,7 @@ class StreamedImu(ABC):
         while not self._arrived.empty():
             self._arrived.get()
 
-    def _unanswered(self, timeout: float) -> str:
+    def _unheard(self, timeout: float) -> str:
         where = f"IMU: no answer on {self._link.port} within {timeout:g} s"
         if self._bytes == 0:
             return f"{where}, not a byte came; check power, cable and port"

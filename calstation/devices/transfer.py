@@ -1,9 +1,9 @@
 """Puts values into a unit's registers so that a power cut at any moment leaves them recognisably old or new.
 
-Verify the serial number, save what the unit holds, put the intention down, write, read back bit for bit, commit,
-restart, read again. The entry of the journal stays open until somebody has proved the corrected output on fresh data
-and closes it; an entry left open says what the unit held before and what it was to hold, so the next start can tell
-which of the two it holds now.
+Verify the serial number, restart the unit so that it shows its flash, save what that holds, put the intention down,
+write, read back bit for bit, commit, restart, read again. The entry of the journal stays open until somebody has proved
+the corrected output on fresh data and closes it; an entry left open says what the unit held before and what it was to
+hold, so the next start can tell which of the two it holds now.
 """
 
 import struct
@@ -85,8 +85,22 @@ class Transferred:
     found: Mapping[str, float]
 
 
+def flash_registers(imu: Imu) -> dict[str, float]:
+    """Restart the unit and read what its flash holds, SI: what somebody wrote and never committed is gone.
+
+    Raises DeviceFaultError.
+    """
+    imu.reset()
+    return imu.read_registers()
+
+
 def transfer(
-    imu: Imu, registers: RegisterMap, serial: str, values: Mapping[str, float], begin: Begin
+    imu: Imu,
+    registers: RegisterMap,
+    serial: str,
+    values: Mapping[str, float],
+    begin: Begin,
+    old: Mapping[str, float] | None = None,
 ) -> Transferred:
     """Write the parameters that have registers; registers of other parameters keep their values.
 
@@ -95,6 +109,7 @@ def transfer(
     serial : of the unit that is meant
     values : new values by contract name, SI; names without a register are left aside
     begin : puts the intention down before anything is written
+    old : its `flash_registers`, where they were just read; read here where None
 
     Raises
     ------
@@ -102,7 +117,7 @@ def transfer(
         where another unit answers, a value does not fit, the link fails, or a register does not read back.
     """
     check_serial(imu, serial)
-    old = imu.read_registers()
+    old = flash_registers(imu) if old is None else dict(old)
     new = registers.rounded({**old, **{name: value for name, value in values.items() if name in old}})
     entry = begin(old, new)
     return _put(imu, registers, entry, entry.new)
@@ -145,8 +160,7 @@ def recognise(imu: Imu, entry: Entry, registers: RegisterMap | None = None) -> H
     another unit answers or the link fails.
     """
     check_serial(imu, entry.serial)
-    imu.reset()
-    found = imu.read_registers()
+    found = flash_registers(imu)
     differ = differing if registers is None else registers.differing
     if not differ(entry.new, found):
         return Holds.NEW

@@ -2,6 +2,9 @@
 
 from collections.abc import Callable, Hashable, Iterator
 
+QUIET = 0.05
+"""Host time without a byte after which nothing is being sent any more, s."""
+
 _MOST = 100
 """Unanswered requests that are kept in mind; a device that leaves more is not answering late, it is silent."""
 

@@ -1,5 +1,7 @@
 """Driver of VectorNav's IMUs (VN-100): a stream in binary or text, commands in lines $VN...*check between it."""
 
+from collections.abc import Iterator
+
 from calstation.devices.checks import CHECK_WIDTHS, check_function
 from calstation.devices.frame_profile import CrcSection, FrameSection
 from calstation.devices.frames import Reply
@@ -9,7 +11,7 @@ from calstation.devices.link import SerialLink
 from calstation.devices.numbers import number
 from calstation.devices.register_profile import RegisterEntry
 from calstation.devices.registered_imu import RegisteredImu
-from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.devices.streamed_imu import ImuRefusalError, Question
 from calstation.devices.text_frames import TextLine
 from calstation.errors import DeviceFaultError
 
@@ -82,11 +84,13 @@ class VectorNavImu(RegisteredImu):
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.vectornav is not None
         self._section = profile.vectornav
-        super().__init__(link, profile, LineReply(self._section), self._section.reset_timeout_s)
-
-    def commit(self) -> None:
-        """Write all settings to flash, once: a lost answer is a fault, never a second flash cycle."""
-        self._ask("VNWNV", timeout=self._section.commit_timeout_s, attempts=1)
+        super().__init__(
+            link,
+            profile,
+            LineReply(self._section),
+            commit_timeout=self._section.commit_timeout_s,
+            reset_timeout=self._section.reset_timeout_s,
+        )
 
     def _switch_on(self, *, corrected: bool) -> None:
         section = self._profile.corrected if corrected else None
@@ -99,6 +103,9 @@ class VectorNavImu(RegisteredImu):
             for register in (_MODEL, _SERIAL, _FIRMWARE)
         ]
         return ImuIdentity(*words)
+
+    def _burn(self) -> None:
+        self._ask("VNWNV", timeout=self._commit_timeout, attempts=1)
 
     def _restart(self) -> None:
         self._ask("VNRST", attempts=1)
@@ -122,6 +129,16 @@ class VectorNavImu(RegisteredImu):
 
     def _ask(self, words: str, *, timeout: float | None = None, attempts: int = _ATTEMPTS) -> list[str]:
         """Send a line and wait for the one that repeats its command and register; its further fields."""
+        return self.exchange(
+            self._question(words), timeout=timeout or self._section.timeout_s, attempts=attempts
+        )
+
+    def _other_questions(self) -> Iterator[Question[list[str]]]:
+        """What stands in its registers."""
+        for register in (_MODEL, _SERIAL, _FIRMWARE, *(entry.address for entry in self._registers.entries)):
+            yield self._question(f"VNRRG,{register}")
+
+    def _question(self, words: str) -> Question[list[str]]:
         command, *rest = words.split(",")
         begins = [command, *(rest[:1] if command in ("VNRRG", "VNWRG") else [])]
 
@@ -133,12 +150,8 @@ class VectorNavImu(RegisteredImu):
                 return None
             return fields[len(begins) :]
 
-        return self.exchange(
-            line(words, self._section.check),
-            take,
-            timeout=timeout or self._section.timeout_s,
-            attempts=attempts,
-        )
+        look = (command, *(register.lstrip("0") for register in begins[1:]))
+        return Question(line(words, self._section.check), look, take)
 
 
 def _same_register(told: list[str], asked: list[str]) -> bool:

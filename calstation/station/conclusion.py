@@ -7,7 +7,7 @@ from typing import Any
 
 from calstation.devices.interfaces import Imu
 from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import Closing, Entry, Step, Transferred, restore, transfer
+from calstation.devices.transfer import Closing, Entry, Step, Transferred, flash_registers, restore, transfer
 from calstation.estimation.method import Solution
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
@@ -66,13 +66,13 @@ class Conclusion:
         if not entries.parameters:
             return Concluded(passed=True, written=False)
         # The log belongs to this thread, so what the unit holds is read and kept before the transfer begins.
-        old = aside(self.imu.read_registers)
+        old = aside(lambda: flash_registers(self.imu))
         self._keep(old)
         wanted = self._wanted(solutions, old)
         self.hear()
         self.tell(Message("registers_transfer"))
         serial = self.meta.imu.serial
-        self._done = aside(lambda: transfer(self.imu, entries, serial, wanted, self._begin))
+        self._done = aside(lambda: transfer(self.imu, entries, serial, wanted, self._begin, old))
         self.registers["new"] = dict(self._done.found)
         try:
             self.hear()

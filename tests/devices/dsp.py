@@ -1,7 +1,7 @@
 """A bench unit's processor on a wire in memory, under a supply that can break down at any byte."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -11,10 +11,11 @@ from calstation.bench.flash import IMAGE_BYTES
 from calstation.bench.imu_frames import CommandParser, crc16
 from calstation.bench.imu_unit import COMMIT, ImuUnit
 from calstation.devices.framed_imu import FramedImu
-from calstation.devices.frames import FrameDecoder, Reply
+from calstation.devices.frames import FrameDecoder
 from calstation.devices.imu_profile import ImuProfile, load_imu_profile
 from calstation.devices.link import PortLostError
 from calstation.devices.registers import RegisterMap
+from calstation.devices.streamed_imu import Question
 from calstation.station import library
 
 T = TypeVar("T")
@@ -55,6 +56,7 @@ class Wire:
         self._unit, self._supply = unit, supply
         self._parser = CommandParser()
         self._waiting = bytearray()
+        self._time = 0.0
         self._ready = threading.Event()
 
     def write(self, data: bytes) -> None:
@@ -66,7 +68,8 @@ class Wire:
                 left = self._supply.take(IMAGE_BYTES)
                 if left < IMAGE_BYTES:
                     self._unit.fails_committing = left
-            answer = self._unit.answer(op, payload, 0.0)
+            self._time += 1.0  # so that its flash is never busy
+            answer = self._unit.answer(op, payload, self._time)
             self._waiting += answer[: self._supply.take(len(answer))]
             self._ready.set()
         self._check()
@@ -94,7 +97,9 @@ def profile(timeout_s: float = 0.5) -> ImuProfile:
     """The bench's navigation profile with the registers of both biases alone."""
     shipped = load_imu_profile(library.shipped_folder() / "imus" / "bench_nav.toml")
     entries = [entry for entry in shipped.registers if entry.parameters[0] in NAMES]
-    return shipped.model_copy(update={"registers": entries}).with_timeout(timeout_s)
+    assert shipped.commands is not None
+    commands = shipped.commands.model_copy(update={"timeout_s": timeout_s, "commit_timeout_s": timeout_s})
+    return shipped.model_copy(update={"registers": entries, "commands": commands})
 
 
 MAP = RegisterMap(tuple(profile().registers))
@@ -107,16 +112,15 @@ class DirectImu(FramedImu):
         assert used.commands is not None
         self._wire, self._profile, self._commands = wire, used, used.commands
         self._registers = RegisterMap(tuple(used.registers))
+        self._commit_timeout = self._burns_until = 0.0
         self._reset_timeout, self._streaming = used.commands.reset_timeout_s, False
         self._failure = None
 
-    def exchange(
-        self, request: bytes, take: Callable[[Reply], T | None], *, timeout: float, attempts: int
-    ) -> T:
+    def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
         try:
-            self._wire.write(request)
+            self._wire.write(question.request)
             for reply in FrameDecoder(self._profile.frame, self._commands).feed(self._wire.read(0.0)).replies:
-                taken = take(reply)
+                taken = question.take(reply)
                 if taken is not None:
                     return taken
         except PortLostError as error:

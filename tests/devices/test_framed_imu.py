@@ -13,10 +13,12 @@ from test_frames import reply_frame, stream_frame
 
 from calstation.devices.framed_imu import FramedImu
 from calstation.devices.imu_profile import ImuProfile, load_imu_profile
+from calstation.devices.streamed_imu import ImuBusyError
 from calstation.errors import DeviceFaultError
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")
-QUICK = PROFILE.model_copy(update={"commands": PROFILE.commands.model_copy(update={"timeout_s": 0.1})})
+BRIEF = {"timeout_s": 0.1, "commit_timeout_s": 0.2, "reset_timeout_s": 0.5}
+QUICK = PROFILE.model_copy(update={"commands": PROFILE.commands.model_copy(update=BRIEF)})
 
 
 class ScriptedLink:
@@ -143,12 +145,83 @@ def test_writing_and_committing_on_the_wire() -> None:
         row = [values.get(name, 0.0) for name in e.parameters]
         pairs.append((request(3, head + struct.pack(f"<{len(row)}f", *row)), reply_frame(3, head)))
     pairs.append((request(4), reply_frame(4, struct.pack("<BI", 0, 17))))
-    pairs += [(request(5), reply_frame(5, b"\x00")), (request(1), reply_frame(1, b"bench-imu;SN;1"))]
+    pairs += [*marking(), (request(5), reply_frame(5, b"\x00")), IDENTITY, bias()]
     with driver(pairs) as (imu, link):
         imu.write_registers(values)
         imu.commit()
         imu.reset()
         assert link.finished
+
+
+IDENTITY = request(1), reply_frame(1, b"bench-imu;SN;1")
+HEAD = struct.pack("<HB", 0, 3)
+
+
+def bias(value: float = 0.0) -> tuple[bytes, bytes]:
+    """The gyro's bias is read."""
+    return request(2, HEAD), reply_frame(2, HEAD + struct.pack("<3f", *[value] * 3))
+
+
+def marking(busy: int = 0) -> list[tuple[bytes, bytes]]:
+    """A mark is set before a restart: biases inside their range of ±0.1, which the unit's flash does not hold."""
+    mark = -0.1 + 0.2 * 0.381966
+    words = request(3, HEAD + struct.pack("<3f", *[mark] * 3))
+    return [bias(), *[(words, reply_frame(0xFF, b"\x03"))] * busy, (words, reply_frame(3, HEAD)), bias(mark)]
+
+
+def test_a_restart_waits_for_a_flash_that_is_busy() -> None:
+    pairs = [*marking(busy=4), (request(5), reply_frame(5, b"\x00")), IDENTITY, bias()]
+    with driver(pairs) as (imu, link):
+        imu.reset()
+        assert link.finished
+
+
+def test_no_restart_before_the_time_of_a_commit_is_over_that_was_not_seen_to_end() -> None:
+    pairs = [(request(4), b""), *marking(), (request(5), reply_frame(5, b"\x00")), IDENTITY, bias()]
+    with driver(pairs) as (imu, link):
+        begun = time.monotonic()
+        with pytest.raises(DeviceFaultError):
+            imu.commit()
+        imu.reset()
+        assert link.finished
+        assert time.monotonic() - begun >= BRIEF["commit_timeout_s"]
+    refused = [(request(4), reply_frame(0xFF, b"\x03")), *pairs[1:]]
+    with driver(refused) as (imu, link):
+        begun = time.monotonic()
+        with pytest.raises(ImuBusyError, match="flash busy"):
+            imu.commit()
+        imu.reset()
+        assert link.finished
+        assert time.monotonic() - begun >= BRIEF["commit_timeout_s"]
+
+
+def test_a_restart_is_believed_once_the_mark_is_gone() -> None:
+    (_, marked) = bias(-0.1 + 0.2 * 0.381966)
+    late = [IDENTITY, (bias()[0], marked)] * 2
+    silent = [(request(1), b"")]
+    with driver([*marking(), (request(5), b""), *late, *silent, bias(), IDENTITY, bias()]) as (imu, link):
+        imu.reset()
+        assert link.finished
+
+
+def test_a_unit_that_never_restarts_is_a_fault_and_gets_its_own_values_back() -> None:
+    (_, marked) = bias(-0.1 + 0.2 * 0.381966)
+    looks = [IDENTITY, (bias()[0], marked)] * 200
+    with driver([*marking(), (request(5), reply_frame(5, b"\x00")), *looks]) as (imu, link):
+        with pytest.raises(
+            DeviceFaultError, match=r"has not restarted within 0.5 s .*; switch its power off"
+        ):
+            imu.reset()
+        assert link.unexpected[0] == request(3, HEAD + struct.pack("<3f", 0.0, 0.0, 0.0))
+
+
+def test_a_unit_whose_registers_take_no_value_is_not_restarted() -> None:
+    pairs = marking()
+    with (
+        driver([*pairs[:2], bias()]) as (imu, _),
+        pytest.raises(DeviceFaultError, match="register 0-2 takes no value, so a restart could not be told"),
+    ):
+        imu.reset()
 
 
 def test_a_commit_is_never_repeated() -> None:
@@ -158,11 +231,33 @@ def test_a_commit_is_never_repeated() -> None:
         assert link.unexpected == [request(4)]
 
 
-def test_a_lost_answer_is_asked_for_again() -> None:
+def test_a_lost_answer_is_asked_for_again_once_something_else_was_answered() -> None:
+    with driver([(request(1), b""), bias(), IDENTITY]) as (imu, link):
+        assert imu.identify().serial == "SN"
+        assert link.finished
     with driver([]) as (imu, link):
         with pytest.raises(DeviceFaultError, match="no answer on SCRIPT within"):
             imu.identify()
-        assert link.unexpected == [request(1)] * 3
+        assert link.unexpected[:2] == [request(1), bias()[0]]
+        assert len(set(link.unexpected)) == len(link.unexpected) == 3
+
+
+def test_the_late_ok_of_a_commit_is_not_that_of_the_next() -> None:
+    done = reply_frame(4, struct.pack("<BI", 0, 17))
+    with driver([(request(4), b""), (request(1), done + IDENTITY[1]), (request(4), b"")]) as (imu, link):
+        for _ in range(2):
+            with pytest.raises(DeviceFaultError, match="no answer on SCRIPT within"):
+                imu.commit()
+        assert link.finished
+
+
+def test_a_late_refusal_is_not_that_of_the_next_command() -> None:
+    refusal = reply_frame(0xFF, b"\x02")
+    with driver([(request(4), b""), (IDENTITY[0], refusal + IDENTITY[1])]) as (imu, link):
+        with pytest.raises(DeviceFaultError, match="no answer"):
+            imu.commit()
+        assert imu.identify().serial == "SN"
+        assert link.finished
 
 
 def test_an_error_reply_is_told_by_its_meaning() -> None:

@@ -4,6 +4,7 @@ import socket
 import struct
 import sys
 import threading
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,7 +13,9 @@ import numpy as np
 import pytest
 from rtu_server import RtuServer
 
-from calstation.devices.link import SerialSettings
+from calstation.devices.imu_profile import ImuProfile
+from calstation.devices.link import SerialLink, SerialSettings
+from calstation.devices.modbus_imu import ModbusImu
 from calstation.devices.modbus_link import ModbusLink, ModbusRefusalError
 from calstation.devices.modbus_rtu import Barriers, RtuRequest
 from calstation.devices.modbus_table import ModbusTable
@@ -83,8 +86,10 @@ def test_targets_that_differ_are_not_told_while_the_same_echo_may_still_come() -
             table.write(34, [1, 2])
         table.write(34, [3, 4])
         assert [device.words[34], device.words[35]] == [3, 4]
-        told = [request for request in device.requests if request[0] == 16]
-        assert device.requests.index((3, 0, 1)) == len(told) - 1, "another read stands between"
+        asked = device.requests.index((3, 0, 1))
+        assert device.requests[asked + 1 :] == [(16, 34, 2)], (
+            "what counts is told behind another question's answer"
+        )
 
 
 def test_a_refusal_that_may_be_an_older_request_s_is_passed_over() -> None:
@@ -119,6 +124,45 @@ def test_a_table_with_gaps_tells_its_own_angles_and_limits_however_late_an_answe
     for status in hurt:
         np.testing.assert_array_equal(status.angles, clean[0].angles)
         assert status.limits == clean[0].limits
+
+
+GROUPS = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale", "accel_quadratic", "inner_lever")
+
+
+def pageless() -> ImuProfile:
+    """A unit with six groups of one shape on one page: each answer looks like any other's."""
+    told = tomllib.loads((DATA / "imus" / "dsp_modbus.toml").read_text(encoding="utf-8"))
+    del told["modbus"]["page"]
+    told["modbus"] |= {"timeout_s": TIMEOUT, "stream": {"address": 20, "on": 1}}
+    told["registers"] = [
+        {"address": 100 + 10 * i, "parameters": [group], "range": [-50.0, 50.0]}
+        for i, group in enumerate(GROUPS)
+    ]
+    told["without_register"] = ["gyro_misalign", "accel_misalign"]
+    told["prior"] = {group: {"sigma": 1.0} for group in GROUPS}
+    return ImuProfile.model_validate(told)
+
+
+@pytest.mark.parametrize("late", [{0: LATE}, {0: LATE, 1: 0.02}, {2: LATE, 3: LATE}, {1: None}], ids=str)
+def test_every_register_of_a_unit_is_its_own(late: Mapping[int, float | None]) -> None:
+    words: dict[int, int] = {}
+    for i in range(len(GROUPS)):
+        for k, word in enumerate(struct.unpack(">6H", struct.pack(">3f", *[i + 1.0] * 3))):
+            words[100 + 10 * i + k] = word
+    profile = pageless()
+    device = RtuServer(late, words)
+    imu = ModbusImu(SerialLink(device.port, profile.link, "IMU"), profile)
+    try:
+        for _ in range(2):
+            try:
+                found = imu.read_registers()
+            except DeviceFaultError:
+                continue
+            assert found == {f"{group}_{axis}": i + 1.0 for i, group in enumerate(GROUPS) for axis in "xyz"}
+        assert len(found) == 18
+    finally:
+        imu.close()
+        device.close()
 
 
 def test_over_tcp_an_answer_with_another_transaction_s_number_is_not_taken() -> None:

@@ -14,7 +14,7 @@ from test_frames import stream_frame
 from calstation.devices.imu_profile import ImuProfile, ModbusUnitSection, load_imu_profile
 from calstation.devices.modbus_imu import ModbusImu
 from calstation.devices.registers import RegisterMap
-from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.errors import DeviceFaultError
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_timeout(0.15)
@@ -129,14 +129,54 @@ def test_registers_are_written_page_by_page() -> None:
         assert link.finished, "a stream that was never switched on is not switched on behind it"
 
 
+MARK = struct.pack(">3d", *[-1.0 + 2.0 * 0.381966] * 3)
+
+
+def marking() -> list[Pair]:
+    """A mark is set before a restart, in the gyros' offsets: a unit could not invert a matrix of any numbers."""
+    page = write(23, 1)
+    return [OFF, page, read(118, bytes(24)), page, write_many(118, MARK), page, read(118, MARK), ON]
+
+
 def test_commit_waits_until_it_is_done_and_reset_until_the_unit_answers() -> None:
     commit = [OFF, write(21, 0x5A5A), read(21, b"\x5a\x5a"), read(21, b"\0\0"), ON]
-    reset = [write(22, 0xA5A5), *IDENTITY, ON]
+    reset = [*marking(), write(22, 0xA5A5), *IDENTITY, OFF, write(23, 1), read(118, bytes(24)), ON, ON]
     with driver([ON, *commit, *reset]) as (imu, link):
         imu.start()
         imu.commit()
         imu.reset()
         assert link.finished
+
+
+@pytest.mark.parametrize("code", [5, 6])
+def test_a_unit_that_is_busy_with_its_flash_is_asked_until_it_is_done(code: int) -> None:
+    order, look = write(21, 0x5A5A), read(21, b"\0\0")
+    busy = [(look[0], rtu(1, 0x83, code))] * 5
+    with driver([OFF, order, *busy, look]) as (imu, link):
+        imu.commit()
+        assert link.finished
+
+
+def test_a_commit_that_is_acknowledged_by_an_exception_is_not_done_yet() -> None:
+    order, look = write(21, 0x5A5A), read(21, b"\0\0")
+    with driver([OFF, (order[0], rtu(1, 0x86, 5)), (look[0], rtu(1, 0x83, 5)), look]) as (imu, link):
+        imu.commit()
+        assert link.finished
+    plain = section(PROFILE)
+    plain = plain.model_copy(update={"commit": plain.commit.model_copy(update={"done": None})})
+    name = read(0, b"be")
+    pairs = [OFF, (order[0], rtu(1, 0x86, 5)), (name[0], rtu(1, 0x83, 6)), name]
+    with driver(pairs, PROFILE.model_copy(update={"modbus": plain})) as (imu, link):
+        imu.commit()
+        assert link.finished
+
+
+def test_a_commit_that_a_busy_unit_did_not_take_is_told() -> None:
+    with (
+        driver([OFF, (write(21, 0x5A5A)[0], rtu(1, 0x86, 6))]) as (imu, _),
+        pytest.raises(ImuBusyError, match="register 21 is refused: the device is busy"),
+    ):
+        imu.commit()
 
 
 def test_a_commit_that_never_ends_is_told_and_one_that_is_lost_never_repeated() -> None:
@@ -170,7 +210,9 @@ def test_a_lost_or_hurt_answer_is_asked_for_again() -> None:
     request, reply = IDENTITY[0]
     hurt = reply[:5] + bytes([reply[5] ^ 4]) + reply[6:]
     other = rtu(1, 3, 2, 0, 7)
-    with driver([(request, b""), (request, hurt), (request, other + reply), *IDENTITY[1:]]) as (imu, link):
+    between = read(16, b"2.0".ljust(8, b"\0"))  # of another length than what may still come
+    lost = [(request, b""), between, (request, hurt), between]
+    with driver([*lost, (request, other + reply), *IDENTITY[1:]]) as (imu, link):
         assert imu.identify().model == "bench-dsp"
         assert link.finished
         assert imu.stats.crc_errors >= 1

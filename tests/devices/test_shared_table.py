@@ -126,7 +126,8 @@ def test_a_refusal_is_told_by_its_meaning(code: int, told: str) -> None:
 
 def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
     stop, home = write(22, 2), write(22, 3)
-    with system([(stop[0], b""), (stop[0], b""), stop, (home[0], b"")]) as (table, _, _link):
+    between = request(1), reply_frame(1, b"bench-imu;SN;1")
+    with system([(stop[0], b""), (stop[0], b""), stop, between, (home[0], b"")]) as (table, _, _link):
         table.stop()
         with pytest.raises(DeviceFaultError, match="no answer on SCRIPT"):
             table.home()

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fastcrc import crc16
 from test_framed_imu import ScriptedLink
@@ -134,7 +135,17 @@ def test_values_are_written_with_all_the_digits_that_they_have() -> None:
 
 def test_commit_once_and_reset_with_the_stream_again() -> None:
     start = [pair("VNWRG,06,0"), pair("VNWRG,75,1,4,05,0001,001C")]
-    with driver([*start, pair("VNWNV"), pair("VNRST"), *IDENTITY, *start]) as (imu, link):
+    shown = f"VNRRG,25,{PLAIN}"
+    mark = ",".join(
+        f"{v:.9G}" for v in np.float32([1, 0, 0, 0, 1, 0, 0, 0, 1, *[-10.0 + 20.0 * 0.381966] * 3])
+    )
+    marking = [
+        pair("VNRRG,25", shown),
+        pair(f"VNWRG,25,{mark}"),
+        pair("VNRRG,25", f"VNRRG,25,{mark}"),
+    ]
+    restart = [pair("VNRST"), *IDENTITY, pair("VNRRG,25", shown)]
+    with driver([*start, pair("VNWNV"), *marking, *restart, *start]) as (imu, link):
         imu.start()
         imu.commit()
         imu.reset()

@@ -1,0 +1,174 @@
+"""A unit is only restarted when its flash is burnt, and only believed to have restarted when it shows that it has."""
+
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+
+import pytest
+from rtu_server import RtuServer
+from test_late_answers import pageless
+
+from calstation.devices.link import SerialLink
+from calstation.devices.mark import markable, marked
+from calstation.devices.modbus_imu import ModbusImu
+from calstation.devices.register_profile import RegisterEntry
+from calstation.devices.registers import RegisterMap
+from calstation.devices.transfer import transfer
+from calstation.errors import DeviceFaultError
+from tests.devices.test_transfer import Noted
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+
+MODEL, SERIAL, STREAM, COMMIT, RESET = 0, 8, 20, 21, 22
+UNIT = "SN-1"
+
+
+class FlashUnit(RtuServer):
+    """RAM and flash; burning takes `burns` s, or is not done: None; a reset comes `delay` s after its answer, or never.
+
+    Asked for its commit register while it burns it is busy; a reset meanwhile leaves neither old nor new.
+    """
+
+    def __init__(self, burns: float | None = 0.0, delay: float | None = 0.0) -> None:
+        self.burns, self.delay = burns, delay
+        self.hurt = False
+        self._burnt = self._due = None
+        self.flash: dict[int, int] = dict.fromkeys(range(200), 0)
+        for address, text in ((MODEL, "bench-dsp"), (SERIAL, UNIT), (16, "2")):
+            padded = text.encode().ljust(16, b"\0")
+            self.flash |= {address + i: int.from_bytes(padded[2 * i : 2 * i + 2], "big") for i in range(4)}
+            if address != 16:
+                self.flash |= {
+                    address + i: int.from_bytes(padded[2 * i : 2 * i + 2], "big") for i in range(4, 8)
+                }
+        super().__init__(words=self.flash)
+
+    def obey(self, function: int, address: int, values: Iterable[int]) -> int:
+        self._live()
+        if address == COMMIT:
+            self._burnt = None if self.burns is None else time.monotonic() + self.burns
+        elif address == RESET:
+            if self._burnt is not None:
+                self.hurt, self._burnt = True, None
+            self._due = None if self.delay is None else time.monotonic() + self.delay
+        elif address != STREAM:
+            return super().obey(function, address, values)
+        return 0
+
+    def tell(self, address: int) -> int | None:
+        self._live()
+        if address == COMMIT:
+            return None if self._burnt is not None else 0
+        return super().tell(address)
+
+    def _live(self) -> None:
+        now = time.monotonic()
+        if self._burnt is not None and now >= self._burnt:
+            self.flash, self._burnt = dict(self.words), None
+        if self._due is not None and now >= self._due:
+            self.words, self._due = dict(self.flash), None
+
+
+@contextmanager
+def driver(unit: FlashUnit, **section: float) -> Iterator[ModbusImu]:
+    profile = pageless()
+    assert profile.modbus is not None
+    profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update=section)})
+    imu = ModbusImu(SerialLink(unit.port, profile.link, "IMU"), profile)
+    try:
+        yield imu
+    finally:
+        imu.close()
+        unit.close()
+
+
+def moved(imu: ModbusImu, noted: Noted, value: float = 0.5) -> Mapping[str, float]:
+    registers = RegisterMap(tuple(pageless().registers))
+    return transfer(imu, registers, UNIT, {"gyro_bias_x": value}, noted.begin).found
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4])
+def test_registers_that_are_burnt_are_read_back_behind_the_restart(delay: float) -> None:
+    unit, noted = FlashUnit(delay=delay), Noted(serial=UNIT)
+    with driver(unit) as imu:
+        assert moved(imu, noted)["gyro_bias_x"] == 0.5
+    assert noted.steps[-1] == "restarted"
+    assert noted.closing is None
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4])
+def test_registers_that_were_never_burnt_are_not_called_restarted(delay: float) -> None:
+    unit, noted = FlashUnit(burns=None, delay=delay), Noted(serial=UNIT)
+    with (
+        driver(unit) as imu,
+        pytest.raises(
+            DeviceFaultError, match=r"reads back 0 instead of 0.5 after the restart; .* old registers"
+        ),
+    ):
+        moved(imu, noted)
+    assert "restarted" not in noted.steps
+    assert noted.closing == "kept"
+
+
+def test_a_unit_that_never_restarts_is_told_before_anything_is_written() -> None:
+    unit, noted = FlashUnit(delay=None), Noted(serial=UNIT)
+    with (
+        driver(unit, reset_timeout_s=0.3) as imu,
+        pytest.raises(
+            DeviceFaultError, match=r"has not restarted within 0.3 s .*; switch its power off and on"
+        ),
+    ):
+        moved(imu, noted)
+    assert noted.steps == []
+    assert unit.words == unit.flash, "the mark was taken back"
+
+
+def test_a_unit_that_burns_for_long_is_not_restarted_meanwhile() -> None:
+    unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
+    with driver(unit) as imu:
+        assert moved(imu, noted)["gyro_bias_x"] == 0.5
+    assert not unit.hurt
+
+
+def test_a_unit_that_burns_for_longer_than_it_may_is_left_alone_until_then() -> None:
+    unit, noted = FlashUnit(burns=3600.0), Noted(serial=UNIT)
+    with (
+        driver(unit, commit_timeout_s=0.4) as imu,
+        pytest.raises(DeviceFaultError, match=r"not done within 0.4 s; .* will be seen at the next start"),
+    ):
+        moved(imu, noted)
+    commit = unit.requests.index((6, COMMIT, 0x5A5A))
+    assert {request[0] for request in unit.requests[commit + 1 :]} == {3}, "neither written nor restarted"
+    assert (noted.steps[-1], noted.closing) == ("committing", None)
+
+
+def entry(*parameters: str, **told: object) -> RegisterEntry:
+    convention = {"matrix": "correction", "identity": True, "offset": "before"}
+    slots = any("matrix" in name or "offset" in name for name in parameters)
+    return RegisterEntry.model_validate(
+        {"address": 0, "parameters": list(parameters), "range": [-0.1, 0.1], **told}
+        | ({"convention": convention} if slots else {})
+    )
+
+
+def test_what_is_marked_is_no_matrix_where_there_is_something_else() -> None:
+    matrix, bias = entry("gyro_matrix"), entry("gyro_bias")
+    assert markable([matrix, bias]) is bias
+    assert markable([matrix]) is matrix
+    assert markable([]) is None
+    whole = entry("gyro_matrix", "gyro_offset")
+    before = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    assert marked(whole, before)[:9] == before[:9]
+    assert marked(matrix, before[:9])[:8] == before[:8]
+    assert 0.0 not in marked(whole, before)[9:]
+
+
+@pytest.mark.parametrize("kind", ["i16", "f32", "f64", "q2.30"])
+@pytest.mark.parametrize("before", [float("nan"), 0.0, -0.1 + 0.2 * 0.381966, 0.0236068])
+def test_a_mark_is_inside_its_range_and_never_what_was_there(kind: str, before: float) -> None:
+    scale = 1e-5 if kind == "i16" else 1.0
+    told = entry("gyro_bias", type=kind, scale=scale)
+    numbers = marked(told, [before / scale if kind == "i16" and before == before else before] * 3)
+    assert all(-0.1 < v * scale < 0.1 for v in numbers)
+    assert all(abs(v * scale - before) > 0.02 for v in numbers) or before != before
