@@ -8,6 +8,7 @@ from calstation.devices.checks import check_function
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.devices.quoting import quoted_text
 from calstation.devices.text_profile import CheckedLines, TextSection
+from calstation.devices.unanswered import QUIET
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
@@ -107,6 +108,10 @@ class Checked:
 class TextLink:
     """The line of a table that is commanded in text; not for use by two threads at once.
 
+    A reply seldom says what it replies to, and one that comes late looks like the next line's. So after a line that
+    was not answered a question is asked that is answered otherwise, and nothing is believed before its answer. A link
+    that was opened anew is asked who answers there now, before the table is told anything.
+
     Parameters
     ----------
     port : as in a station file; `tcp://host:port` for a socket
@@ -127,11 +132,19 @@ class TextLink:
             self._framing = Prompted(section) if section.prompt else Plain(section)
         self._silent = re.compile(section.silent) if section.silent else None
         self._refused = re.compile(section.refused) if section.refused else None
+        self._questions = {
+            query.send.format(axis=section.axes[0]): re.compile(query.answer)
+            for query in (section.queries["identity"], *section.queries.values())
+        }
+        self._identity = next(iter(self._questions))
+        self._told: str | None = None
+        self._unanswered: list[str] = []
         self._last_sent = 0.0
         self._link: SerialLink | None = self._open()
+        self._new = False
 
-    def ask(self, line: str, repeat: bool = True, answer: re.Pattern[str] | None = None) -> str:
-        """Send a line and wait for its reply; a lost one is asked for again only where `repeat`.
+    def ask(self, line: str, answer: re.Pattern[str]) -> str:
+        """Send a line that asks and wait for its reply; a lost one is asked for again.
 
         Parameters
         ----------
@@ -142,28 +155,37 @@ class TextLink:
         TextRefusalError
             where the table refuses it.
         DeviceFaultError
-            where no reply comes, or the port is lost.
+            where no reply comes, the port is lost, or another table answers than before.
         """
-        for _ in range(_ATTEMPTS if repeat else 1):
-            reply = self._exchange(line, answer)
-            if reply is not None:
+        for _ in range(_ATTEMPTS):
+            if self._settled() and (reply := self._exchange(line, answer)) is not None:
+                if line == self._identity:
+                    self._told = reply
                 return reply
-            # A late reply must not be taken for the next line's: that begins on a quiet link.
-            self._quieten()
-        raise DeviceFaultError(
-            f"table: '{line}' is not answered on {self._port} within {self._section.timeout_s:g} s;"
-            " check cable, power, baud and the table profile"
-        )
+        raise self._not_answered(line)
 
     def command(self, line: str, repeat: bool = True) -> None:
-        """Send a line that commands; raises as `ask`. A line that is not answered is followed by the flush."""
-        if self._silent is None or not self._silent.search(line):
-            self.ask(line, repeat)
-            return
-        self._send(line)
-        if self._section.flush:
-            query = self._section.queries[self._section.flush]
-            self.ask(query.send.format(axis=self._section.axes[0]), answer=re.compile(query.answer))
+        """Send a line that commands; raises as `ask`. A line that is not answered is followed by the flush.
+
+        repeat : it may be said twice. So it is said at once, however much is still to come, as it may be a stop; and
+            again where its reply was lost
+        """
+        if self._silent is not None and self._silent.search(line):
+            if self._known() or self._settled():
+                self._send(line)
+                if self._section.flush:
+                    query = self._section.queries[self._section.flush]
+                    self.ask(query.send.format(axis=self._section.axes[0]), re.compile(query.answer))
+                return
+            raise self._not_answered(line)
+        if repeat and self._unanswered and self._known():
+            self._send(line)
+        for attempt in range(_ATTEMPTS if repeat else 1):
+            # Whichever of two is answered that say the same, it is done; but the other's reply may still come.
+            again = attempt > 0 and self._known()
+            if (again or self._settled()) and self._exchange(line, None) is not None:
+                return
+        raise self._not_answered(line)
 
     def close(self) -> None:
         """Hang up; never raises."""
@@ -173,7 +195,32 @@ class TextLink:
     def _open(self) -> SerialLink:
         # pyserial calls sockets by another scheme than the table profiles do.
         url = self._port.replace("tcp://", "socket://", 1) if self._port.startswith("tcp://") else self._port
+        self._new = True
         return SerialLink(url, self._serial, "table")
+
+    def _known(self) -> bool:
+        """Whether the link is still the one on which the table said who it is."""
+        return self._link is not None and not self._new
+
+    def _settled(self) -> bool:
+        """Whether what comes now answers what is asked now; asks the table, where that is not sure."""
+        if self._known() and not self._unanswered:
+            return True
+        others = [line for line in self._questions if line not in self._unanswered]
+        line = others[0] if others and self._known() else self._identity
+        reply = self._exchange(line, self._questions[line], only=True)
+        if reply is None:
+            return False
+        if line == self._identity and reply != (self._told or reply):
+            self._drop()
+            raise DeviceFaultError(
+                f"table: '{quoted_text(reply)}' answers on {self._port} where '{quoted_text(self._told or '')}' did;"
+                " nothing was told to it; check which adapter is plugged in where"
+            )
+        self._quieten()
+        self._unanswered.clear()
+        self._new = False
+        return True
 
     def _send(self, line: str) -> None:
         link = self._link = self._link or self._open()
@@ -190,8 +237,11 @@ class TextLink:
         finally:
             self._last_sent = time.monotonic()
 
-    def _exchange(self, line: str, answer: re.Pattern[str] | None) -> str | None:
-        """The reply to a line, None where none comes in time."""
+    def _exchange(self, line: str, answer: re.Pattern[str] | None, only: bool = False) -> str | None:
+        """The reply to a line, None where none comes in time.
+
+        only : nothing but what looks like `answer` is one; else one that looks otherwise is, where no better comes
+        """
         self._send(line)
         link = self._link
         assert link is not None
@@ -207,22 +257,39 @@ class TextLink:
             heard += data
             self.heard = data or self.heard
             while (found := self._framing.reply(line, heard)) is not None:
-                other, heard = found
-                if self._refused and self._refused.search(other):
-                    raise TextRefusalError(f"table: '{line}' is refused with '{quoted_text(other)}'")
-                if answer is None or answer.search(other):
-                    return other
+                said, heard = found
+                if only:
+                    if answer is not None and answer.search(said):
+                        return said
+                    continue
+                other = said
+                if self._refused and self._refused.search(said):
+                    raise TextRefusalError(f"table: '{line}' is refused with '{quoted_text(said)}'")
+                if answer is None or answer.search(said):
+                    return said
+        if answer is not None or other is None:
+            self._unanswered.append(line)
+            if "://" in self._port:  # one that has died without a word
+                self._drop()
+            else:
+                self._quieten()
         return other
 
     def _quieten(self) -> None:
-        """Wait until nothing comes any more, for as long as an answer may take; a socket is opened anew."""
-        if "://" in self._port:
-            self._drop()
-            return
-        link = self._link
+        """Wait until nothing comes any more, for as long as an answer may take."""
         deadline = time.monotonic() + self._section.timeout_s
-        while link is not None and (left := deadline - time.monotonic()) > 0 and link.read(left):
-            continue
+        while self._link is not None and time.monotonic() < deadline:
+            try:
+                if not self._link.read(QUIET):
+                    return
+            except DeviceFaultError:
+                self._drop()
+
+    def _not_answered(self, line: str) -> DeviceFaultError:
+        return DeviceFaultError(
+            f"table: '{line}' is not answered on {self._port} within {self._section.timeout_s:g} s;"
+            " check cable, power, baud and the table profile"
+        )
 
     def _drop(self) -> None:
         if self._link is not None:

@@ -225,14 +225,52 @@ def test_atl_a_refusal_is_told_and_not_repeated() -> None:
         driver.enable()
 
 
-@places
-def test_a_lost_reply_is_asked_for_again_but_homing_is_not(place: Any) -> None:
-    stop = (b"1STO\r\n", b""), (b"1STO\r\n", b""), (b"1STO\r\n", b">"), (b"2STO\r\n", b">")
-    with table([*stop, (b"1HOM\r\n", b"")], profile("aerosmith_atl"), place) as (driver, line):
+WHO: Pairs = [(b"IDN\r\n", b"AERO 4000,SN77\r\n>")]
+LOST, STOP = (b"1STO\r\n", b""), [(b"1STO\r\n", b">")]
+
+
+def test_a_lost_reply_is_asked_for_again_on_a_socket_of_its_own_but_homing_is_not() -> None:
+    pairs = [LOST, *WHO, LOST, *WHO, *STOP, (b"2STO\r\n", b">"), (b"1HOM\r\n", b"")]
+    with table(pairs, profile("aerosmith_atl")) as (driver, line):
         driver.stop()
         with pytest.raises(DeviceFaultError, match=r"'1HOM' is not answered on .* within 0.3 s; check cable"):
             driver.home()
-        assert line.connections in (0, 3), "a socket is opened anew after each loss, a serial line only waits"
+        assert line.connections == 3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="terminals")
+def test_a_stop_is_said_at_once_though_replies_to_others_are_still_to_come() -> None:
+    second: Pairs = [(b"2STO\r\n", b">"), *WHO, (b"2STO\r\n", b">")]
+    with table([LOST, LOST, *STOP, *second, (b"1HOM\r\n", b"")], profile("aerosmith_atl"), over_terminal) as (
+        driver,
+        _,
+    ):
+        driver.stop()
+        with pytest.raises(DeviceFaultError, match=r"'1HOM' is not answered on .* within 0.3 s; check cable"):
+            driver.home()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="terminals")
+def test_a_late_reply_is_neither_the_next_axis_s_angle_nor_a_command_s_prompt() -> None:
+    state = ATL_STATE[:2]
+    late = [(b"1PPO\r\n", b""), (b"IDN\r\n", b"1.0000\r\n>AERO 4000,SN77\r\n>"), (b"1PPO\r\n", b"-45.0\r\n>")]
+    with table([*state, *late, *ATL_STATE[3:]], profile("aerosmith_atl"), over_terminal) as (driver, _):
+        np.testing.assert_allclose(driver.status().angles, np.deg2rad([-45.0, 360.0001]), atol=1e-12)
+    homing = [(b"1HOM\r\n", b""), (b"IDN\r\n", b">ERROR 7\r\n>AERO 4000,SN77\r\n>"), (b"1HOM\r\n", b"")]
+    with table(homing, profile("aerosmith_atl"), over_terminal) as (driver, _):
+        for _ in range(2):
+            with pytest.raises(DeviceFaultError, match="'1HOM' is not answered"):
+                driver.home()
+
+
+def test_a_link_that_was_opened_anew_leads_to_the_table_that_it_led_to() -> None:
+    other: Pairs = [(b"IDN\r\n", b"AERO 4000,SN78\r\n>")]
+    with table([*WHO, LOST, *other], profile("aerosmith_atl")) as (driver, _):
+        driver.identify()
+        with pytest.raises(
+            DeviceFaultError, match=r"'AERO 4000,SN78' answers on .* where 'AERO 4000,SN77' did"
+        ):
+            driver.stop()
 
 
 def test_a_reply_that_the_profile_does_not_expect_is_told_by_its_entry() -> None:
