@@ -49,6 +49,7 @@ OrderName = Literal[
     "jump_counter",
     "reset_imu",
     "hang_up_imu",
+    "slow_imu",
     "mute_table",
     "slow_table",
     "garble_table",
@@ -69,8 +70,9 @@ class Order(BaseModel):
         garble_imu (s as at a wrong baud), saturate_imu (s), invalid_imu (s without a number from one channel: NaN, the
         lowest number where frames hold whole ones), freeze_channel (its number, 0 to 5), jump_counter (what it
         counts next), reset_imu;
-        of the links hang_up_imu, mute_table (requests without an answer), slow_table (host seconds that an answer
-        takes, one), garble_table (answers with a flipped bit), refuse_table (the Modbus exception of the next answer);
+        of the links hang_up_imu, mute_table (requests without an answer), slow_imu and slow_table (host seconds that
+        an answer takes; ordered again, the one behind it), garble_table (answers with a flipped bit), refuse_table
+        (the Modbus exception of the next answer);
         of the supply brown_out_write, brown_out_commit (bytes of registers taken, or of flash burnt, before the unit's
         power breaks down for a moment)
     at : device time, s

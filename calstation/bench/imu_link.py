@@ -16,6 +16,13 @@ Talk = Callable[[], Callable[[bytes], list[bytes]]]
 """Makes what hears the bytes of one connection and gives the unit's replies."""
 
 
+async def _late(reply: bytes, slow: list[float]) -> bytes:
+    """A reply once its time has come."""
+    if reply and slow:
+        await asyncio.sleep(slow.pop(0))
+    return reply
+
+
 class SocketLine:
     """The line as a TCP listener on 127.0.0.1; the last client that came is the one served.
 
@@ -23,11 +30,13 @@ class SocketLine:
     ----------
     endpoint : "socket://host:port"
     sent : bytes handed to the operating system for the client served now
+    slow : host times that the next replies take, s
     """
 
     def __init__(self, talk: Talk) -> None:
         self.endpoint = ""
         self.sent = 0
+        self.slow: list[float] = []
         self._talk = talk
         self._server: asyncio.Server | None = None
         self._writer: asyncio.StreamWriter | None = None
@@ -72,7 +81,7 @@ class SocketLine:
         try:
             while data := await reader.read(4096):
                 for reply in hear(data):
-                    await self.send(reply)
+                    await self.send(await _late(reply, self.slow))
         except (ConnectionError, asyncio.CancelledError):
             pass
         finally:
@@ -91,6 +100,7 @@ class TerminalLine:
     ----------
     endpoint : path to open
     sent : bytes handed to the terminal that is there now
+    slow : host times that the next replies take, s
     """
 
     #: Host time between looks at the terminal, s.
@@ -99,6 +109,7 @@ class TerminalLine:
     def __init__(self, talk: Talk) -> None:
         self.endpoint = ""
         self.sent = 0
+        self.slow: list[float] = []
         self._talk = talk
         self._master = -1
         self._task: asyncio.Task[None] | None = None
@@ -158,5 +169,5 @@ class TerminalLine:
             except OSError:
                 data = b""
             for reply in hear(data):
-                await self.send(reply)
+                await self.send(await _late(reply, self.slow))
             await asyncio.sleep(self.POLL)

@@ -135,11 +135,13 @@ class BenchProcess:
             self._line.hang_up()
             if isinstance(self._line, TerminalLine):
                 self._announce()
+        elif order.order == "slow_imu":
+            self._line.slow.append(order.value)
         elif order.order == "mute_table" and table is not None:
             table.mute += int(order.value)
         elif isinstance(table, TableLink):
             if order.order == "slow_table":
-                table.slow = order.value
+                table.slow.append(order.value)
             elif order.order == "garble_table":
                 table.garble += int(order.value)
             elif order.order == "refuse_table":

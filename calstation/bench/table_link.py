@@ -51,7 +51,7 @@ class TableLink:
     ----------
     endpoint : "host:port" of the TCP server, or the path of the terminal
     mute : requests still to be left without an answer
-    slow : host time that the next answer takes, s; refuse : the exception that it is, 0 for none
+    slow : host times that the next answers take, s; refuse : the exception that the next is, 0 for none
     garble : answers still to get a flipped bit
 
     Parameters
@@ -62,7 +62,7 @@ class TableLink:
     def __init__(self, units: Mapping[int, TableUnit]) -> None:
         self.endpoint = ""
         self.mute = self.garble = self.refuse = 0
-        self.slow = 0.0
+        self.slow: list[float] = []
         self._units = units
         self._server: ModbusTcpServer | ModbusSerialServer | None = None
         self._terminals: list[int] = []
@@ -138,8 +138,7 @@ class TableLink:
     ) -> ExcCodes | None:
         """Called by the server for every request that fits the map, before it touches its copy `current`."""
         if self.slow:
-            seconds, self.slow = self.slow, 0.0
-            await asyncio.sleep(seconds)
+            await asyncio.sleep(self.slow.pop(0))
         if self.refuse:
             code, self.refuse = self.refuse, 0
             return ExcCodes(code)

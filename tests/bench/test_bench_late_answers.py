@@ -1,0 +1,60 @@
+"""The bench's devices answer late on order over RTU, and the drivers take no answer for another's."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.link import SerialLink, SerialSettings
+from calstation.devices.modbus_table import ModbusTable
+from calstation.devices.open_imu import open_imu
+from calstation.devices.registers import RegisterMap
+from calstation.devices.table_profile import load_table_profile
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+
+DATA = Path(__file__).resolve().parents[2] / "data"
+TIMEOUT = 0.3
+LATE, NEXT = TIMEOUT + 0.05, 0.1
+
+
+def test_limits_and_angles_of_a_slow_table_on_rtu_are_its_own(start_bench):
+    profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
+    profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})
+    told = {"low_deg": [-400.0, -500.0], "high_deg": [600.0, 700.0], "start_deg": [3.0, -4.0]}
+    with start_bench(table_transport="rtu", **told) as bench:
+        table = ModbusTable(bench.endpoints["table"], profile, SerialSettings())
+        try:
+            first = table.status()
+            np.testing.assert_allclose(np.rad2deg(first.limits.low), [-400.0, -500.0])
+            for _ in range(3):
+                for late in (LATE, NEXT):
+                    bench.ask(order="slow_table", value=late)
+                for _ in range(3):
+                    status = table.status()
+                    assert status.limits == first.limits
+                    np.testing.assert_allclose(status.angles, first.angles, atol=1e-3)
+        finally:
+            table.close()
+
+
+@pytest.mark.parametrize("transport", ["socket", "pty"])
+def test_registers_of_a_slow_unit_are_its_own(start_bench, transport):
+    profile = load_imu_profile(DATA / "imus" / "dsp_modbus.toml").with_timeout(TIMEOUT)
+    entries = RegisterMap(tuple(profile.registers))
+    wanted = entries.rounded({n: 1e-4 * (1 + i / 7) for i, n in enumerate(entries.parameters)})
+    with start_bench(
+        grade="mems", imu_protocol="modbus", imu_transport=transport, serial="SN-000042"
+    ) as bench:
+        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "IMU"), profile, "")
+        try:
+            imu.write_registers(wanted)
+            for behind in (0, 3, 6):
+                for late in (*[0.0] * behind, LATE, NEXT):
+                    bench.ask(order="slow_imu", value=late)
+                assert entries.differing(wanted, imu.read_registers()) == []
+                assert imu.identify().serial == "SN-000042"
+        finally:
+            imu.close()
