@@ -189,10 +189,14 @@ def test_a_move_is_told_without_a_word_of_where_the_table_stands(name: str) -> N
     np.testing.assert_allclose(targets, [TO, TO], atol=1e-6)
 
 
+WHO = (b"IDN\r\n", b"*IDN?\n", b"$MNCHK*D6\r\n")
+"""Questions who answers on a connection that was opened anew."""
+
+
 @pytest.mark.parametrize("name", DRIVEN)
 def test_what_is_not_answered_is_said_again_word_for_word_and_adds_nothing(name: str) -> None:
     clean, _ = moved(name, FROM[1])
     said, targets = moved(name, FROM[1], loses=True)
     assert len(said) > len(clean)
-    assert [request for request, _ in groupby(said)] == clean
+    assert [request for request, _ in groupby(r for r in said if r not in WHO)] == clean
     np.testing.assert_allclose(targets, TO, atol=1e-6)

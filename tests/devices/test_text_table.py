@@ -429,10 +429,9 @@ def test_mn_a_wrong_sum_a_refusal_and_another_command_s_answer() -> None:
     other = pair("STP,2", "STP,OK")
     hurt = reply.replace(b"OK", b"OO")
     late = mn("AS", "RUN,OK")
-    with table([(request, hurt), (request, late + b"noise\r\n" + reply), other], profile("mn_ascii")) as (
-        driver,
-        _,
-    ):
+    who = pair("CHK", "CHK,OK,MN-3A,T9")
+    pairs = [(request, hurt), who, (request, late + b"noise\r\n" + reply), other]
+    with table(pairs, profile("mn_ascii")) as (driver, _):
         driver.stop()
     with (
         table([(request, mn("AS", "STP,ERR,4"))], profile("mn_ascii")) as (driver, _),
