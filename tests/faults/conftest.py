@@ -80,6 +80,7 @@ class Floor:
         self.folder = folder
         self.product: dict[str, Any] = PRODUCT
         self.site: dict[str, Any] = {}
+        self.table = STATION["table"]["profile"]
 
     def request(
         self, *faults: dict[str, Any], stages: tuple[str, ...] = ("rate",), **bench: Any
@@ -94,7 +95,15 @@ class Floor:
             **bench,
         }
         for name, content in (
-            ("station", {**STATION, "site": {**STATION["site"], **self.site}, "bench": settings}),
+            (
+                "station",
+                {
+                    **STATION,
+                    "site": {**STATION["site"], **self.site},
+                    "table": {"profile": self.table},
+                    "bench": settings,
+                },
+            ),
             ("product", self.product),
             ("plan", {"fault": list(faults)}),
         ):

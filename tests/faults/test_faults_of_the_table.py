@@ -36,6 +36,22 @@ def test_a_fault_of_the_table_stops_the_run(
 
 
 @pytest.mark.parametrize(
+    ("kind", "value", "words"),
+    [
+        ("interlock", 0, ("interlock",)),
+        ("drive_fault", None, ("fault 'drive'", "then reset it")),
+        ("never_settle", 600, ("does not settle", "tuning")),
+        ("refuse_table", 4, ("cannot do it in its present state", "drive's display")),
+    ],
+)
+def test_a_fault_of_a_table_with_a_drive_for_each_axis_stops_the_run(
+    floor: Floor, kind: str, value: float | None, words: tuple[str, ...]
+) -> None:
+    floor.table = "cia402_drives"
+    floor.run(fault(kind, value)).assert_stopped("table: ", *words)
+
+
+@pytest.mark.parametrize(
     ("planned", "words"),
     [
         ({"kind": "watchdog_off"}, ("watchdog is off", "set its timeout")),
