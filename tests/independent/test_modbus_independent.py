@@ -22,6 +22,7 @@ from calstation.devices.table_profile import load_table_profile
 
 SOURCE = Path(__file__).with_name("modbus_server.c")
 PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "bench.toml").at_place(2.0, None)
+DRIVES = Path(__file__).parents[2] / "data" / "tables" / "cia402_drives.toml"
 SERIAL = SerialSettings(baud=115200)
 needs_mbpoll = pytest.mark.skipif(
     shutil.which("mbpoll") is None, reason="mbpoll is not installed: not tested against it"
@@ -210,3 +211,39 @@ def test_mbpoll_reads_and_writes_the_bench(start_bench: Any, transport: str) -> 
         bench.advance(10.0)
         for joint in (30, 50):
             assert polled(bench, joint, 1, "-t", "4:int", "-B")[0] == pytest.approx(target, abs=2000)
+
+
+@needs_mbpoll
+@transports
+def test_mbpoll_and_the_driver_agree_on_two_drives(start_bench: Any, transport: str) -> None:
+    """Low word first, floats, a second unit and counts that fall, as another program reads and writes them."""
+    profile = load_table_profile(DRIVES).at_place(2.0, None)
+    with start_bench(table_protocol="drives", table_transport=transport, encoder_sigma_deg=0.0) as bench:
+        for unit in ("1", "2"):
+            assert polled(bench, 42, 2, "-a", unit, "-t", "4:int") == [-108_000_000, 108_000_000]
+            for word in ("6", "7", "15"):
+                assert mbpoll(bench, "-a", unit, "-r", "20", f"={word}").returncode == 0
+        for unit in ("1", "2"):
+            assert mbpoll(bench, "-a", unit, "-r", "23", "=6").returncode == 0
+        assert mbpoll(bench, "-a", "1", "-r", "20", "=31").returncode == 0
+        bench.advance(6.0)
+        told = [f"={value}" for value in (9_000_000, 300_000, 300_000)]
+        for unit in ("1", "2"):
+            assert mbpoll(bench, "-a", unit, "-r", "34", "-t", "4:int", *told).returncode == 0
+            for address, value in (("23", "=1"), ("20", "=15"), ("20", "=63")):
+                assert mbpoll(bench, "-a", unit, "-r", address, value).returncode == 0
+        bench.advance(2.0)
+        done = mbpoll(bench, "-1", "-a", "2", "-r", "32", "-c", "1", "-t", "4:float")
+        speed = float(re.findall(r"^\[\d+\]:\s+(\S+)", done.stdout, re.MULTILINE)[0])
+        counts = [polled(bench, 30, 1, "-a", unit, "-t", "4:int")[0] for unit in ("1", "2")]
+        at = bench.endpoints["table"]
+        table = ModbusTable(f"tcp://{at}" if transport == "tcp" else at, profile)
+        try:
+            status = table.status()
+        finally:
+            table.close()
+        assert speed > 1.0
+        np.testing.assert_allclose(np.rad2deg(status.rates), [speed, -speed], rtol=1e-2)
+        np.testing.assert_allclose(
+            np.rad2deg(status.angles), [counts[0] * 1e-5, counts[1] * -1e-5], atol=0.02
+        )
