@@ -64,6 +64,10 @@ class ModbusImu(RegisteredImu):
     def _burning(self) -> bool:
         return not self._done(self._section.commit)
 
+    def _check_idle(self) -> None:
+        if self._section.commit.done is not None:
+            self._read(self._section.commit.address, 1)
+
     def _restart(self) -> None:
         self._order(self._section.reset, "reset", self._section.timeout_s)
 

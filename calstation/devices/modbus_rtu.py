@@ -19,6 +19,12 @@ from calstation.devices.unanswered import QUIET, Unanswered
 
 READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 
+LARGEST = 260
+"""Bytes of the largest frame that an answer may be."""
+
+_KEPT = 16 * LARGEST
+"""Bytes of late answers that are looked into."""
+
 _FRAME_GAP = 3.5
 """Characters of silence that part two frames."""
 
@@ -245,6 +251,7 @@ class RtuLine:
                 taken = request.taken(reply, unanswered)
                 if taken is not None:
                     return taken
+            heard, place = heard[max(place, len(heard) - LARGEST) :], 0
         unanswered.add(request.look)
         raise UnansweredError("what is answered is another request" if others else "no answer")
 
@@ -253,7 +260,7 @@ class RtuLine:
         deadline = time.monotonic() + self._timeout
         heard = b""
         while time.monotonic() < deadline and (data := self._hear(quiet)):
-            heard += data
+            heard = (heard + data)[-_KEPT:]
         for reply, _ in replies(unit, heard, 0):
             not_due(reply, unanswered)
 

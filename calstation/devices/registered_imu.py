@@ -2,8 +2,9 @@
 
 import time
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
+from typing import TypeVar
 
 from calstation.devices.frames import ReplyKind
 from calstation.devices.imu_profile import CommandSection, ImuProfile
@@ -14,6 +15,8 @@ from calstation.devices.register_profile import RegisterEntry
 from calstation.devices.registers import RegisterMap, alike
 from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.errors import DeviceFaultError
+
+T = TypeVar("T")
 
 POLL = 0.02
 """Host time between two looks whether a unit has done what it was told, s."""
@@ -125,26 +128,26 @@ class RegisteredImu(StreamedImu):
         if entry is None:
             return None
         with self._quiet():
-            before = self._read_entry(entry)
-            self._write_patiently(entry, marked(entry, before))
-            shown = self._read_entry(entry)
+            self._patiently(self._check_idle)
+            before = self._patiently(lambda: self._read_entry(entry))
+            self._patiently(lambda: self._write_entry(entry, marked(entry, before)))
+            shown = self._patiently(lambda: self._read_entry(entry))
         if alike(before, shown):
             raise DeviceFaultError(
                 f"IMU: {entry} takes no value, so a restart could not be told; look at the unit's write protection"
             )
         return Mark(entry, tuple(before), tuple(shown))
 
-    def _write_patiently(self, entry: RegisterEntry, numbers: list[float]) -> None:
+    def _patiently(self, work: Callable[[], T]) -> T:
+        """Do what a busy unit refuses, again and again for as long as its flash may take."""
         deadline = time.monotonic() + self._commit_timeout
         while True:
             try:
-                self._write_entry(entry, numbers)
+                return work()
             except ImuBusyError:
                 if time.monotonic() > deadline:
                     raise
-                time.sleep(POLL)
-            else:
-                return
+            time.sleep(POLL)
 
     def _restarted(self, mark: Mark | None, *, last: bool) -> bool:
         """Whether it answers and the mark is gone. Raises DeviceFaultError where not and it is the `last` look."""
@@ -194,8 +197,11 @@ class RegisteredImu(StreamedImu):
         """Tell the unit, once, to burn its registers, and wait until it has."""
 
     def _burning(self) -> bool:
-        """Whether the unit says that its flash is still being burnt."""
+        """Whether the unit, told to commit, says that it has not done so yet."""
         return False
+
+    def _check_idle(self) -> None:
+        """Raises ImuBusyError where the unit says that its flash is being burnt, whoever told it to commit."""
 
     @abstractmethod
     def _restart(self) -> None:

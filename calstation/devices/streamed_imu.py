@@ -185,7 +185,7 @@ class StreamedImu(ABC):
                     if urgent:
                         self._outbox.put(question.request)
                         self._unanswered.add(question.look)
-                    self._listen_until_quiet()
+                    self._listen_until_quiet(timeout)
                     if not self._between(timeout):
                         continue
                 taken = self._attempt(question, timeout)
@@ -238,10 +238,11 @@ class StreamedImu(ABC):
         self._unanswered.add(question.look)
         return None
 
-    def _listen_until_quiet(self) -> None:
-        """Wait until no reply comes any more."""
+    def _listen_until_quiet(self, timeout: float) -> None:
+        """Wait until no reply comes any more, for as long as one may take: some units talk unasked."""
+        deadline = time.monotonic() + timeout
         with suppress(queue.Empty):
-            while True:
+            while time.monotonic() < deadline:
                 self._replies.get(timeout=QUIET)
 
     @property

@@ -242,6 +242,23 @@ def test_a_lost_answer_is_asked_for_again_once_something_else_was_answered() -> 
         assert len(set(link.unexpected)) == len(link.unexpected) == 3
 
 
+def test_a_unit_that_talks_unasked_is_asked_all_the_same() -> None:
+    closing = threading.Event()
+    with driver([(request(1), b""), bias(), IDENTITY]) as (imu, link):
+
+        def talk() -> None:
+            while not closing.wait(0.005):
+                link.send(reply_frame(77, b""))
+
+        talking = threading.Thread(target=talk)
+        talking.start()
+        try:
+            assert imu.identify().serial == "SN"
+        finally:
+            closing.set()
+            talking.join()
+
+
 def test_the_late_ok_of_a_commit_is_not_that_of_the_next() -> None:
     done = reply_frame(4, struct.pack("<BI", 0, 17))
     with driver([(request(4), b""), (request(1), done + IDENTITY[1]), (request(4), b"")]) as (imu, link):

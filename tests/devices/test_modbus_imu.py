@@ -135,7 +135,8 @@ MARK = struct.pack(">3d", *[-1.0 + 2.0 * 0.381966] * 3)
 def marking() -> list[Pair]:
     """A mark is set before a restart, in the gyros' offsets: a unit could not invert a matrix of any numbers."""
     page = write(23, 1)
-    return [OFF, page, read(118, bytes(24)), page, write_many(118, MARK), page, read(118, MARK), ON]
+    idle = read(21, b"\0\0")
+    return [OFF, idle, page, read(118, bytes(24)), page, write_many(118, MARK), page, read(118, MARK), ON]
 
 
 def test_commit_waits_until_it_is_done_and_reset_until_the_unit_answers() -> None:

@@ -143,6 +143,15 @@ def test_a_unit_that_burns_for_longer_than_it_may_is_left_alone_until_then() -> 
     assert (noted.steps[-1], noted.closing) == ("committing", None)
 
 
+def test_a_unit_that_burns_for_somebody_else_is_not_restarted_meanwhile() -> None:
+    unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
+    unit.obey(6, COMMIT, [0x5A5A])
+    with driver(unit) as imu:
+        moved(imu, noted)
+    assert not unit.hurt
+    assert noted.steps[-1] == "restarted"
+
+
 def entry(*parameters: str, **told: object) -> RegisterEntry:
     convention = {"matrix": "correction", "identity": True, "offset": "before"}
     slots = any("matrix" in name or "offset" in name for name in parameters)

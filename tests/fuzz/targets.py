@@ -10,7 +10,7 @@ import file_targets
 from calstation.devices.frame_profile import FrameSection
 from calstation.devices.frames import FrameDecoder, ReplyKind
 from calstation.devices.imu_profile import CommandSection, load_imu_profile
-from calstation.devices.modbus_rtu import RtuReply
+from calstation.devices.modbus_rtu import RtuReply, replies
 from calstation.devices.numbers import number
 from calstation.devices.registers import RegisterMap
 from calstation.devices.sample_count import SampleCount
@@ -104,6 +104,16 @@ def numbers(data: bytes) -> None:
             entries.decode(held)
 
 
+def rtu(data: bytes) -> None:
+    """Look for a Modbus unit's answers in whatever was heard: each is sound, behind the last, and none overlaps."""
+    kind, place = RtuReply(1), 0
+    for reply, end in replies(1, data, 0):
+        begin = end - len(reply.payload) - 4
+        assert begin >= place
+        assert kind.sound(data[begin:end])
+        place = end
+
+
 TARGETS: dict[str, Callable[[bytes], None]] = {
     f"stream {name}": lambda data, name=name: stream(name, data)  # type: ignore[misc]
     for name in (*IMUS, "text")
@@ -112,5 +122,6 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     for name in TABLES
 }
 TARGETS["numbers"] = numbers
+TARGETS["answers over RTU"] = rtu
 TARGETS |= file_targets.TARGETS
 """All targets by name."""
