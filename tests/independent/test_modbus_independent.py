@@ -244,6 +244,4 @@ def test_mbpoll_and_the_driver_agree_on_two_drives(start_bench: Any, transport: 
             table.close()
         assert speed > 1.0
         np.testing.assert_allclose(np.rad2deg(status.rates), [speed, -speed], rtol=1e-2)
-        np.testing.assert_allclose(
-            np.rad2deg(status.angles), [counts[0] * 1e-5, counts[1] * -1e-5], atol=0.2
-        )
+        np.testing.assert_allclose(np.rad2deg(status.angles), [counts[0] * 1e-5, counts[1] * -1e-5], atol=0.2)
