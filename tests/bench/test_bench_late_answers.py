@@ -16,7 +16,7 @@ from calstation.devices.table_profile import load_table_profile
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 
 DATA = Path(__file__).resolve().parents[2] / "data"
-TIMEOUT = 0.3
+TIMEOUT = 0.5
 LATE, NEXT = TIMEOUT + 0.05, 0.1
 
 

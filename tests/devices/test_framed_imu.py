@@ -17,7 +17,7 @@ from calstation.devices.streamed_imu import ImuBusyError
 from calstation.errors import DeviceFaultError
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")
-BRIEF = {"timeout_s": 0.1, "commit_timeout_s": 0.2, "reset_timeout_s": 0.5}
+BRIEF = {"timeout_s": 0.25, "commit_timeout_s": 0.4, "reset_timeout_s": 1.5}
 QUICK = PROFILE.model_copy(update={"commands": PROFILE.commands.model_copy(update=BRIEF)})
 
 
@@ -209,7 +209,7 @@ def test_a_unit_that_never_restarts_is_a_fault_and_gets_its_own_values_back() ->
     looks = [IDENTITY, (bias()[0], marked)] * 200
     with driver([*marking(), (request(5), reply_frame(5, b"\x00")), *looks]) as (imu, link):
         with pytest.raises(
-            DeviceFaultError, match=r"has not restarted within 0.5 s .*; switch its power off"
+            DeviceFaultError, match=r"has not restarted within 1.5 s .*; switch its power off"
         ):
             imu.reset()
         assert link.unexpected[0] == request(3, HEAD + struct.pack("<3f", 0.0, 0.0, 0.0))
