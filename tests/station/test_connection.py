@@ -18,6 +18,7 @@ from calstation.errors import ConfigurationError
 from calstation.station import listening
 from calstation.station.connection_test import try_imu, try_table
 from calstation.station.finding import Finding, Report
+from calstation.station.finding_words import word_finding
 from calstation.station.library import find
 from calstation.station.ports import discover
 
@@ -234,6 +235,40 @@ def test_settings_that_the_port_refuses() -> None:
 def test_a_table_commanded_in_text_with_a_wrong_setting(answer: Any, expected: str) -> None:
     with terminal(answer) as port:
         assert wrong(table(profile="aerosmith_atl", port=port)).id == expected
+
+
+@needs_terminals
+def test_a_table_commanded_in_text_on_the_imus_line() -> None:
+    unit = FakeImu()
+    with terminal(silent, unit.sends) as port:
+        report = table(profile="aerosmith_atl", port=port)
+        assert wrong(report).id == "garbled_text"
+        assert "perhaps the IMU" in word_finding(wrong(report))[1]
+
+
+def test_bytes_that_are_no_text_are_shown_short_and_as_numbers() -> None:
+    noise = bytes(range(256)) * 8
+    with server(lambda _: noise + b"\r\n") as address:
+        found = wrong(table(profile="acutronic_acl", port=f"tcp://{address}"))
+    assert found.id == "garbled_text"
+    assert "baud" not in found.values
+    with server(lambda _: b"\x01login: " + b"a" * 500 + b"\r\n") as address:
+        found = wrong(table(profile="acutronic_acl", port=f"tcp://{address}"))
+    text, mend = word_finding(found)
+    assert "\\x01login: aaa" in text + mend
+    assert len(text + mend) < 300
+
+
+@needs_terminals
+def test_behind_a_serial_server_its_own_settings_are_named() -> None:
+    with server(lambda _: bytes(range(0x80, 0xA0))) as address:
+        garbled = wrong(table(port=f"socket://{address}"))
+    assert garbled.id == "garbled"
+    assert word_finding(garbled)[1].startswith(
+        "Set the baud and parity in the serial server (the profile says 115200"
+    )
+    with server(silent) as address:
+        assert "set in the serial server" in word_finding(wrong(table(port=f"socket://{address}")))[1]
 
 
 def test_a_table_commanded_in_text_that_says_nothing_over_tcp() -> None:

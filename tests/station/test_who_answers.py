@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 import tomli_w
+from serial.tools import list_ports
 from wires import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, terminal
 
+from calstation.devices.link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, Verdict
@@ -213,6 +215,19 @@ def test_why_there_is_no_connection_is_told(work: Any) -> None:
         work(tell, order(table={"port": f"tcp://{address}"}))
     with pytest.raises(DeviceFaultError, match="nobody knows this host; correct its name"):
         work(tell, order(table={"port": "tcp://no-such-host.invalid:502"}))
+
+
+@needs_terminals
+@pytest.mark.parametrize("work", [read_table, reset_table])
+def test_why_a_serial_port_does_not_open_is_told(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(list_ports, "comports", lambda: [])
+    with terminal(silent) as port:
+        other = SerialLink(port, SerialSettings(), "other")
+        with pytest.raises(DeviceFaultError, match="another program uses it"):
+            work(tell, order(table={"port": port}))
+        other.close()
+    with pytest.raises(DeviceFaultError, match="ports found: none; correct the port in the station file"):
+        work(tell, order(table={"port": "/dev/ttyNONE7"}))
 
 
 def test_an_imus_address_of_the_wrong_kind_is_told_with_the_right_one() -> None:
