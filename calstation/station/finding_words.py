@@ -432,7 +432,7 @@ _IMU = {
     "example_site": (
         QT_TRANSLATE_NOOP(
             "station_finding",
-            "The site is the example's: latitude {latitude:g}°, longitude {longitude:g}°, height {height:g} m.",
+            "The site is still the example's: {latitude:g}°, {longitude:g}°, {height:g} m.",
         ),
         QT_TRANSLATE_NOOP("station_finding", "Put in the site of this station, unless it stands just there."),
     ),

@@ -1431,12 +1431,12 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>测得 {measured:.3f} m/s²，当地重力为 {expected:.3f} m/s²。</translation>
     </message>
     <message>
-        <source>The site is the example&apos;s: latitude {latitude:g}°, longitude {longitude:g}°, height {height:g} m.</source>
-        <translation>位置仍是示例工位的：纬度 {latitude:g}°，经度 {longitude:g}°，高度 {height:g} m。</translation>
+        <source>The site is still the example&apos;s: {latitude:g}°, {longitude:g}°, {height:g} m.</source>
+        <translation>站址仍是示例工位的：{latitude:g}°，{longitude:g}°，{height:g} m。</translation>
     </message>
     <message>
         <source>Put in the site of this station, unless it stands just there.</source>
-        <translation>请填写本工位的实际位置（除非恰好相同）。</translation>
+        <translation>请填写本工位的站址（除非恰好就在那里）。</translation>
     </message>
     <message>
         <source>If it stands still: correct accel_lsb, output or the frame&apos;s fields in the IMU profile.</source>
