@@ -9,7 +9,8 @@ from calstation.devices.interfaces import LOCAL_CONTROL, Table, TableIdentity, T
 from calstation.devices.modbus_link import ModbusRefusalError
 from calstation.devices.text_link import TextRefusalError
 from calstation.station.connection_test import Order, ports_of, setup_of
-from calstation.station.wiring import open_table
+from calstation.station.who_answers import identify
+from calstation.station.wiring import open_table, wires
 from calstation.station.worker import Tell
 
 Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
@@ -73,7 +74,8 @@ def read_table(tell: Tell, order: Order) -> TableStanding:
         table = open_table(setup, at.table)
         try:
             tell(0.5, note="asking")
-            return _standing(table.identify(), table.status())
+            identity = identify(table, None, wires(setup, at.table, at.imu))
+            return _standing(identity, table.status())
         finally:
             table.close()
 
@@ -85,6 +87,7 @@ def reset_table(tell: Tell, order: Order) -> TableReset:
         table = open_table(setup, at.table)
         try:
             tell(0.5, note="asking")
+            identify(table, None, wires(setup, at.table, at.imu))
             return reset(table)
         finally:
             table.close()

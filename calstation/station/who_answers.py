@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from calstation.devices.imu_profile import ImuProfile
-from calstation.devices.interfaces import Imu, OtherModelError, Table
+from calstation.devices.interfaces import Imu, OtherModelError, Table, TableIdentity
 from calstation.devices.link import PortLostError, SerialSettings
 from calstation.devices.modbus_link import MEANINGS, ModbusRefusalError, NoAnswerError
 from calstation.devices.open_table import open_table
@@ -44,20 +44,23 @@ class Wires:
         return lines and self.table_port != self.imu_port and self.table.protocol != "imu_link"
 
 
-def identify(table: Table, imu: Imu, wires: Wires) -> None:
-    """Have both devices say who they are. Raises DeviceFaultError where one does not, or is another.
+def identify(table: Table, imu: Imu | None, wires: Wires) -> TableIdentity:
+    """Have the devices say who they are, the IMU where it is open. Raises DeviceFaultError where one is another.
 
     What keeps a device from saying it may be looked for on its port, so that both are closed then.
     """
     try:
-        table.identify()
-        imu.identify()
+        identity = table.identify()
+        if imu is not None:
+            imu.identify()
     except (OtherModelError, PortLostError):
         raise
     except DeviceFaultError as fault:
         table.close()
-        imu.close()
+        if imu is not None:
+            imu.close()
         raise _explained(fault, wires) from fault
+    return identity
 
 
 def _explained(fault: DeviceFaultError, wires: Wires) -> DeviceFaultError:

@@ -204,6 +204,21 @@ def test_the_test_of_a_table_tells_the_number_that_answers() -> None:
     assert [f.id for f in report.findings] == ["connected", "exception"]
 
 
+@needs_terminals
+def test_the_reset_of_exchanged_links_says_so(imu: str) -> None:
+    bus = Bus()
+    with (
+        terminal(bus.answer) as line,
+        pytest.raises(DeviceFaultError, match=r"exchange table\.port and imu\.port"),
+    ):
+        reset_table(tell, order(table={"port": imu}, imu={"port": line}))
+    with (
+        terminal(Bus(unit=3).answer) as line,
+        pytest.raises(DeviceFaultError, match="answers as unit 3, not as unit 7"),
+    ):
+        read_table(tell, order(table={"port": line, "unit": 7}))
+
+
 # Why a connection does not come about
 
 
