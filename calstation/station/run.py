@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from calstation.devices.interfaces import Imu
+from calstation.devices.transfer import flash_registers
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.physics.parameters import INDEX
@@ -179,7 +181,7 @@ def _connect(place: _Place, injector: FaultInjector, hands: VirtualHands) -> Non
             unproved = settle(
                 devices.imu, devices.table, devices.clock, place.setup, place.folder, place.emit, place.hear
             )
-            meta = place.meta(devices.imu.read_registers())
+            meta = place.meta(_in_force(devices.imu, place.setup))
             run = _Run(place, meta, place.log(meta), StageChain(meta), unproved)
             _run(run, devices)
     except (DeviceFaultError, StopRequested) as error:
@@ -192,6 +194,17 @@ def _connect(place: _Place, injector: FaultInjector, hands: VirtualHands) -> Non
             return
         run.tell(Fault(type(error).__name__, str(error), error.exit_code))
         _close(run, Ended(State.FAULT, (), error), 0.0)
+
+
+def _in_force(imu: Imu, setup: Setup) -> dict[str, float]:
+    """What the unit's registers hold, SI.
+
+    Where its samples have gone through them it is restarted first: values that nobody committed would be gone after
+    a restart in mid-run, and the samples behind it be of other registers.
+    """
+    if setup.after_registers and imu.identify().serial == setup.request.serial:
+        return flash_registers(imu)
+    return imu.read_registers()
 
 
 def _run(run: _Run, devices: Devices) -> None:

@@ -5,15 +5,17 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from calstation.devices.interfaces import Imu
 from calstation.errors import ConfigurationError
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import open_log
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Message, StageSolved, StateChanged, StepStarted, Verdict
-from calstation.station import library, versions
+from calstation.station import library, run, versions
 from calstation.station.history import History
 from calstation.station.resolve import resolve
 from calstation.station.run import execute
@@ -141,17 +143,33 @@ def test_no_limits_no_run(place: Place) -> None:
         place.run("rate")
 
 
-def test_a_stream_behind_the_registers_has_them_read_and_logged_first(
-    place: Place, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def behind(place: Place, monkeypatch: pytest.MonkeyPatch) -> Place:
+    """A unit whose samples have gone through its registers."""
     home = place.folder / "home"
     (home / "imus").mkdir(parents=True)
     shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
-    behind = shipped.replace("before_registers", "after_registers", 1).replace("[corrected]\nstream = 2", "")
-    (home / "imus" / "bench_nav.toml").write_text(behind, encoding="utf-8")
+    profile = shipped.replace("before_registers", "after_registers", 1).replace("[corrected]\nstream = 2", "")
+    (home / "imus" / "bench_nav.toml").write_text(profile, encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(home))
-    verdict = place.run("six_position")
+    return place
+
+
+def test_a_stream_behind_the_registers_has_them_read_and_logged_first(behind: Place) -> None:
+    verdict = behind.run("six_position")
     assert verdict.outcome == "passed"
+    assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
+
+
+def test_what_nobody_committed_is_not_in_force_behind_the_registers(
+    behind: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def left_by_another_program(imu: Imu, *rest: Any) -> None:
+        imu.write_registers({"gyro_bias_x": 1e-3})
+
+    monkeypatch.setattr(run, "settle", left_by_another_program)
+    verdict = behind.run("six_position")
+    assert verdict.result["registers"]["old"]["gyro_bias_x"] == 0.0
     assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
 
 
