@@ -18,6 +18,7 @@ from calstation.station import register_journal
 from calstation.station.config import load_station
 from calstation.station.engine import Engine
 from calstation.station.hand_registers import UnitRegisters
+from calstation.station.library import site_folder
 from calstation.station.register_errand import turning
 from calstation.station.register_journal import Transfer
 from calstation.station.request import RegisterErrand, RunRequest
@@ -33,10 +34,12 @@ _PROOFS = {Step.TURNED: "with a turn", Step.AT_REST: "at rest"}
 
 
 def list_command(runs: Path, serial: str | None, json: str | None) -> int:
-    """Show the transfers to one unit, or to every unit that the folder knows."""
+    """Show the transfers to one unit, or to every unit that the site or the folder of runs knows."""
     check_json(json)
-    serials = register_journal.serials(runs) if serial is None else [serial]
-    known = {name: register_journal.history(runs, name) for name in serials}
+    known: dict[str, list[Transfer]] = {}
+    for folder in dict.fromkeys((runs, site_folder())):
+        for name in register_journal.serials(folder) if serial is None else [serial]:
+            known.setdefault(name, []).extend(register_journal.history(folder, name))
     emit_json(
         {
             name: {
@@ -51,7 +54,7 @@ def list_command(runs: Path, serial: str | None, json: str | None) -> int:
         return 0
     console = Console(file=sys.stdout)
     if not any(known.values()):
-        console.print(f"no transfer is known in {runs}", highlight=False, markup=False)
+        console.print(f"no transfer is known in {runs} or {site_folder()}", highlight=False, markup=False)
     for name, transfers in known.items():
         for line in _lines(name, transfers) if transfers else ():
             console.print(line, highlight=False, markup=False, soft_wrap=True)

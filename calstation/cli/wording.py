@@ -43,6 +43,8 @@ MESSAGES: dict[str, str] = {
     "transfer_kept": "An earlier transfer to {serial} was interrupted; the unit kept its registers.",
     "transfer_open": "An earlier transfer to {serial} was interrupted ({utc}); the unit holds {holds} registers.",
     "transfer_settled": "The interrupted transfer to {serial} is settled: {closing}.",
+    "journal_torn": "{file}: a power cut tore its last line, which announces nothing that happened.",
+    "flash_near": "The flash of {serial} has been written {used} times of the {most} that its profile allows.",
     "log_damaged": "{file}: damaged rows left out as gaps: {rows}, samples {where}.",
     "resumed": "Carrying on {log} behind its finished stages: {stages}.",
     "transfer_unproved": "The registers are written but not verified: the next start with this unit asks whether to "

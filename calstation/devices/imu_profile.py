@@ -226,6 +226,7 @@ class ImuProfile(StrictModel):
     protocol : how it takes commands: framed, by `[commands]`; modbus, by `[modbus]`; vectornav, by `[vectornav]`;
         stream, none at all
     without_register : parameters and groups that the unit has no register for
+    flash_cycles_max : how often its registers may be committed, by its data sheet
     corrected : how a stream before the registers is exchanged for one behind them
     """
 
@@ -240,6 +241,7 @@ class ImuProfile(StrictModel):
     modbus: ModbusUnitSection | None = None
     vectornav: VectorNavSection | None = None
     corrected: CorrectedSection | None = None
+    flash_cycles_max: int | None = Field(default=None, ge=1)
     noise: NoiseSection
     registers: list[RegisterEntry] = Field(default_factory=list)
     without_register: list[str] = Field(default_factory=list)

@@ -371,6 +371,33 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         ),
     ),
     (
+        r"port (\S+) is in use by another calstation \(process (\d+) of (.*), since (.*)\);.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "{0} is in use by another calstation, process {1} of {2}, since {3}; wait for its end, or end it there",
+        ),
+    ),
+    (
+        r"(.*), line (\d+): .*, so it is not known what was written to unit '(.*?)';.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "Line {1} of {0} is damaged, so it is not known what was written to {2}; compare the unit's registers with"
+            " those of its last result (Engineer page), then move this file away",
+        ),
+    ),
+    (
+        r"IMU: unit '(.*?)' has had its flash written (\d+) times of the (\d+) that IMU profile '(.*)' allows.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The flash of {0} has been written {1} times, the IMU profile “{3}” allows {2}; take the unit out of"
+            " service, or correct flash_cycles_max in the profile where its data sheet allows more",
+        ),
+    ),
+    (
+        r"(.*): its run is still going; stop it first",
+        QT_TRANSLATE_NOOP("faults", "The run of {0} is still going; stop it first"),
+    ),
+    (
         r".*: began on station '(.*?)', this is '(.*?)';.*",
         QT_TRANSLATE_NOOP(
             "faults",

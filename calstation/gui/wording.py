@@ -111,6 +111,13 @@ _MESSAGES = {
     "transfer_settled": QT_TRANSLATE_NOOP(
         "wording", "The interrupted transfer to {serial} is settled: {closing}."
     ),
+    "journal_torn": QT_TRANSLATE_NOOP(
+        "wording", "A power cut tore the last line of {file}; it announces nothing that happened."
+    ),
+    "flash_near": QT_TRANSLATE_NOOP(
+        "wording",
+        "The flash of {serial} has been written {used} times of the {most} that its profile allows.",
+    ),
     "log_damaged": QT_TRANSLATE_NOOP(
         "wording",
         "Damaged rows of the log left out as gaps: {rows}, samples {where}.",

@@ -24,6 +24,7 @@ from calstation.station.compose import compose
 from calstation.station.keeping import Earlier, InForce, found_better, given
 from calstation.station.part import is_part
 from calstation.station.proof import prove, refuted
+from calstation.station.register_journal import site_of
 from calstation.station.result import judge
 from calstation.station.setup import Setup
 from calstation.station.solve import StageChain
@@ -129,8 +130,10 @@ class Conclusion:
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         log, serial = self.log.path, self.meta.imu.serial
-        by = self.setup.request.operator
-        return register_journal.begin(log.parent, serial, old, new, by=by, why="run", source=log.name)
+        by, site = self.setup.request.operator, site_of(self.setup.station)
+        return register_journal.begin(
+            log.parent, serial, old, new, by=by, why="run", source=log.name, site=site
+        )
 
     def _keep(self, old: Mapping[str, float]) -> None:
         """The unit's registers as they were go to the log before anything is written."""

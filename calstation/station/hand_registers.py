@@ -11,6 +11,7 @@ from calstation.errors import InputError
 from calstation.records.log import open_log
 from calstation.station import register_journal
 from calstation.station.compose import compose
+from calstation.station.register_journal import site_of
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup, configured
 from calstation.station.unit_alone import unit_alone
@@ -38,7 +39,7 @@ class UnitRegisters:
     ----------
     serial, model, firmware : as it answered
     registers : by rising address
-    commits : flash cycles that this folder's runs and hands are known to have cost the unit
+    commits : flash cycles that the unit's journal knows of
     virtual : the unit is a virtual bench's
     """
 
@@ -136,7 +137,7 @@ def held(setup: Setup, identity: ImuIdentity, values: Mapping[str, float], runs:
         identity.model,
         identity.firmware,
         _rows(_map(setup), values),
-        register_journal.cycles(runs, identity.serial),
+        register_journal.cycles(runs, identity.serial, site_of(setup.station)),
         setup.station.bench is not None,
     )
 

@@ -2,7 +2,7 @@
 
 Where a table is driven it is made ready before the first register is written, and turns the restarted unit behind it.
 Rails that hands turn, and a table that is to be left alone, prove at rest. Who wanted what stands in the unit's journal
-beside the runs (`register_journal`), with the old values, on disk before the first register is written.
+(`register_journal`), with the old values, on disk before the first register is written.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -31,9 +31,10 @@ from calstation.sequencer.ports import Emit
 from calstation.sequencer.states import State
 from calstation.sequencer.task import Task
 from calstation.station import register_journal
+from calstation.station.flash_wear import check_flash
 from calstation.station.hand_registers import held
 from calstation.station.proving import at_once, judge, judge_old
-from calstation.station.register_journal import Transfer
+from calstation.station.register_journal import Transfer, site_of
 from calstation.station.request import OR_AT_REST, RegisterErrand
 from calstation.station.setup import Setup, configured
 from calstation.station.unfinished import refuse_interrupted, register_map
@@ -109,16 +110,20 @@ class _Work:
 
     @classmethod
     def of(cls, errand: RegisterErrand, setup: Setup, emit: Emit) -> "_Work":
-        """Raises InputError where there is nothing to finish or restore."""
+        """Raises InputError where there is nothing to finish or restore, ConfigurationError for a worn out flash."""
         if errand.what == "write":
+            check_flash(setup, errand.request.out, emit)
             return cls(errand, setup, emit, None, errand.values, errand.source)
-        runs, serial = errand.request.out, errand.request.serial
-        entry = register_journal.interrupted(runs, serial)
+        runs, serial, site = errand.request.out, errand.request.serial, site_of(setup.station)
+        entry = register_journal.interrupted(runs, serial, site)
         if entry is not None and errand.transfer is None:
             return cls(errand, setup, emit, entry, {}, "")
         if errand.what == "finish":
-            raise InputError(f"{runs}: no transfer to unit '{serial}' is open; there is nothing to finish")
-        wanted = _earlier(runs, serial, errand.transfer)
+            raise InputError(
+                f"{site or runs}: no transfer to unit '{serial}' is open; there is nothing to finish"
+            )
+        wanted = _earlier(runs, serial, errand.transfer, site)
+        check_flash(setup, runs, emit)
         return cls(errand, setup, emit, None, wanted.old, f"before {wanted.id}")
 
     @property
@@ -187,7 +192,14 @@ class _Work:
         request = self.errand.request
         why = "hand" if self.errand.what == "write" else "restore"
         return register_journal.begin(
-            request.out, request.serial, old, new, by=request.operator, why=why, source=self.source
+            request.out,
+            request.serial,
+            old,
+            new,
+            by=request.operator,
+            why=why,
+            source=self.source,
+            site=site_of(self.setup.station),
         )
 
 
@@ -250,17 +262,16 @@ def _task(setup: Setup) -> Task:
     return replace(task, stages=(), preflight=preflight)
 
 
-def _earlier(runs: Path, serial: str, ident: str | None) -> Transfer:
+def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> Transfer:
     """The transfer before which the unit held what is to be restored. Raises InputError."""
-    known = register_journal.history(runs, serial)
+    known = register_journal.history(runs, serial, site)
     if not known:
-        raise InputError(
-            f"{runs}: no transfer to unit '{serial}' is known; give the folder of its runs with --out"
-        )
+        mend = "check the number" if site else "give the folder of its runs with --out"
+        raise InputError(f"{site or runs}: no transfer to unit '{serial}' is known; {mend}")
     found = [transfer_ for transfer_ in known if ident in (None, transfer_.id)]
     if not found:
         raise InputError(
-            f"{runs}: unit '{serial}' has no transfer '{ident}'; see calstation registers list {serial}"
+            f"{site or runs}: unit '{serial}' has no transfer '{ident}'; see calstation registers list {serial}"
         )
     return found[-1]
 

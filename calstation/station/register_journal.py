@@ -18,6 +18,8 @@ from urllib.parse import quote, unquote
 from calstation.devices.transfer import Closing, Step
 from calstation.errors import ConfigurationError
 from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
+from calstation.station.config import StationConfig
+from calstation.station.library import site_folder
 
 FOLDER = "registers"
 """In the site's folder, or beside the runs."""
@@ -130,6 +132,11 @@ def torn(runs: Path, serial: str, site: Path | None = None) -> Path | None:
     """The unit's journal where a power cut tore its last line, None where it is whole. Raises ConfigurationError."""
     path = _path(site or runs, serial)
     return path if _lines(path, serial).torn else None
+
+
+def site_of(station: StationConfig) -> Path | None:
+    """Where the journals of a station's units are: the site's folder, None beside the runs of a virtual bench."""
+    return None if station.bench is not None else site_folder()
 
 
 def serials(folder: Path) -> list[str]:

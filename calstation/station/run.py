@@ -27,6 +27,7 @@ from calstation.station.clock import BenchClock
 from calstation.station.conclusion import Conclusion
 from calstation.station.config import load_station
 from calstation.station.fault_plan import FaultInjector
+from calstation.station.flash_wear import check_flash
 from calstation.station.handover import HandOver, expect
 from calstation.station.history import History
 from calstation.station.incomplete import settle_incomplete
@@ -153,6 +154,7 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     history.refresh()
     failures = history.failures(request.serial)
     check_attempts(setup.product, request.serial, failures, request.beyond_attempts)
+    check_flash(setup, folder, emit)
     injector = FaultInjector(setup.faults, folder)
     if setup.faults.fault:
         emit = injector.listening(emit)

@@ -16,7 +16,7 @@ from calstation.sequencer.guard import check_power
 from calstation.sequencer.ports import Clock, Emit
 from calstation.station import register_journal
 from calstation.station.proving import judge
-from calstation.station.register_journal import Transfer
+from calstation.station.register_journal import Transfer, site_of
 from calstation.station.setup import Setup
 from calstation.station.unit_alone import UnitAlone, rest_of
 
@@ -60,7 +60,7 @@ def settle(
     Raises DeviceFaultError, StopRequested.
     """
     request = setup.request
-    entry = register_journal.interrupted(runs, request.serial)
+    entry = register_journal.interrupted(runs, request.serial, site_of(setup.station))
     if entry is None:
         return None
     holds = recognise(imu, entry, register_map(setup))
@@ -97,7 +97,7 @@ def settle(
 
 def refuse_interrupted(imu: Imu, setup: Setup, runs: Path, serial: str) -> None:
     """Raises DeviceFaultError where a transfer to the unit waits for a decision; one that left no trace is closed."""
-    entry = register_journal.interrupted(runs, serial)
+    entry = register_journal.interrupted(runs, serial, site_of(setup.station))
     if entry is not None:
         holds = recognise(imu, entry, register_map(setup))
         if holds is not Holds.OLD:

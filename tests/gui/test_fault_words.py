@@ -31,6 +31,13 @@ TOLD = [
     "table: model 'WRONGPLC' answers, the profile is for 'bench-table'; choose the right table profile in the station"
     " file",
     "IMU: model 'other' answers, the profile is for 'bench-imu'; choose the right IMU profile in the product file",
+    "port tcp://10.0.0.4:502 is in use by another calstation (process 4711 of li, since 2026-11-21 17:23:43); wait for"
+    " its end, or end it there",
+    "/home/registers/SN-1.jsonl, line 3: does not read as it was written, so it is not known what was written to unit"
+    " 'SN-1'; compare the unit's registers with those of its last result (Engineer page), then move this file away",
+    "IMU: unit 'SN-1' has had its flash written 10 times of the 10 that IMU profile 'N' allows (flash_cycles_max); take"
+    " it out of service, or correct the profile where its data sheet allows more",
+    "/runs/SN-1.h5: its run is still going; stop it first",
     "/runs/SN-1.h5: began on station 'line 3', this is 'virtual bench'; give its station file with --station",
     "IMU: port usb:A9XYZ was lost (device reports readiness to read but returned no data); check cable and power",
     "IMU: port usb:A9XYZ: no USB adapter with this serial number is plugged in; plug it in, or correct the port in the"

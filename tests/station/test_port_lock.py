@@ -37,7 +37,8 @@ with owned(sys.argv[1:]):
 
 
 @pytest.fixture(autouse=True)
-def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+def _impatient(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
     monkeypatch.setattr(port_lock, "_WITHIN", 0.1)
 
 

@@ -605,6 +605,22 @@
         <translation>向 {0} 写寄存器时中断；请按“知道了”，然后选择写完或恢复</translation>
     </message>
     <message>
+        <source>{0} is in use by another calstation, process {1} of {2}, since {3}; wait for its end, or end it there</source>
+        <translation>{0} 正被另一个 calstation 占用（用户 {2} 的进程 {1}，自 {3} 起）；请等它结束，或到那里结束它</translation>
+    </message>
+    <message>
+        <source>Line {1} of {0} is damaged, so it is not known what was written to {2}; compare the unit&apos;s registers with those of its last result (Engineer page), then move this file away</source>
+        <translation>{0} 第 {1} 行已损坏，无法确知向 {2} 写过什么；请将产品寄存器与其最近一次结果核对（工程师页），然后移走该文件</translation>
+    </message>
+    <message>
+        <source>The flash of {0} has been written {1} times, the IMU profile “{3}” allows {2}; take the unit out of service, or correct flash_cycles_max in the profile where its data sheet allows more</source>
+        <translation>{0} 的闪存已写 {1} 次，IMU 配置文件“{3}”只允许 {2} 次；请停用该产品，若数据手册允许更多，则更正配置文件中的 flash_cycles_max</translation>
+    </message>
+    <message>
+        <source>The run of {0} is still going; stop it first</source>
+        <translation>{0} 的标定仍在进行；请先停止它</translation>
+    </message>
+    <message>
         <source>The run began on station “{0}”, this is “{1}”; choose the station that it began on, then carry it on</source>
         <translation>该次标定是在工位“{0}”开始的，当前是“{1}”；请选择原来的工位，再继续</translation>
     </message>
@@ -906,6 +922,14 @@
     <message>
         <source>The interrupted transfer to {serial} is settled: {closing}.</source>
         <translation>{serial} 中断的写入已处理：{closing}。</translation>
+    </message>
+    <message>
+        <source>A power cut tore the last line of {file}; it announces nothing that happened.</source>
+        <translation>断电使 {file} 的最后一行不完整；该行所述之事并未发生，不予采信。</translation>
+    </message>
+    <message>
+        <source>The flash of {serial} has been written {used} times of the {most} that its profile allows.</source>
+        <translation>{serial} 的闪存已写 {used} 次，配置文件允许 {most} 次。</translation>
     </message>
     <message>
         <source>Damaged rows of the log left out as gaps: {rows}, samples {where}.</source>

@@ -1,0 +1,168 @@
+"""A unit on hardware has one journal in the site's folder, and a flash that wears out."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.cli.app import run_app
+from calstation.devices.transfer import Closing, Step
+from calstation.errors import ConfigurationError, InputError
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Message, Verdict
+from calstation.station import register_journal
+from calstation.station.bench_host import BenchHost
+from calstation.station.hand_registers import read_unit
+from calstation.station.library import shipped_folder
+from calstation.station.register_journal import site_of
+from calstation.station.request import RunRequest
+from calstation.station.run import execute
+from calstation.station.setup import configured
+from tests.station.conftest import STATION, Place
+from tests.station.errands import Errands
+
+SERIAL = "SN-000042"
+VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The site's folder."""
+    folder = tmp_path / "home"
+    monkeypatch.setenv("CALSTATION_HOME", str(folder))
+    return folder
+
+
+@pytest.fixture
+def hardware(place: Place) -> Iterator[RunRequest]:
+    """A request to a unit and a table that are there on ports of this computer, for anybody."""
+    setup, _ = configured(place.request())
+    config = setup.bench_config()
+    assert config is not None
+    with BenchHost.start({**config, "speed": 1.0, "watchdog_ms": 60_000}) as bench:
+        told = bench.endpoints
+        table = {"profile": "bench", "port": f"tcp://{told['table']}", "timeout_s": 5.0}
+        station = {**STATION, "table": table, "imu": {"port": told["imu"], "timeout_s": 5.0}}
+        file = place.folder / "hardware.toml"
+        file.write_text(tomli_w.dumps(station), encoding="utf-8")
+        yield replace(place.request(), station=file, out=place.folder / "monday")
+
+
+def test_who_changes_the_folder_of_the_runs_sees_the_same_journal(
+    hardware: RunRequest, place: Place, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Errands(hardware).write(VALUES, at_rest=True)
+    tuesday = place.folder / "tuesday"
+    assert read_unit(tell, hardware, tuesday).commits == 1
+    assert not (hardware.out / register_journal.FOLDER).exists()
+    assert register_journal.serials(home) == [SERIAL]
+
+    opened = register_journal.begin(
+        hardware.out,
+        SERIAL,
+        {},
+        {},
+        by=None,
+        why="run",
+        source="",
+        site=site_of(configured(hardware)[0].station),
+    )
+    events: list[Event] = []
+    execute(replace(hardware, out=tuesday, stages=("rate",)), events.append, Control())
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "fault"
+    assert "finish or restore" in str(events[-1].result["error"])
+    opened.close(Closing.KEPT)
+
+    assert run_app(["registers", "list", SERIAL, "--out", str(tuesday)]) == 0
+    assert f"unit {SERIAL}, 1 flash cycles" in capsys.readouterr().out
+    with pytest.raises(
+        InputError, match=f"{home}: no transfer to unit 'SN-000077' is known; check the number"
+    ):
+        Errands(replace(hardware, serial="SN-000077")).do("restore")
+
+
+class Worn:
+    """A place whose product's units have a flash of ten cycles."""
+
+    def __init__(self, place: Place, home: Path) -> None:
+        profile = (shipped_folder() / "imus" / "bench_nav.toml").read_text(encoding="utf-8")
+        (home / "imus").mkdir(parents=True)
+        (home / "imus" / "worn.toml").write_text(f"flash_cycles_max = 10\n{profile}", encoding="utf-8")
+        place.write({"imu": "worn"})
+        self.request = place.request("rate")
+        self.runs = self.request.out
+
+    def wear(self, cycles: int) -> None:
+        """Have the flash written so often."""
+        entry = register_journal.begin(self.runs, SERIAL, {}, {}, by=None, why="hand", source="")
+        for _ in range(cycles):
+            entry.note(Step.COMMITTING)
+        entry.close(Closing.DONE)
+
+    def run(self) -> list[Event]:
+        """What a run told."""
+        events: list[Event] = []
+        execute(self.request, events.append, Control())
+        return events
+
+
+@pytest.fixture
+def worn(place: Place, home: Path) -> Worn:
+    return Worn(place, home)
+
+
+def test_a_flash_that_is_nearly_worn_out_is_told(worn: Worn) -> None:
+    worn.wear(9)
+    events = worn.run()
+    (told,) = [event for event in events if isinstance(event, Message) and event.id == "flash_near"]
+    assert told.values == {"serial": SERIAL, "used": 9, "most": 10}
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "passed"
+    assert register_journal.cycles(worn.runs, SERIAL) == 10
+    with pytest.raises(ConfigurationError, match="written 10 times of the 10"):
+        worn.run()
+
+
+def test_a_flash_that_is_worn_out_takes_no_new_registers(worn: Worn) -> None:
+    worn.wear(10)
+    errands = Errands(worn.request)
+    words = (
+        r"written 10 times of the 10 that IMU profile .* allows \(flash_cycles_max\); take it out of service"
+    )
+    uses: list[Any] = [worn.run, lambda: errands.write(VALUES), lambda: errands.do("restore")]
+    for use in uses:
+        with pytest.raises(ConfigurationError, match=words):
+            use()
+    assert list(worn.runs.glob("*.h5")) == []
+
+
+def test_what_was_begun_is_put_back_all_the_same(worn: Worn) -> None:
+    worn.wear(10)
+    register_journal.begin(worn.runs, SERIAL, {}, {}, by=None, why="run", source="")
+    assert Errands(worn.request).do("restore").closing in ("kept", "restored")
+
+
+def test_a_damaged_journal_ends_a_run_before_anything_is_opened(worn: Worn) -> None:
+    worn.wear(1)
+    (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
+    data = journal.read_bytes()
+    journal.write_bytes(data.replace(b"hand", b"hanf"))
+    with pytest.raises(ConfigurationError, match=r"SN-000042\.jsonl, line 1: .*; compare"):
+        worn.run()
+
+
+def test_a_torn_line_is_told(worn: Worn) -> None:
+    worn.wear(1)
+    (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
+    journal.write_bytes(journal.read_bytes() + b'{"event": "int')
+    told = [event for event in worn.run() if isinstance(event, Message) and event.id == "journal_torn"]
+    assert [event.values["file"] for event in told] == [str(journal)]
+    assert len(register_journal.history(worn.runs, SERIAL)) == 2
