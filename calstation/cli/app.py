@@ -211,7 +211,9 @@ app.add_typer(registers, name="registers")
 SerialArgument = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the unit.")]
 StationOption = Annotated[Path | None, typer.Option(help="Station file; default: the virtual bench.")]
 ProductOption = Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")]
-RunsOption = Annotated[Path, typer.Option("--out", help="Folder of the runs; a virtual unit's journal is there.")]
+RunsOption = Annotated[
+    Path, typer.Option("--out", help="Folder of the runs; a virtual unit's journal is there.")
+]
 YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask before writing.")]
 AtRestOption = Annotated[
     bool, typer.Option("--at-rest", help="Leave the table alone: prove at rest, without a turn.")
