@@ -27,6 +27,8 @@ _FAULTS = [
     fault("saturate_imu", 0.1, step=16),
     fault("reset_imu", step=22),
     fault("silence_imu", 0.3, step=28),
+    fault("slow_imu", 1.1, step=30, time_s=0.0),  # the transfer's first answer, its repetition late as well
+    fault("slow_imu", 0.1, step=30, time_s=0.0),
 ]
 
 
