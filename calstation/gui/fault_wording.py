@@ -404,6 +404,14 @@ _REWORDED: tuple[tuple[str, str], ...] = (
             "The run began on station “{0}”, this is “{1}”; choose the station that it began on, then carry it on",
         ),
     ),
+    (
+        r".*: began on (?:hardware|the virtual bench), but station '(.*?)' is .* now;.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The run began on a virtual bench and station “{0}” is hardware now, or the other way round; start a new"
+            " run",
+        ),
+    ),
 )
 """Sentences that a window says otherwise than a terminal: in plainer words, or with a mend that is a button."""
 

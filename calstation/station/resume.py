@@ -24,6 +24,7 @@ from calstation.sequencer.acquisition import LastSample
 from calstation.sequencer.events import to_json
 from calstation.sequencer.ports import Journal
 from calstation.sequencer.solved import told
+from calstation.station.config import StationConfig, load_station
 from calstation.station.history import History
 from calstation.station.place import LATITUDE
 from calstation.station.request import RunRequest
@@ -180,6 +181,7 @@ class Continuation:
             raise ConfigurationError(
                 f"{path}: is a run of unit '{log.meta.imu.serial}', not '{request.serial}'; choose its own log"
             )
+        _check_station(log, load_station(request.station)[1])
         filled = replace(
             request,
             stages=_wanted(log),
@@ -199,7 +201,6 @@ class Continuation:
         old, path = self.log.meta, self.log.path
         assert old.run is not None
         new = setup.meta(started, old.run.attempt, registers or {})
-        self._check_station(setup)
         for name in ("site", "imu", "table", "product", "schedule"):
             if not _same(getattr(new, name), getattr(old, name)):
                 raise ConfigurationError(f"{path}: [{name}] has changed since the run began; {_NEW_RUN}")
@@ -210,23 +211,6 @@ class Continuation:
         assert new.run is not None
         run = new.run.model_copy(update={"resumed_from": path.name})
         return new.model_copy(update={"prior": old.prior, "registers": old.registers, "run": run})
-
-    def _check_station(self, setup: Setup) -> None:
-        """Raises ConfigurationError on another station than the run's: also where both happen to be of one site."""
-        run, text = self.log.meta.run, self.log.meta.profiles.get("station")
-        assert run is not None
-        began, here = run.station, setup.station
-        if began is not None and began != here.name:
-            raise ConfigurationError(
-                f"{self.log.path}: began on station '{began}', this is '{here.name}'; give its station file with"
-                " --station"
-            )
-        virtual = text is not None and "bench" in tomllib.loads(text)
-        if text is not None and virtual != (here.bench is not None):
-            kinds = ("the virtual bench", "hardware") if virtual else ("hardware", "the virtual bench")
-            raise ConfigurationError(
-                f"{self.log.path}: began on {kinds[0]}, but station '{here.name}' is {kinds[1]} now; {_NEW_RUN}"
-            )
 
     def copy(
         self,
@@ -289,6 +273,29 @@ class Continuation:
                 f"{self.log.path}: stage '{solution.stage}' does not solve to what the run had found; was the"
                 f" program or the log changed? {_NEW_RUN}"
             )
+
+
+def _check_station(log: Log, here: StationConfig) -> None:
+    """Raises ConfigurationError on another station than the run's: also where both happen to be of one site."""
+    began = log.meta.run.station if log.meta.run is not None else None
+    if began is not None and began != here.name:
+        raise ConfigurationError(
+            f"{log.path}: began on station '{began}', this is '{here.name}'; give its station file with --station"
+        )
+    virtual = _on_bench(log.meta.profiles.get("station", ""))
+    if virtual is not None and virtual != (here.bench is not None):
+        kinds = ("the virtual bench", "hardware") if virtual else ("hardware", "the virtual bench")
+        raise ConfigurationError(
+            f"{log.path}: began on {kinds[0]}, but station '{here.name}' is {kinds[1]} now; {_NEW_RUN}"
+        )
+
+
+def _on_bench(text: str) -> bool | None:
+    """Whether a station file is a virtual bench's, None where a log holds none that can be read."""
+    try:
+        return "bench" in tomllib.loads(text) if text else None
+    except tomllib.TOMLDecodeError:
+        return None
 
 
 def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:

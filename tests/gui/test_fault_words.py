@@ -38,6 +38,7 @@ TOLD = [
     "IMU: unit 'SN-1' has had its flash written 10 times of the 10 that IMU profile 'N' allows (flash_cycles_max); take"
     " it out of service, or correct the profile where its data sheet allows more",
     "/runs/SN-1.h5: its run is still going; stop it first",
+    "/runs/SN-1.h5: began on the virtual bench, but station 'line 3' is hardware now; start a new run",
     "/runs/SN-1.h5: began on station 'line 3', this is 'virtual bench'; give its station file with --station",
     "IMU: port usb:A9XYZ was lost (device reports readiness to read but returned no data); check cable and power",
     "IMU: port usb:A9XYZ: no USB adapter with this serial number is plugged in; plug it in, or correct the port in the"

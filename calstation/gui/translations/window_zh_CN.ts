@@ -625,6 +625,10 @@
         <translation>该次标定是在工位“{0}”开始的，当前是“{1}”；请选择原来的工位，再继续</translation>
     </message>
     <message>
+        <source>The run began on a virtual bench and station “{0}” is hardware now, or the other way round; start a new run</source>
+        <translation>该次标定开始时与工位“{0}”现在的类型不同（一个是虚拟台，一个是实物）；请重新开始标定</translation>
+    </message>
+    <message>
         <source>Or choose “Write, table at rest”.</source>
         <translation>或者选择“写入，转台不动”。</translation>
     </message>
