@@ -107,8 +107,9 @@ def raw_blocks(path: Path, holes: list[Hole] | None = None) -> Iterator[SampleBl
                     holes.append(Hole(good_end, start + a - good_end, after, int(rows["seq"][a])))
                 last, good_end = int(rows["seq"][b - 1]), start + b
                 yield from _blocks(rows[a:b], names)
-        if holes is not None and closed and end > good_end:
-            holes.append(Hole(good_end, end - good_end, None if last < 0 else last, None))
+        lost = int(samples.shape[0]) - good_end
+        if holes is not None and closed and lost > 0:
+            holes.append(Hole(good_end, lost, None if last < 0 else last, None))
 
 
 def row_count(path: Path) -> int:
@@ -124,7 +125,7 @@ def raw_rows(path: Path, start: int, stop: int, holes: NDArray[np.int64] = _NONE
     """
     with _Opened(path) as file:
         samples = file["samples"]
-        end = _row_count(path, samples) - int(holes[:, 1].sum())
+        end = int(samples.shape[0]) - int(holes[:, 1].sum())
         parts = [samples[a:b] for a, b in without(holes, start, min(stop, end))]
         return np.concatenate([samples[:0], *parts])
 
@@ -216,12 +217,13 @@ class _Opened:
             raise self._damaged() from error
 
     def _open(self) -> h5py.File:
-        """The file, a raw log; one that was not closed is read as if it had been. Raises InputError or `_BROKEN`."""
+        """The file, a raw log; one not closed, or cut short, is read as it is. Raises InputError or `_BROKEN`."""
         with self._path.open("rb") as stream:
             head = stream.read(SUPERBLOCK)
-        if not sound(head) or self._path.stat().st_size < superblock_end(head):
-            raise OSError("no whole superblock, or a file shorter than it tells")
-        self._unclosed = AsClosed(self._path) if left_open(head) else None
+        if not sound(head):
+            raise OSError("no whole superblock")
+        short = self._path.stat().st_size < superblock_end(head)
+        self._unclosed = AsClosed(self._path) if short or left_open(head) else None
         file = h5py.File(self._unclosed or self._path, "r", libver="latest")
         try:
             if file.attrs.get("format") == FORMAT:

@@ -40,7 +40,7 @@ def left_open(head: bytes) -> bool:
 
 
 class AsClosed(io.FileIO):
-    """A file that was not closed, as it would read had it been closed at its present length."""
+    """A file not closed, or cut short, as it would read had it been closed at its present length."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "rb")

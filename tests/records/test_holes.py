@@ -20,6 +20,7 @@ from calstation.records.raw_read import raw_rows
 from calstation.records.row_check import CHECK, row_checks
 
 ROWS = 30 * CHUNK_ROWS
+STEP = 20
 CHANGE = 14_860
 """First row of the second stage."""
 FIRST = 7
@@ -31,8 +32,9 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """A log that was closed, and the same one a moment before."""
     path = tmp_path_factory.mktemp("logs") / "run.h5"
     writer = RawLogWriter(path, LogMeta.model_validate(META))
-    for stage, start, count in (("rate", 0, CHANGE), ("six_position", CHANGE, ROWS - CHANGE)):
-        writer.append(make_block(stage, FIRST + start, count))
+    for start in range(0, ROWS, STEP):
+        writer.append(make_block("rate" if start < CHANGE else "six_position", FIRST + start, STEP))
+        writer.flush()
     writer.event({"event": "StageSolved", "stage": "rate"})
     writer.sync()
     left = path.read_bytes()
@@ -45,7 +47,7 @@ def place_of(data: bytes, row: int) -> int:
     (place,) = [
         at
         for at in _found(data, np.int64(FIRST + row).tobytes())
-        if np.frombuffer(data, "<f8", 1, at + 8)[0] == make_block("", FIRST + row, 1).time[0]
+        if np.frombuffer(data, "<f8", 1, at + 8)[0] == (FIRST + row + 1) / 100.0
     ]
     return place
 
@@ -102,6 +104,20 @@ def test_the_rows_behind_a_torn_end_were_never_there(tmp_path: Path, logs: dict[
         data[at : end + 99] = bytes(end + 99 - at)
         (tmp_path / "run.h5").write_bytes(data)
         assert read(tmp_path / "run.h5") == (list(range(FIRST, FIRST + ROWS - 30)), holes)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.37, 0.5, 0.83, 0.99])
+def test_of_a_log_cut_short_all_is_read_that_is_there(
+    tmp_path: Path, logs: dict[str, bytes], share: float
+) -> None:
+    length = int(share * len(logs["closed"]))
+    (tmp_path / "run.h5").write_bytes(logs["closed"][:length])
+    seq, (hole,) = read(tmp_path / "run.h5")
+    assert seq == list(range(FIRST, FIRST + len(seq)))
+    assert hole == Hole(len(seq), ROWS - len(seq), FIRST + len(seq) - 1, None)
+    size = row_dtype(0, False).itemsize
+    chunk, room = CHUNK_ROWS * size, 40_000  # of the last chunk, which is cut, and of what is no sample
+    assert len(seq) * size > length - chunk - room
 
 
 def test_chunks_whose_place_is_lost_are_holes(tmp_path: Path, logs: dict[str, bytes]) -> None:

@@ -117,7 +117,7 @@ def test_altered_cut_and_foreign_files_are_told_in_one_line(
         row["check"] = row_checks(row)
         file["samples"][100:101] = row
     messages = [_message(altered)]
-    for length in (0, 100, len(whole) // 2, len(whole) - 4000):
+    for length in (0, 47, 100, 400):
         cut = tmp_path / "cut.h5"
         cut.write_bytes(whole[:length])
         messages.append(_message(cut))
