@@ -75,6 +75,8 @@ class JointSection(StrictModel):
 class AccuracySection(StrictModel):
     """`[accuracy]`: worth of angles and rest under the names of a log's `[table]`, and when angles come.
 
+    repeatability_deg : how far apart the table stands after two moves to the same angle (one sigma): what bounds a
+        comparison of turns and rests that are made twice; as `encoder_sigma_deg` where absent
     poll_latency_s, poll_jitter_s : age of an angle beyond the middle of request and answer, and its sigma
     """
 
@@ -84,6 +86,7 @@ class AccuracySection(StrictModel):
     base_tilt_sigma_deg: float = Field(gt=0, le=90)
     velocity_sigma: float = Field(gt=0)
     velocity_interval_s: float = Field(gt=0)
+    repeatability_deg: float | None = Field(default=None, gt=0, le=1)
     poll_latency_s: float = Field(default=0.0, ge=0)
     poll_jitter_s: float = Field(default=0.0, ge=0)
 

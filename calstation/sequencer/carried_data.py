@@ -8,7 +8,7 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Carry
 from calstation.physics.table import OUTER, TableGeometry
 from calstation.sequencer.acquisition import Acquisition
-from calstation.sequencer.fresh_data import REST, FreshData
+from calstation.sequencer.fresh_data import REST, FreshData, mean_at_rest
 from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.steps import StepRunner
 
@@ -58,7 +58,7 @@ def _taken(blocks: list[SampleBlock], first: int, scale: FloatArray) -> FreshDat
     values = np.concatenate([block.counts for block in blocks]) * scale
     period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(seq) - 1)
     rest = round(REST / period)
-    rests = values[first - rest : first].mean(axis=0), values[-rest:].mean(axis=0)
+    rests = mean_at_rest(values[first - rest : first]), mean_at_rest(values[-rest:])
     return FreshData(rests, REST, carried=values[first:-rest], period=period)
 
 

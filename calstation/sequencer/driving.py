@@ -1,28 +1,40 @@
 """Table and unit in one hand: prepared, moved and looked at; every way out leaves the table at rest, axes off."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from calstation.devices.interfaces import Imu, Table
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.estimation.samples import SampleBlock
+from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.sequencer import states
 from calstation.sequencer.acquisition import Acquisition, LastSample, to_si
 from calstation.sequencer.carried_data import carried_data
 from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.events import Fault, Message, StateChanged
-from calstation.sequencer.fresh_data import FreshData, await_restart, fresh_data, turns
+from calstation.sequencer.fresh_data import FreshData, await_restart, fresh_data
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.guiding import Guiding
 from calstation.sequencer.ports import Clock, Emit
 from calstation.sequencer.preflight import Preflight
+from calstation.sequencer.proof_path import ProofPath, proof_path
 from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
-from calstation.sequencer.task import Task
+from calstation.sequencer.task import Output, Task
+
+_SHARE = 0.5
+"""Of what a gyro can show, the rate of the turns that prove its registers."""
+
+_SETTLED = 1.0
+"""After a move too short to be seen, s."""
 
 LOOK = 0.05
 """Host time between looks while something else is done, s."""
@@ -75,6 +87,8 @@ class Driving:
         self._emit = emit
         self._service = service
         self._on_show = on_show
+        self._path: ProofPath | None = None
+        self._reference: FreshData | None = None
         self.acquisition = Acquisition(
             imu,
             task.imu,
@@ -155,28 +169,78 @@ class Driving:
             self.runner,
             self._clock,
             self._task.geometry,
-            to_si(self._task.imu),
+            self._scale,
             self._task.preflight,
             self._emit,
         ).run()
 
     def check_turns(self) -> None:
-        """The turns of `fresh_data` from here against the limits. Raises ConfigurationError."""
+        """The way of `fresh_data` from here against the limits. Raises ConfigurationError."""
         geometry, own = self._task.geometry, self.pulse.status.limits
-        for move in turns(self.runner.position(), geometry.limits, own):
-            check_limits(geometry.limits, move)
-            check_travel(own, move)
+        for leg in self._path_from_here().legs:
+            check_limits(geometry.limits, leg.move)
+            check_travel(own, leg.move)
 
-    def fresh_data(self, *, restarted: bool = True) -> FreshData:
-        """The unit's output at rest and in turns, to be judged; that of one just `restarted` goes to no log.
+    def reference(self) -> None:
+        """Rest and turn the unit as it is now, to compare what `fresh_data` brings with. Rails by hand have none.
 
         Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
+        if self._task.by_hand or self._task.corrected is Output.NEVER:
+            return
+        with self._apart():
+            self._reference = self._on_path()
+
+    def fresh_data(self, *, restarted: bool = True) -> FreshData:
+        """The unit's corrected output at rest and in turns, to be judged; in no log. Behind it the raw stream is on.
+
+        Raises DeviceFaultError, ConfigurationError, StopRequested.
+        """
+        asked = self._task.corrected is Output.ASKED
         if restarted:
-            self.aside(self._imu.start)
-            await_restart(self.pulse, self.acquisition)
-        take = carried_data if self._task.by_hand else fresh_data
-        return take(self.pulse, self.acquisition, self.runner, self._task.geometry, to_si(self._task.imu))
+            self.acquisition.aside = True  # its counter has begun again, until the end
+        with self._apart():
+            if restarted or asked:
+                self.aside(lambda: self._imu.start(corrected=asked))
+                await_restart(self.pulse)
+            if self._task.by_hand:
+                data = carried_data(
+                    self.pulse, self.acquisition, self.runner, self._task.geometry, self._scale
+                )
+            else:
+                data = self._on_path()
+            if asked:
+                self.aside(self._imu.start)
+        corrected = self._task.corrected is not Output.NEVER
+        return replace(data, corrected=corrected, reference=self._reference)
+
+    @contextmanager
+    def _apart(self) -> Iterator[None]:
+        """What comes meanwhile goes to no log."""
+        before, self.acquisition.aside = self.acquisition.aside, True
+        try:
+            yield
+        finally:
+            self.acquisition.aside = before
+
+    def _path_from_here(self) -> ProofPath:
+        span, scale = self._task.span, self._scale
+        ends = np.concatenate([span.high[:3], -span.low[:3]]) * scale[0]
+        own = self.pulse.status.limits
+        return proof_path(self.runner.position(), self._task.geometry, own, _SHARE * float(ends.min()))
+
+    def _on_path(self) -> FreshData:
+        if self._path is None:
+            self._path = self._path_from_here()
+            # An angle that was read is not the one that the table was sent to; so short a move is over before it shows.
+            self.runner.drive(self._path.to_start)
+            self.pulse.rest(_SETTLED)
+        return fresh_data(self.pulse, self.acquisition, self.runner, self._path, self._scale)
+
+    @property
+    def _scale(self) -> FloatArray:
+        """From counts to rad/s and m/s², shape (6,)."""
+        return to_si(self._task.imu)
 
     def aside(self, work: Callable[[], Any]) -> Any:
         """Do what must not be interrupted, the table's watchdog fed meanwhile; whatever happens, it is done then."""

@@ -1,56 +1,62 @@
-"""Takes samples of a unit that was just restarted: two rests upside down to each other, and a turn of each joint."""
+"""Takes samples of a unit that is to be judged: rests in several attitudes and turns of both joints."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.errors import DeviceFaultError
 from calstation.estimation.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
-from calstation.physics.rotation import rotation_vector
-from calstation.physics.table import JointLimits, TableGeometry
 from calstation.sequencer.acquisition import Acquisition
-from calstation.sequencer.guard import JOINTS
+from calstation.sequencer.proof_path import Leg, ProofPath, Turn
 from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.steps import StepRunner
 
 REST = 10.0
-"""Rest over which output is averaged, s."""
+"""Rest of a unit that no table turns, s."""
 
-_TURNS = (np.deg2rad(180.0), np.deg2rad(30.0))
-"""Of the outer joint, which turns the unit over where travel allows, and of the inner one, rad."""
+SHORT_REST = 3.0
+"""Rest in each attitude on a table, s."""
 
-_SHORT = np.deg2rad(30.0)
-_RATE, _ACCELERATION = np.deg2rad(40.0), np.deg2rad(40.0)
+_BEHIND = 0.1
+"""IMU time taken after a move has settled, so that its last samples are there, s."""
+
 _READY_WITHIN = 60.0
 _ATTEMPTS = 3
 
-
-DURATION = 2.0 * REST + 12.0
-"""About what it takes with turns and restart, s."""
+DURATION = 72.0
+"""About what it takes to look at a unit before and after its restart on a table, s."""
 
 
 @dataclass(frozen=True)
 class Turned:
     """A turn of one joint.
 
-    expected : by the encoders, as a rotation vector in b at its start, rad, shape (3,)
-    rate : mean output of the gyro, rad/s, shape (3,); seconds : it took
+    Attributes
+    ----------
+    turn : as it was planned
+    angle : integral of the gyro's output over it, rad, shape (3,); seconds : it took
     """
 
-    expected: FloatArray
-    rate: FloatArray
+    turn: Turn
+    angle: FloatArray
     seconds: float
 
 
 @dataclass(frozen=True)
 class FreshData:
-    """Output of the restarted unit.
+    """Output of a unit.
 
-    rests : means at rest, gyro rad/s and accel m/s², each shape (6,); seconds : of each rest; turns : one per joint
+    Attributes
+    ----------
+    rests : means at rest, gyro rad/s and accel m/s², each shape (6,); seconds : of each rest
+    turns : on a table
     carried : output of every sample while the unit was carried from the first rest to the second, shape (n, 6), every
         `period` s; empty where a table turned it
+    corrected : the unit's registers are in it
+    reference : the same rests and turns as the unit gave them before, or without its registers; None where there is
+        nothing to compare with
     """
 
     rests: tuple[FloatArray, ...]
@@ -58,47 +64,34 @@ class FreshData:
     turns: tuple[Turned, ...] = ()
     carried: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
     period: float = 0.0
+    corrected: bool = False
+    reference: "FreshData | None" = None
 
 
 def fresh_data(
-    pulse: Pulse, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
+    pulse: Pulse, acquisition: Acquisition, runner: StepRunner, path: ProofPath, scale: FloatArray
 ) -> FreshData:
-    """Rest, turn the unit over, rest, turn it a little.
+    """Rest and turn along a path and back to its start. The table must stand there.
 
-    `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing,
-    ConfigurationError where a joint cannot turn.
+    `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing.
     """
-    over, little = turns(runner.position(), geometry.limits, pulse.status.limits)
-    first = _rest(pulse, acquisition) * scale
-    outer = _turn(over, acquisition, runner, geometry, scale)
-    second = _rest(pulse, acquisition) * scale
-    return FreshData((first, second), REST, (outer, _turn(little, acquisition, runner, geometry, scale)))
+    rests = [_rest(pulse, acquisition) * scale]
+    parts: list[list[Turned]] = [[] for _ in path.turns]
+    here = path.start
+    for leg in path.legs:
+        if leg.turn is None:
+            runner.drive(leg.move)
+        else:
+            turn = path.turns[leg.turn]
+            parts[leg.turn].append(_turn(turn, leg, here, pulse, acquisition, runner, scale))
+        if leg.rest:
+            rests.append(_rest(pulse, acquisition) * scale)
+        here = leg.move.outer, leg.move.inner
+    return FreshData(tuple(rests), SHORT_REST, tuple(map(_summed, parts)))
 
 
-def turns(start: tuple[float, float], profile: JointLimits, own: JointLimits) -> tuple[Move, Move]:
-    """The turn of the outer joint, then that of the inner one, within the profile's travel and the table's own.
-
-    `start` : joint angles, rad. Raises ConfigurationError where a joint cannot turn.
-    """
-    rate, acceleration = min(_RATE, *profile.rate), min(_ACCELERATION, *profile.acceleration)
-    target = list(start)
-    moves = []
-    for joint, name in enumerate(JOINTS):
-        angles = [start[joint] + by for by in (_TURNS[joint], -_TURNS[joint], _SHORT, -_SHORT)]
-        reachable = [a for a in angles if profile.within(joint, a) and own.within(joint, a)]
-        if not reachable:
-            raise ConfigurationError(
-                f"table: its {name} axis cannot turn by {np.rad2deg(_SHORT):.0f}° to either side, so no turn can prove"
-                " the unit's output; widen its travel"
-            )
-        target[joint] = reachable[0]
-        moves.append(Move(target[0], target[1], rate, acceleration, ("verify",)))
-    return moves[0], moves[1]
-
-
-def await_restart(pulse: Pulse, acquisition: Acquisition) -> None:
-    """Take samples aside and wait until the unit is ready. Raises DeviceFaultError where it does not come up."""
-    acquisition.aside = True
+def await_restart(pulse: Pulse) -> None:
+    """Wait until the unit is ready. Raises DeviceFaultError where it does not come up."""
     pulse.tick()
     pulse.wait(
         lambda: pulse.flow.ready,
@@ -107,36 +100,66 @@ def await_restart(pulse: Pulse, acquisition: Acquisition) -> None:
     )
 
 
+def mean_at_rest(counts: FloatArray) -> FloatArray:
+    """Weighted mean of samples at rest, shape (n, 6) to (6,).
+
+    The weights are those of the slope of a line through the integral, so that the vibration of a base that goes
+    nowhere, uncorrelated velocities of the same sigma, hurts least (Gauss-Markov); they rise and fall as a parabola.
+    """
+    n = len(counts)
+    place = np.arange(n) + 0.5
+    weight = place * (n - place)
+    mean: FloatArray = (weight / weight.sum()) @ counts
+    return mean
+
+
 def _rest(pulse: Pulse, acquisition: Acquisition) -> FloatArray:
     """Mean counts over a rest without a gap, shape (6,)."""
     for _ in range(_ATTEMPTS):
         with acquisition.tap() as blocks:
-            pulse.rest(REST)
+            pulse.rest(SHORT_REST)
         if _whole(blocks):
-            mean: FloatArray = np.concatenate([block.counts for block in blocks]).mean(axis=0)
-            return mean
-    raise DeviceFaultError(
-        "IMU: samples are lost or spoilt again and again; check cable, baud and the load of this computer"
-    )
+            return mean_at_rest(np.concatenate([block.counts for block in blocks]))
+    raise _lossy()
 
 
 def _turn(
-    move: Move, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
+    turn: Turn,
+    leg: Leg,
+    start: tuple[float, float],
+    pulse: Pulse,
+    acquisition: Acquisition,
+    runner: StepRunner,
+    scale: FloatArray,
 ) -> Turned:
-    start = runner.position()
-    with acquisition.tap() as blocks:
-        runner.drive(move)
-    if not _whole(blocks):
-        raise DeviceFaultError("IMU: no data during a turn; check cable, power and port")
-    counts = np.concatenate([block.counts for block in blocks])
-    period = (blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
-    # Twice half the turn: of half a revolution nobody could tell which way round it went.
-    half = [0.5 * (a + b) for a, b in zip(start, runner.position(), strict=True)]
-    turned = 2.0 * rotation_vector(geometry.body_to_home(*start).T @ geometry.body_to_home(*half))
-    return Turned(turned, counts[:, :3].mean(axis=0) * scale[:3], float(period * len(counts)))
+    """One leg of a turn; where samples were lost the table goes back to where it began, and it is made again."""
+    move = leg.move
+    for attempt in range(_ATTEMPTS):
+        if attempt:
+            runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
+        with acquisition.tap() as blocks:
+            runner.drive(move)
+            pulse.rest(_BEHIND)
+        if _whole(blocks):
+            counts = np.concatenate([block.counts for block in blocks])
+            period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
+            angle = (counts.sum(axis=0) * scale * period)[:3]
+            return Turned(turn, angle, period * len(counts))
+    raise _lossy()
+
+
+def _summed(parts: list[Turned]) -> Turned:
+    angle: FloatArray = np.sum([part.angle for part in parts], axis=0)
+    return Turned(parts[0].turn, angle, sum(p.seconds for p in parts))
 
 
 def _whole(blocks: list[SampleBlock]) -> bool:
     """Samples, none missing among them and none that is saturated or no number."""
     seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
     return len(seq) > 1 and bool((np.diff(seq) == 1).all()) and all(block.valid.all() for block in blocks)
+
+
+def _lossy() -> DeviceFaultError:
+    return DeviceFaultError(
+        "IMU: samples are lost or spoilt again and again; check cable, baud and the load of this computer"
+    )

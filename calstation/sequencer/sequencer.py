@@ -21,9 +21,12 @@ from calstation.sequencer.preview import plan_time, planned, step_time
 from calstation.sequencer.progress import StageTrack
 from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
-from calstation.sequencer.task import Concluded, Ended, StagePlan, Task
+from calstation.sequencer.task import Concluded, Ended, Output, StagePlan, Task
 
 _Result = TypeVar("_Result")
+
+Look = Callable[[], None]
+"""Takes the unit's output before registers are written, to compare what follows with."""
 
 Judge = Callable[[FreshData, Aside], None]
 """Judges a unit's fresh data; raises DeviceFaultError where they are wrong."""
@@ -32,10 +35,11 @@ Judge = Callable[[FreshData, Aside], None]
 class Sequencer:
     """One run. `run` returns when it is over; `control` takes the operator's commands from any thread.
 
-    `verify(solution)` says after each stage whether to go on. `conclude(solutions, aside)`, called with the table at
-    rest, checks the limits, writes the registers and says whether the unit passed; where registers were written
-    `prove(data, aside)` then judges the restarted unit's fresh data. Both do what talks to the unit by `aside`, during
-    which a stop waits. `prove_first` judges, before any stage, registers that were written before the run.
+    `verify(solution)` says after each stage whether to go on. `conclude(solutions, aside, look)`, called with the table
+    at rest, checks the limits, has a `look` at the unit as it is, writes the registers and says whether the unit
+    passed; where registers were written `prove(data, aside)` then judges the restarted unit's fresh data. Both do what
+    talks to the unit by `aside`, during which a stop waits. `prove_first` judges, before any stage, registers that were
+    written before the run.
 
     A resumed run begins with what was `solved` before and carries on behind the last sample, `after`.
     """
@@ -51,7 +55,7 @@ class Sequencer:
         emit: Emit,
         *,
         verify: Callable[[Solution], bool],
-        conclude: Callable[[tuple[Solution, ...], Aside], Concluded],
+        conclude: Callable[[tuple[Solution, ...], Aside, Look], Concluded],
         prove: Judge,
         prove_first: Judge | None = None,
         control: Control | None = None,
@@ -116,12 +120,14 @@ class Sequencer:
         drive.go(State.RUNNING)
         if self._prove_first is not None:
             self.emit(Message("verifying"))
+            if self._task.corrected is Output.ASKED:
+                drive.reference()
             self._prove_first(drive.fresh_data(restarted=False), drive.aside)
         for index, stage in enumerate(self._task.stages, start=self._solved_before):
             if not self._run_stage(stage, index):
                 break
         drive.pulse.hear()
-        concluded = self._conclude(tuple(self._solutions), drive.aside)
+        concluded = self._conclude(tuple(self._solutions), drive.aside, drive.reference)
         if concluded.written:
             self.emit(Message("verifying"))
             try:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 import numpy as np
 
@@ -16,6 +17,17 @@ from calstation.sequencer.preflight import PreflightLimits
 from calstation.sequencer.preview import SETTLE
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
+
+
+class Output(StrEnum):
+    """What a unit shows of its output with its registers applied.
+
+    ALWAYS : its stream is that output; ASKED : it is streamed on command in place of the raw one; NEVER : only the raw
+    """
+
+    ALWAYS = "always"
+    ASKED = "asked"
+    NEVER = "never"
 
 
 @dataclass(frozen=True)
@@ -48,6 +60,7 @@ class Task:
     imu: ImuModel
     masks: StatusMasks = field(default_factory=StatusMasks)
     span: Span = field(default_factory=Span)
+    corrected: Output = Output.NEVER
     latency: float = 0.0
     settle: float = SETTLE
     load_angle: tuple[float, float] = (0.0, 0.0)

@@ -18,12 +18,14 @@ from calstation.sequencer.control import StopRequested
 from calstation.sequencer.driving import Aside
 from calstation.sequencer.events import Event, Message
 from calstation.sequencer.fresh_data import FreshData
+from calstation.sequencer.sequencer import Look
 from calstation.sequencer.task import Concluded
 from calstation.station import register_journal
+from calstation.station.comparison import Registers
 from calstation.station.compose import compose
 from calstation.station.keeping import Earlier, InForce, found_better, given
 from calstation.station.part import is_part
-from calstation.station.proof import prove, refuted
+from calstation.station.proof import prove, proved_on, refuted, without_register
 from calstation.station.register_journal import site_of
 from calstation.station.result import judge
 from calstation.station.setup import Setup
@@ -54,8 +56,8 @@ class Conclusion:
     _done: Transferred | None = None
     _covariance: FloatArray | None = None
 
-    def conclude(self, solutions: tuple[Solution, ...], aside: Aside) -> Concluded:
-        """Check the limits; write the registers of a unit inside them.
+    def conclude(self, solutions: tuple[Solution, ...], aside: Aside, look: Look) -> Concluded:
+        """Check the limits; write the registers of a unit inside them, after a look at it as it is.
 
         A stop before the first register is a stop at once; one that comes later waits until the transfer is done.
         Raises DeviceFaultError, StopRequested.
@@ -70,6 +72,8 @@ class Conclusion:
         old = aside(lambda: flash_registers(self.imu))
         self._keep(old)
         wanted = self._wanted(solutions, old)
+        self.tell(Message("reference"))
+        look()
         self.hear()
         self.tell(Message("registers_transfer"))
         serial = self.meta.imu.serial
@@ -91,11 +95,13 @@ class Conclusion:
         assert self._done is not None
         assert self._covariance is not None
         entry, entries = self._done.entry, RegisterMap(tuple(self.setup.imu.registers))
+        before = entry.old if self.setup.after_registers else None
         checks = prove(
             fresh,
-            None if self.setup.after_registers else self._done.found,
+            Registers(entry.new, before),
             self._covariance,
             context_from_meta(self.meta),
+            self.setup.repeatability,
         )
         self.registers["proof"] = [check.to_json() for check in checks]
         wrong = [check for check in checks if not check.passed]
@@ -105,8 +111,10 @@ class Conclusion:
             raise refuted(wrong[0], "its old registers were put back")
         entry.note(Step.TURNED)
         entry.close(Closing.DONE)
-        self.registers |= {"verified": True, "written_utc": datetime.now(UTC).isoformat(timespec="seconds")}
-        self.tell(Message("registers_written", {"count": len(self._done.found)}))
+        seen = proved_on(fresh)
+        written = datetime.now(UTC).isoformat(timespec="seconds")
+        self.registers |= {"verified": True, "proved_on": seen, "written_utc": written}
+        self.tell(Message("registers_written", {"count": len(self._done.found), "proved_on": seen}))
 
     def _wanted(self, solutions: tuple[Solution, ...], old: Mapping[str, float]) -> dict[str, float]:
         """What the registers are to hold; part of a calibration leaves better ones alone."""
@@ -123,7 +131,7 @@ class Conclusion:
         if kept:
             self.registers["kept"] = {parameter.name: parameter.to_json() for parameter in kept}
         belief = given(belief, kept, old, behind=behind)
-        self._covariance = belief.covariance
+        self._covariance = without_register(belief, old)
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
         wanted = compose(self.meta.registers, found) if behind else {name: found[name] for name in estimated}
         return wanted | {parameter.name: old[parameter.name] for parameter in kept}

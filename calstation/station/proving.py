@@ -1,6 +1,7 @@
 """Is a unit's output right behind a transfer that no run has made? By what any unit of its type may be off."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -11,7 +12,9 @@ from calstation.errors import DeviceFaultError
 from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.sequencer.driving import Aside
 from calstation.sequencer.fresh_data import FreshData
-from calstation.station.proof import Proven, prove, refuted
+from calstation.station.comparison import Registers
+from calstation.station.proof import prove, refuted, without_register
+from calstation.station.proven import Proven
 from calstation.station.setup import Setup
 
 
@@ -26,7 +29,7 @@ def judge(setup: Setup, imu: Imu, done: Transferred, fresh: FreshData, aside: As
     Raises DeviceFaultError.
     """
     entry = done.entry
-    wrong = _wrong(setup, done, fresh)
+    wrong = _wrong(setup, done, fresh, back=False)
     if wrong:
         entry.note(Step.REFUTED)
         aside(lambda: restore(imu, RegisterMap(tuple(setup.imu.registers)), entry))
@@ -41,7 +44,7 @@ def judge_old(setup: Setup, done: Transferred, fresh: FreshData) -> None:
     Raises DeviceFaultError where that is wrong.
     """
     entry = done.entry
-    wrong = _wrong(setup, done, fresh)
+    wrong = _wrong(setup, done, fresh, back=True)
     entry.note(Step.REFUTED if wrong else _by(fresh))
     entry.close(Closing.RESTORED)
     if wrong:
@@ -52,10 +55,12 @@ def judge_old(setup: Setup, done: Transferred, fresh: FreshData) -> None:
         )
 
 
-def _wrong(setup: Setup, done: Transferred, fresh: FreshData) -> list[Proven]:
+def _wrong(setup: Setup, done: Transferred, fresh: FreshData, *, back: bool) -> list[Proven]:
     meta = setup.meta(datetime.now(UTC), 1, {})
-    registers = None if setup.after_registers else done.found
-    checks = prove(fresh, registers, prior_from_meta(meta).covariance, context_from_meta(meta))
+    prior, entry = prior_from_meta(meta), done.entry
+    registers = Registers(entry.old if back else entry.new, entry.old if setup.after_registers else None)
+    covariance = without_register(replace(prior, mean=prior.sigma), registers.held)
+    checks = prove(fresh, registers, covariance, context_from_meta(meta), setup.repeatability)
     return [check for check in checks if not check.passed]
 
 

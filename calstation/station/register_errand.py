@@ -29,7 +29,7 @@ from calstation.sequencer.events import Message, Settled, StateChanged
 from calstation.sequencer.fresh_data import FreshData
 from calstation.sequencer.ports import Emit
 from calstation.sequencer.states import State
-from calstation.sequencer.task import Task
+from calstation.sequencer.task import Output, Task
 from calstation.station import register_journal
 from calstation.station.flash_wear import check_flash
 from calstation.station.hand_registers import held
@@ -241,6 +241,9 @@ def _with_turns(work: _Work, control: Control, hear: Hear) -> Settled | None:
                 drive.preflight()
                 drive.check_turns()
             drive.go(State.RUNNING)
+            if work.entry is None or work.setup.corrected is Output.ASKED:
+                work.emit(Message("reference"))
+                drive.reference()
             drive.pulse.hear()
             work.emit(Message("registers_writing"))
             done = drive.aside(lambda: work.write(imu))

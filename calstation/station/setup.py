@@ -37,7 +37,7 @@ from calstation.records.meta import (
 from calstation.sequencer.acquisition import StatusMasks
 from calstation.sequencer.preflight import PreflightLimits
 from calstation.sequencer.stop_rule import StopRule, named
-from calstation.sequencer.task import StagePlan, Task
+from calstation.sequencer.task import Output, StagePlan, Task
 from calstation.station import library, version_store
 from calstation.station.config import (
     ProductConfig,
@@ -93,6 +93,19 @@ class Setup:
     def after_registers(self) -> bool:
         """Whether the unit's stream is already corrected by its registers."""
         return self.imu.stream.order == "after_registers"
+
+    @property
+    def corrected(self) -> Output:
+        """Whether and how the unit shows what it makes of its registers."""
+        if self.after_registers:
+            return Output.ALWAYS
+        return Output.NEVER if self.imu.corrected is None else Output.ASKED
+
+    @property
+    def repeatability(self) -> float:
+        """How far apart a table stands after two moves to the same angle, one sigma, rad."""
+        accuracy = self.table.accuracy
+        return float(np.deg2rad(accuracy.repeatability_deg or accuracy.encoder_sigma_deg))
 
     @property
     def by_hand(self) -> bool:
@@ -229,6 +242,7 @@ class Setup:
             imu=context.imu,
             masks=StatusMasks(status.ready, status.saturated, status.failed),
             span=span(self.imu.frame),
+            corrected=self.corrected,
             latency=self.table.accuracy.poll_latency_s,
             settle=self.table.settle_s,
             load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),

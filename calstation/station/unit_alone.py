@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -12,8 +12,9 @@ from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray
 from calstation.records.meta import context_from_meta
 from calstation.sequencer.acquisition import to_si
-from calstation.sequencer.fresh_data import REST, FreshData
+from calstation.sequencer.fresh_data import REST, FreshData, mean_at_rest
 from calstation.sequencer.ports import Clock
+from calstation.sequencer.task import Output
 from calstation.station.clock import BenchClock
 from calstation.station.setup import Setup
 from calstation.station.wiring import endpoints, open_imu
@@ -55,26 +56,47 @@ def unit_alone(tell: Tell, setup: Setup, hear: Callable[[], None] = lambda: None
 
 
 def rest_of(unit: UnitAlone, setup: Setup, hear: Callable[[], None]) -> FreshData:
-    """Output at rest of a unit that nobody turns. Raises DeviceFaultError; `hear` may raise as well."""
+    """Corrected output at rest of a unit that nobody turns, and its raw one where it shows both.
+
+    Behind it the raw stream is on. Raises DeviceFaultError; `hear` may raise as well.
+    """
+    raw = FreshData((_rest(unit, setup, hear, corrected=False),), REST)
+    if setup.corrected is not Output.ASKED:
+        return replace(raw, corrected=setup.corrected is Output.ALWAYS)
+    own = FreshData((_rest(unit, setup, hear, corrected=True),), REST, corrected=True, reference=raw)
+    unit.imu.start()
+    return own
+
+
+def _rest(unit: UnitAlone, setup: Setup, hear: Callable[[], None], *, corrected: bool) -> FloatArray:
+    """Mean of one rest, rad/s and m/s², shape (6,)."""
     model = context_from_meta(setup.meta(datetime.now(UTC), 1, {})).imu
     count = round(REST * model.sample_rate)
-    parts = samples_in_a_row(unit.imu, unit.clock, setup.imu.status.ready, count, lambda taken: hear())
+    parts = samples_in_a_row(
+        unit.imu, unit.clock, setup.imu.status.ready, count, lambda taken: hear(), corrected=corrected
+    )
     if parts is None:
         raise DeviceFaultError(
             f"IMU: no rest without a gap within {_WITHIN:g} s of its restart; check cable, power and port"
         )
-    mean: FloatArray = np.concatenate([part.counts for part in parts]).mean(axis=0)
-    return FreshData((mean * to_si(model),), REST)
+    return mean_at_rest(np.concatenate([part.counts for part in parts])) * to_si(model)
 
 
 def samples_in_a_row(
-    imu: Imu, clock: Clock, ready: int, count: int, hear: Callable[[int], None] = lambda taken: None
+    imu: Imu,
+    clock: Clock,
+    ready: int,
+    count: int,
+    hear: Callable[[int], None] = lambda taken: None,
+    *,
+    corrected: bool = False,
 ) -> list[SampleBatch] | None:
     """`count` samples or a few more of a unit that is ready, none missing; None where they do not come within 60 s.
 
     hear : told how many there are, from time to time
+    corrected : with the unit's registers applied
     """
-    imu.start()
+    imu.start(corrected=corrected)
     deadline = clock.now() + _WITHIN
     parts: list[SampleBatch] = []
     while (taken := sum(map(len, parts))) < count:

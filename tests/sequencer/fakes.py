@@ -167,10 +167,11 @@ class FakeImu:
     drop: int = 0
     saturated: bool = False
     nan: bool = False
+    started: list[bool] = field(default_factory=list)
     stats: LinkStats = field(default_factory=LinkStats)
 
-    def start(self) -> None:
-        return
+    def start(self, *, corrected: bool = False) -> None:
+        self.started.append(corrected)
 
     def read(self) -> SampleBatch:
         end = int(self.clock.time * RATE + 1e-6)
@@ -319,8 +320,10 @@ class Scene:
         )
         return self.sequencer.run()
 
-    def _conclude(self, solutions: Any, aside: Any) -> Concluded:
+    def _conclude(self, solutions: Any, aside: Any, look: Any) -> Concluded:
         self.concluded += 1
+        if self.writes:
+            look()
         self.solutions = solutions
         return Concluded(self.passes, self.passes and self.writes)
 

@@ -1,0 +1,188 @@
+"""The way on which a unit is looked at: turns that excite every gyro, rests that show every accelerometer."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.errors import ConfigurationError
+from calstation.physics.arrays import FloatArray
+from calstation.physics.motion import Move
+from calstation.physics.table import INNER, OUTER, UP, JointLimits, TableGeometry
+from calstation.sequencer.guard import JOINTS
+
+RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(120.0)
+"""At most, rad/s and rad/s²: the turns take a minute where the table and the unit's span allow it."""
+
+_WHOLE = 2.0 * np.pi
+_AMOUNTS = tuple(np.deg2rad(v) for a in (360.0, 180.0, 90.0, 30.0) for v in (a, -a))
+"""Of a turn, the first that travel allows; whole ones first, in which an encoder's error cancels."""
+
+_QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
+"""By which the inner joint stands otherwise when the outer one turns again, about another axis of the body."""
+
+_STOP = np.deg2rad(90.0)
+_NEW = np.deg2rad(20.0)
+"""A direction of gravity in the body this far from every other is worth a rest."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A move of one joint.
+
+    move : to where; turn : number of the turn that it is part of, None where it only brings the unit to another pose
+    rest : whether the unit rests at its end
+    """
+
+    move: Move
+    turn: int | None
+    rest: bool
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A turn of one joint: which, by how much, and at which rest the same earth's rate lies along its axis.
+
+    amount : rad, signed; still : number of that rest
+    """
+
+    joint: int
+    amount: float
+    still: int
+
+    @property
+    def whole(self) -> bool:
+        """Whether it ends where it began."""
+        return abs(abs(self.amount) - _WHOLE) < 1e-9
+
+
+@dataclass(frozen=True)
+class ProofPath:
+    """Poses from `start` (rad), where the first rest is, and back to it; `to_start` brings the table there."""
+
+    start: tuple[float, float]
+    legs: tuple[Leg, ...]
+    turns: tuple[Turn, ...]
+
+    @property
+    def to_start(self) -> Move:
+        """The move to the first pose."""
+        move = self.legs[0].move
+        return Move(*self.start, move.rate, move.acceleration, ("verify",))
+
+
+def proof_path(
+    start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float = np.inf
+) -> ProofPath:
+    """The outer joint turns, and again with the inner one elsewhere, then the inner one: all within travel.
+
+    Parameters
+    ----------
+    geometry : axes and the profile's limits; own : the table's own
+    fastest : rate that the gyros can show, rad/s
+
+    Raises ConfigurationError where a joint cannot turn.
+    """
+    way = _Way(start, geometry, own, fastest)
+    there = way.amount(OUTER)
+    quarter = way.first(INNER, _QUARTERS)
+    way.turn(OUTER, there)
+    way.go(INNER, quarter)
+    way.turn(OUTER, -there)
+    # The other way round: a whole turn then ends three quarters from the start instead of five.
+    way.turn(INNER, -np.sign(quarter) * abs(way.amount(INNER, -np.sign(quarter))))
+    way.go(INNER, start[INNER] - way.pose[INNER])
+    return ProofPath(start, tuple(way.legs), tuple(way.turns))
+
+
+class _Way:
+    """A path as it grows."""
+
+    def __init__(
+        self, start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float
+    ) -> None:
+        self.pose = list(start)
+        self.legs: list[Leg] = []
+        self.turns: list[Turn] = []
+        self._geometry, self._own = geometry, own
+        limits = geometry.limits
+        self._rate, self._acceleration = (
+            min(RATE, fastest, *limits.rate),
+            min(ACCELERATION, *limits.acceleration),
+        )
+        self._rested = [(start, self._up(start))]
+
+    def amount(self, joint: int, sign: float = 0.0) -> float:
+        """By how much a joint can turn from here; only to the side of `sign` where that is not 0."""
+        return self.first(joint, tuple(a for a in _AMOUNTS if sign * a >= 0.0))
+
+    def first(self, joint: int, amounts: tuple[float, ...]) -> float:
+        """The first of `amounts` that travel allows from here. Raises ConfigurationError."""
+        limits, here = self._geometry.limits, self.pose[joint]
+        for amount in amounts:
+            if limits.within(joint, here + amount) and self._own.within(joint, here + amount):
+                return float(amount)
+        raise ConfigurationError(
+            f"table: its {JOINTS[joint]} axis cannot turn by {np.rad2deg(_AMOUNTS[-2]):.0f}° to either side, so no turn"
+            " can prove the unit's output; widen its travel"
+        )
+
+    def go(self, joint: int, amount: float) -> None:
+        """Bring a joint elsewhere."""
+        if abs(amount) > 1e-12:
+            self._add(joint, amount, None, self._is_new(self._after(joint, amount)))
+
+    def turn(self, joint: int, amount: float) -> None:
+        """Turn a joint, with a rest wherever gravity comes from a new direction."""
+        if self._still(joint) is None and not self._passes_new(joint, amount):
+            self.legs[-1] = Leg(self.legs[-1].move, self.legs[-1].turn, True)
+            self._rest()
+        number, left, step = len(self.turns), amount, float(np.sign(amount) * _STOP)
+        while abs(left) > 1e-12:
+            leg = step
+            while abs(leg) < abs(left) - 1e-12 and not self._is_new(self._after(joint, leg)):
+                leg += step
+            leg = leg if abs(leg) < abs(left) else left
+            self._add(joint, leg, number, self._is_new(self._after(joint, leg)))
+            left -= leg
+        still = self._still(joint)
+        assert still is not None
+        self.turns.append(Turn(joint, float(amount), still))
+
+    def _passes_new(self, joint: int, amount: float) -> bool:
+        count = round(abs(amount) / _STOP)
+        step = float(np.sign(amount) * _STOP)
+        return any(self._is_new(self._after(joint, k * step)) for k in range(1, count + 1))
+
+    def _still(self, joint: int) -> int | None:
+        """The rest at which the other joint stood as it does now, whole turns aside."""
+        other = 1 - joint
+        for number, (pose, _) in enumerate(self._rested):
+            apart = (pose[other] - self.pose[other]) / _WHOLE
+            if abs(apart - round(apart)) < 1e-6:
+                return number
+        return None
+
+    def _add(self, joint: int, amount: float, turn: int | None, rest: bool) -> None:
+        self.pose[joint] += amount
+        move = Move(self.pose[OUTER], self.pose[INNER], self._rate, self._acceleration, ("verify",))
+        self.legs.append(Leg(move, turn, rest))
+        if rest:
+            self._rest()
+
+    def _rest(self) -> None:
+        pose = (self.pose[OUTER], self.pose[INNER])
+        self._rested.append((pose, self._up(pose)))
+
+    def _after(self, joint: int, amount: float) -> tuple[float, float]:
+        pose = list(self.pose)
+        pose[joint] += amount
+        return pose[OUTER], pose[INNER]
+
+    def _up(self, pose: tuple[float, float]) -> FloatArray:
+        return np.asarray(self._geometry.body_to_home(*pose).T @ UP)
+
+    def _is_new(self, pose: tuple[float, float]) -> bool:
+        """Whether gravity comes from elsewhere than in every rest so far, and from across; or opposite to the first."""
+        up = self._up(pose)
+        first, *others = (known for _, known in self._rested)
+        return bool(up @ first < np.cos(_NEW)) and all(abs(up @ known) < np.cos(_NEW) for known in others)
