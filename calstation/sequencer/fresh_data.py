@@ -138,6 +138,7 @@ def _turn(
         if attempt:
             runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
         with acquisition.tap() as blocks:
+            pulse.tick()  # a gap before the first block would not show
             runner.drive(move)
             pulse.rest(_BEHIND)
         if _whole(blocks):

@@ -24,7 +24,7 @@ from calstation.sequencer.events import (
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
-from calstation.sequencer.task import Concluded, StagePlan
+from calstation.sequencer.task import Concluded, Output, StagePlan
 from tests.sequencer.fakes import GRAVITY, MODEL, RATE, Scene, repeated
 
 
@@ -348,7 +348,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -
     scene = Scene()
     transferred: list[bool] = []
 
-    def conclude(solutions: object, aside: Aside) -> Concluded:
+    def conclude(solutions: object, aside: Aside, look: object) -> Concluded:
         def transfer() -> None:
             scene.control.send(Command.STOP)
             while not scene.control.stopping:
@@ -370,18 +370,64 @@ def test_the_restarted_unit_is_looked_at_on_fresh_data_that_no_log_holds() -> No
     scene = Scene()
     assert scene.run().state is State.PASSED
     (fresh,) = scene.proved
-    assert np.allclose(fresh.rests, [[0, 0, 0, 0, 0, GRAVITY], [0, 0, 0, 0, 0, -GRAVITY]], atol=1e-4)
-    for turn, degrees in zip(fresh.turns, (180.0, 30.0), strict=True):
-        assert np.rad2deg(np.linalg.norm(turn.expected)) == pytest.approx(degrees, abs=0.1)
-        assert np.allclose(turn.rate * turn.seconds, turn.expected, atol=0.01)
+    ups = np.array(fresh.rests)[:, 3:] / GRAVITY
+    assert np.allclose(
+        np.abs(ups @ ups.T), [[1, 0, 1, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 0, 0, 1]], atol=1e-3
+    )
+    assert np.allclose(np.array(fresh.rests)[:, :3], 0.0, atol=1e-4)
+    axes = np.array([turned.angle for turned in fresh.turns]) / (2.0 * np.pi)
+    assert np.allclose(np.abs(axes), [[1, 0, 0], [0, 1, 0], [0, 0, 1]], atol=2e-3)
+    assert fresh.reference is None
+    assert not fresh.corrected
     logged = sum(len(block) for block in scene.journal.blocks)
     assert scene.clock.time * RATE - logged > 20.0 * RATE
+
+
+def test_a_unit_that_shows_its_corrected_output_is_looked_at_before_and_after() -> None:
+    scene = Scene()
+    scene.task = replace(scene.task, corrected=Output.ASKED)
+    assert scene.run().state is State.PASSED
+    (fresh,) = scene.proved
+    assert fresh.corrected
+    assert np.allclose(fresh.rests, fresh.reference.rests, atol=1e-3)
+    for own, before in zip(fresh.turns, fresh.reference.turns, strict=True):
+        assert np.allclose(own.angle, before.angle, atol=1e-3)
+    assert scene.imu.started[-2:] == [True, False], "the raw stream is on again behind it"
+
+
+@pytest.mark.parametrize("spoilt", [1, 2, 3])
+def test_a_turn_with_a_gap_is_made_again_from_where_it_began(spoilt: int) -> None:
+    scene = Scene()
+    moves: list[int] = []
+
+    def drop() -> None:
+        """Samples get lost in a turn to 180° and each time that it is made again."""
+        if scene.concluded:
+            moves.append(len(scene.table.told) - 1)
+            turning = scene.table.told[-1] == "move 180 0"
+            if turning and scene.table.told[moves[0] :].count("move 180 0") <= spoilt:
+                scene.imu.drop = 2
+
+    scene.table.on_move = drop
+    ended = scene.run()
+    told = [words for words in scene.table.told[moves[0] :] if words.startswith("move")]
+    again = ["move 180 0", "move 90 0"] * spoilt
+    if spoilt == 3:
+        assert "samples are lost or spoilt again and again" in str(ended.error)
+        assert told[2:] == again[:-1]
+        assert scene.proved == []
+        return
+    assert ended.state is State.PASSED
+    assert told[2 : 2 + len(again) + 1] == [*again, "move 180 0"]
+    (fresh,) = scene.proved
+    axes = np.array([turned.angle for turned in fresh.turns]) / (2.0 * np.pi)
+    assert np.allclose(np.abs(axes), np.eye(3)[[0, 1, 2]], atol=2e-3)
 
 
 def test_a_stop_while_the_restarted_unit_is_looked_at_says_that_nothing_is_proved_yet() -> None:
     scene = Scene()
 
-    def conclude(solutions: object, aside: Aside) -> Concluded:
+    def conclude(solutions: object, aside: Aside, look: object) -> Concluded:
         scene.clock.scripts.append((scene.clock.time + 3.0, lambda: scene.control.send(Command.STOP)))
         return Concluded(passed=True, written=True)
 

@@ -1,0 +1,94 @@
+"""The way on which a unit is looked at, on any table: what it excites, that it is within reach and closed."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calstation.errors import ConfigurationError
+from calstation.physics.table import JointLimits, TableGeometry
+from calstation.sequencer.guard import check_limits, check_travel
+from calstation.sequencer.proof_path import ProofPath, proof_path
+
+DEG = np.pi / 180.0
+WIDE = JointLimits((-19.0, -19.0), (19.0, 19.0), (3.0, 3.0), (3.0, 3.0))
+
+
+def poses(path: ProofPath) -> list[tuple[float, float]]:
+    """At each rest."""
+    return [path.start, *((leg.move.outer, leg.move.inner) for leg in path.legs if leg.rest)]
+
+
+def axes(path: ProofPath, geometry: TableGeometry) -> np.ndarray:
+    """Of the turns, in the body."""
+    found = []
+    for number, turn in enumerate(path.turns):
+        leg = next(leg for leg in path.legs if leg.turn == number)
+        found.append(geometry.joint_axis(turn.joint, leg.move.inner))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "directions"),
+    [
+        ((1.0, 0, 0), (0, 0, 1.0), 3),
+        ((0, 1.0, 0), (0, 0, 1.0), 3),
+        ((0, 0, 1.0), (1.0, 0, 0), 2),  # nothing brings x upwards there
+    ],
+)
+def test_whole_turns_about_three_axes_and_rests_in_every_direction(
+    outer: tuple[float, float, float], inner: tuple[float, float, float], directions: int
+) -> None:
+    geometry = TableGeometry(outer, inner, WIDE)
+    path = proof_path((0.1, -0.2), geometry, WIDE)
+    assert all(turn.whole for turn in path.turns)
+    assert abs(np.linalg.det(axes(path, geometry))) > 0.99
+    ups = np.array([geometry.body_to_home(*pose)[2] for pose in poses(path)])
+    assert (np.linalg.svd(ups)[1] > 0.9).sum() == directions
+    assert (ups @ ups[0]).min() < -0.99, "one rest is upside down to the first"
+
+
+@given(
+    start=st.tuples(*[st.floats(-3.0, 3.0)] * 2),
+    low=st.tuples(*[st.floats(0.0, 12.0)] * 2),
+    high=st.tuples(*[st.floats(0.0, 12.0)] * 2),
+    tilt=st.floats(-0.5, 0.5),
+)
+def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
+    start: tuple[float, float], low: tuple[float, float], high: tuple[float, float], tilt: float
+) -> None:
+    bounds = (
+        (start[0] - low[0], start[1] - low[1]),
+        (start[0] + high[0], start[1] + high[1]),
+    )
+    limits = JointLimits(*bounds, (1.0, 2.0), (1.5, 1.0))
+    geometry = TableGeometry((np.cos(tilt), 0.0, np.sin(tilt)), (0.0, 0.0, 1.0), limits)
+    if max(low[0], high[0]) < 30 * DEG or max(low[1], high[1]) < 30 * DEG:
+        with pytest.raises(ConfigurationError, match="cannot turn by 30"):
+            proof_path(start, geometry, limits)
+        return
+    path = proof_path(start, geometry, limits)
+    here = start
+    sizes = [0.0] * len(path.turns)
+    for leg in path.legs:
+        check_limits(limits, leg.move)
+        check_travel(limits, leg.move)
+        to = leg.move.outer, leg.move.inner
+        assert (to[0] == here[0]) != (to[1] == here[1]), "one joint at a time"
+        if leg.turn is not None:
+            joint = path.turns[leg.turn].joint
+            sizes[leg.turn] += to[joint] - here[joint]
+        here = to
+    assert here == pytest.approx(start, abs=1e-9)
+    assert sizes == pytest.approx([turn.amount for turn in path.turns])
+    rests = poses(path)
+    for number, turn in enumerate(path.turns):
+        leg = next(leg for leg in path.legs if leg.turn == number)
+        other = 1 - turn.joint
+        apart = (rests[turn.still][other] - (leg.move.outer, leg.move.inner)[other]) / (2 * np.pi)
+        assert apart == pytest.approx(round(apart), abs=1e-6)
+
+
+def test_gyros_that_show_little_are_turned_slowly() -> None:
+    path = proof_path((0.0, 0.0), TableGeometry(limits=WIDE), WIDE, fastest=0.5)
+    assert {leg.move.rate for leg in path.legs} == {0.5}
