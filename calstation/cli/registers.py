@@ -30,7 +30,11 @@ CLOSINGS = {
     "restored": "taken back",
 }
 _CLOSED = {"done": "new registers", "kept": "nothing was written: old registers", "restored": "old registers"}
-_PROOFS = {Step.TURNED: "with a turn", Step.AT_REST: "at rest"}
+_PROOFS = {
+    Step.TURNED: "with a turn",
+    Step.AT_REST: "at rest",
+    Step.READ_BACK: "by reading back alone",
+}
 
 
 def list_command(runs: Path, serial: str | None, json: str | None) -> int:

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
 from calstation.cli.show import check_json, emit_json, result_table
-from calstation.cli.wording import OUTCOMES, STATES, word, word_guided, word_step
+from calstation.cli.wording import OUTCOMES, READ_BACK, STATES, word, word_guided, word_step
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
@@ -122,7 +122,9 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
     console = Console(stderr=json == "-")
     if json != "-":
         result_table(console, verdict.result)
-    console.print(f"{verdict.result['unit']['serial']}: {OUTCOMES[verdict.outcome]}", highlight=False)
+    blind = (verdict.result.get("registers") or {}).get("proved_on") == "read_back"
+    said = READ_BACK if blind and verdict.outcome == "passed" else OUTCOMES[verdict.outcome]
+    console.print(f"{verdict.result['unit']['serial']}: {said}", highlight=False, soft_wrap=True)
     lines = [("log", verdict.log), ("result", verdict.result_file)]
     if verdict.result["advice"] == "resume":
         lines.append(("to carry on", _resuming(verdict.log, request)))

@@ -40,6 +40,9 @@ MESSAGES: dict[str, str] = {
     "better_changed": "{parameter} replaced: it is now ({now}) far from what was found on {date} ({before}).",
     "registers_transfer": "Inside the limits: writing the registers.",
     "registers_written": "Registers written, read back, and the output right with them.",
+    "registers_read_back": "Registers written and read back; what the unit makes of them cannot be seen: it shows no"
+    " corrected output.",
+    "reference": "Looking at the unit before its registers are written.",
     "transfer_kept": "An earlier transfer to {serial} was interrupted; the unit kept its registers.",
     "transfer_open": "An earlier transfer to {serial} was interrupted ({utc}); the unit holds {holds} registers.",
     "transfer_settled": "The interrupted transfer to {serial} is settled: {closing}.",
@@ -81,8 +84,15 @@ REASONS: dict[str, str] = {
     "listener_silent": "the window or terminal that watched the run does not answer",
 }
 
-PROOFS: dict[str, str] = {"turn": "with a turn of the table", "rest": "at rest, no turn was made"}
+PROOFS: dict[str, str] = {
+    "turn": "with a turn of the table",
+    "rest": "at rest, no turn was made",
+    "read_back": "by reading back alone",
+}
 """By what the output was found right."""
+
+READ_BACK = "PASSED: inside every limit, registers written and read back; the unit shows no output with them"
+"""Of a unit whose corrected output cannot be seen."""
 
 OUTCOMES: dict[str, str] = {
     "passed": "PASSED: inside every limit, registers written and verified",

@@ -21,7 +21,8 @@ from calstation.errors import CalstationError, DeviceFaultError
 class Step(StrEnum):
     """How far a transfer has come, as its journal notes it: each on disk before the next begins.
 
-    `TURNED` and `AT_REST` say what proved the output behind it: turns as well, or a rest alone.
+    `TURNED` and `AT_REST` say what proved the output behind it: turns as well, or a rest alone; `READ_BACK` that the
+    unit shows no output with its registers, so that they were only read back.
     A commit costs the unit a flash cycle from `COMMITTING` on, whether its answer comes or not.
     """
 
@@ -33,6 +34,7 @@ class Step(StrEnum):
     REFUTED = "refuted"
     TURNED = "turned"
     AT_REST = "at_rest"
+    READ_BACK = "read_back"
 
 
 class Closing(StrEnum):

@@ -267,6 +267,12 @@ SENTENCES: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP(
         "faults",
+        "IMU: the unit makes of its new registers something else than they mean: {0} {1}, at most {2}; its old"
+        " registers were put back; look whether the table was disturbed, and correct the IMU profile's convention,"
+        " sign, order and places of the registers; then run again",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
         "IMU: with its new registers {0} measures {1}, expected {2} within {3}; its old registers were put "
         "back; look whether the table was disturbed, whether latitude and gravity in the station file are "
         "right, and whether the IMU profile's registers mean what the unit makes of them; then run again",

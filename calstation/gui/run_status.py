@@ -49,8 +49,8 @@ _REMARKS = (
 TRANSFER = "transfer"
 """The last row: registers written and verified."""
 
-_TURNS = 2
-"""Of the restarted unit, which tell how far its verification is."""
+_TURNS = 17
+"""Moves before and after the unit's restart, which tell how far its verification is."""
 
 _TRUST_AFTER = 2.0
 """Host time after which a virtual bench's pace is known well enough to tell the time left, s."""
@@ -286,9 +286,10 @@ class RunStatus(QObject):
         row = self._find(TRANSFER)
         if row is None:
             return
-        if key in ("registers_transfer", "registers_writing"):
-            row.state, row.begun, row.remaining = "active", time.monotonic(), row.duration
-        elif key in ("registers_written", "registers_proved"):
+        if key in ("reference", "registers_transfer", "registers_writing"):
+            if row.state != "active":
+                row.state, row.begun, row.remaining = "active", time.monotonic(), row.duration
+        elif key in ("registers_written", "registers_proved", "registers_read_back"):
             row.state = "good"
             row.ended()
         elif key == "registers_kept":

@@ -142,7 +142,14 @@ _MESSAGES = {
     "better_changed": QT_TRANSLATE_NOOP(
         "wording", "{parameter} replaced: it is now ({now}) far from what was found on {date} ({before})."
     ),
-    "registers_written": QT_TRANSLATE_NOOP("wording", "Registers written, read back and equal."),
+    "registers_written": QT_TRANSLATE_NOOP(
+        "wording", "Registers written, read back, and the output right with them."
+    ),
+    "registers_read_back": QT_TRANSLATE_NOOP(
+        "wording",
+        "Registers written and read back; what the unit makes of them cannot be seen: it shows no corrected output.",
+    ),
+    "reference": QT_TRANSLATE_NOOP("wording", "Looking at the unit before its registers are written."),
     "stopped_early": QT_TRANSLATE_NOOP(
         "wording", "{stage} is outside the limits: the remaining stages are left out."
     ),
@@ -174,6 +181,7 @@ _VALUES = {
     "proof": {
         "turn": QT_TRANSLATE_NOOP("wording", "with a turn of the table"),
         "rest": QT_TRANSLATE_NOOP("wording", "at rest, no turn was made"),
+        "read_back": QT_TRANSLATE_NOOP("wording", "by reading back alone"),
     },
 }
 """Values of messages that are words themselves."""

@@ -26,6 +26,7 @@ from calstation.station.compose import compose
 from calstation.station.keeping import Earlier, InForce, found_better, given
 from calstation.station.part import is_part
 from calstation.station.proof import prove, proved_on, refuted, without_register
+from calstation.station.proving import proved_by
 from calstation.station.register_journal import site_of
 from calstation.station.result import judge
 from calstation.station.setup import Setup
@@ -109,12 +110,13 @@ class Conclusion:
             entry.note(Step.REFUTED)
             self.registers["new"] = aside(lambda: restore(self.imu, entries, entry))
             raise refuted(wrong[0], "its old registers were put back")
-        entry.note(Step.TURNED)
+        entry.note(proved_by(fresh))
         entry.close(Closing.DONE)
         seen = proved_on(fresh)
         written = datetime.now(UTC).isoformat(timespec="seconds")
         self.registers |= {"verified": True, "proved_on": seen, "written_utc": written}
-        self.tell(Message("registers_written", {"count": len(self._done.found), "proved_on": seen}))
+        told = "registers_written" if fresh.corrected else "registers_read_back"
+        self.tell(Message(told, {"count": len(self._done.found)}))
 
     def _wanted(self, solutions: tuple[Solution, ...], old: Mapping[str, float]) -> dict[str, float]:
         """What the registers are to hold; part of a calibration leaves better ones alone."""

@@ -1,7 +1,6 @@
 """Is a unit's output right behind a transfer that no run has made? By what any unit of its type may be off."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,7 +12,7 @@ from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.sequencer.driving import Aside
 from calstation.sequencer.fresh_data import FreshData
 from calstation.station.comparison import Registers
-from calstation.station.proof import prove, refuted, without_register
+from calstation.station.proof import prove, refuted
 from calstation.station.proven import Proven
 from calstation.station.setup import Setup
 
@@ -34,7 +33,7 @@ def judge(setup: Setup, imu: Imu, done: Transferred, fresh: FreshData, aside: As
         entry.note(Step.REFUTED)
         aside(lambda: restore(imu, RegisterMap(tuple(setup.imu.registers)), entry))
         raise refuted(wrong[0], "its old registers were put back")
-    entry.note(_by(fresh))
+    entry.note(proved_by(fresh))
     entry.close(Closing.DONE)
 
 
@@ -45,7 +44,7 @@ def judge_old(setup: Setup, done: Transferred, fresh: FreshData) -> None:
     """
     entry = done.entry
     wrong = _wrong(setup, done, fresh, back=True)
-    entry.note(Step.REFUTED if wrong else _by(fresh))
+    entry.note(Step.REFUTED if wrong else proved_by(fresh))
     entry.close(Closing.RESTORED)
     if wrong:
         check = wrong[0]
@@ -57,12 +56,15 @@ def judge_old(setup: Setup, done: Transferred, fresh: FreshData) -> None:
 
 def _wrong(setup: Setup, done: Transferred, fresh: FreshData, *, back: bool) -> list[Proven]:
     meta = setup.meta(datetime.now(UTC), 1, {})
-    prior, entry = prior_from_meta(meta), done.entry
+    entry = done.entry
     registers = Registers(entry.old if back else entry.new, entry.old if setup.after_registers else None)
-    covariance = without_register(replace(prior, mean=prior.sigma), registers.held)
-    checks = prove(fresh, registers, covariance, context_from_meta(meta), setup.repeatability)
+    prior = prior_from_meta(meta).covariance
+    checks = prove(fresh, registers, prior, context_from_meta(meta), setup.repeatability)
     return [check for check in checks if not check.passed]
 
 
-def _by(fresh: FreshData) -> Step:
-    return Step.TURNED if fresh.turns else Step.AT_REST
+def proved_by(fresh: FreshData) -> Step:
+    """What the journal says of a proof."""
+    if not fresh.corrected:
+        return Step.READ_BACK
+    return Step.TURNED if fresh.turns or len(fresh.carried) else Step.AT_REST

@@ -15,6 +15,7 @@ from calstation.devices.interfaces import Imu, ImuIdentity
 from calstation.devices.transfer import (
     Closing,
     Holds,
+    Step,
     Transferred,
     check_serial,
     finish,
@@ -33,7 +34,7 @@ from calstation.sequencer.task import Output, Task
 from calstation.station import register_journal
 from calstation.station.flash_wear import check_flash
 from calstation.station.hand_registers import held
-from calstation.station.proving import at_once, judge, judge_old
+from calstation.station.proving import at_once, judge, judge_old, proved_by
 from calstation.station.register_journal import Transfer, site_of
 from calstation.station.request import OR_AT_REST, RegisterErrand
 from calstation.station.setup import Setup, configured
@@ -179,8 +180,9 @@ class _Work:
             judge_old(self.setup, done, fresh)
         else:
             judge(self.setup, imu, done, fresh, aside)
-        proof = "turn" if fresh.turns else "rest"
-        self.emit(Message("registers_proved", {"count": len(done.found), "proof": proof}))
+        proof = {Step.TURNED: "turn", Step.AT_REST: "rest"}.get(proved_by(fresh), "read_back")
+        told = "registers_read_back" if proof == "read_back" else "registers_proved"
+        self.emit(Message(told, {"count": len(done.found), "proof": proof}))
         return self._settled(done.found, Closing.RESTORED if self.back else Closing.DONE, proof)
 
     def _settled(self, found: Mapping[str, float], closing: Closing, proof: str) -> Settled:

@@ -322,9 +322,10 @@ class RegistersView(QWidget):
         parts = []
         if self._written:
             parts.append(
-                self.tr("Found right with a turn of the table.")
-                if self._proof == "turn"
-                else self.tr("Found right at rest; no turn was made.")
+                {
+                    "turn": self.tr("Found right with a turn of the table."),
+                    "rest": self.tr("Found right at rest; no turn was made."),
+                }.get(self._proof, self.tr("Only read back: the unit shows no output with its registers."))
             )
         if self.unit is not None:
             parts.append(

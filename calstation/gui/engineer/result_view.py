@@ -158,6 +158,8 @@ class ResultView(QWidget):
             if when
             else self.tr("registers written")
         ]
+        if registers.get("proved_on") == "read_back":
+            said.append(self.tr("read back only: the unit shows no output with them"))
         if kept := registers.get("kept"):
             said.append(self.tr("kept, found better before: {0}").format(", ".join(kept)))
         return said

@@ -224,7 +224,11 @@ class VerdictPanel(QFrame):
         ]
         registers = result.get("registers")
         if registers and registers.get("verified"):
-            facts.append(self.tr("registers written and verified"))
+            facts.append(
+                self.tr("registers written and read back, their effect not seen")
+                if registers.get("proved_on") == "read_back"
+                else self.tr("registers written and verified")
+            )
         self._facts.setText("  ·  ".join(facts))
 
     def _fill_figures(self) -> None:

@@ -600,6 +600,10 @@
         <translation>已在静止状态下验证，输出正确；没有转动。</translation>
     </message>
     <message>
+        <source>Only read back: the unit shows no output with its registers.</source>
+        <translation>仅回读核对：本机不输出按寄存器修正后的数据。</translation>
+    </message>
+    <message>
         <source>Unit {0}, {1}, firmware {2}; flash writes known here: {3}.</source>
         <translation>产品 {0}，{1}，固件 {2}；本机所知写闪存次数：{3}。</translation>
     </message>
@@ -740,6 +744,10 @@
     <message>
         <source>registers written</source>
         <translation>寄存器已写入</translation>
+    </message>
+    <message>
+        <source>read back only: the unit shows no output with them</source>
+        <translation>仅回读核对：本机不输出修正后的数据</translation>
     </message>
     <message>
         <source>kept, found better before: {0}</source>

@@ -700,6 +700,10 @@
         <translation>转台时间 {time}</translation>
     </message>
     <message>
+        <source>registers written and read back, their effect not seen</source>
+        <translation>寄存器已写入并回读一致，效果未能核对</translation>
+    </message>
+    <message>
         <source>registers written and verified</source>
         <translation>寄存器已写入并核对</translation>
     </message>

@@ -545,6 +545,10 @@
         <translation>惯组：夹具上的产品是 {0}，数值属于 {1}，没有写入任何内容；请更换产品，或打开它自己的结果</translation>
     </message>
     <message>
+        <source>IMU: the unit makes of its new registers something else than they mean: {0} {1}, at most {2}; its old registers were put back; look whether the table was disturbed, and correct the IMU profile&apos;s convention, sign, order and places of the registers; then run again</source>
+        <translation>IMU：本机按新寄存器的输出与其含义不符：{0} 为 {1}，允许 {2}；已恢复原寄存器；请检查转台是否受扰动，并改正 IMU 配置中寄存器的约定、符号、行列顺序和位置，然后重新运行</translation>
+    </message>
+    <message>
         <source>site.latitude_deg = {0} in the station file, but the unit&apos;s gyros see the earth turn as at {1}° (sigma {2}°); correct latitude and gravity of the place, or look at the gyros where another unit agrees with the file</source>
         <translation>台站文件中 site.latitude_deg = {0}，但产品陀螺测得的地球自转对应纬度 {1}°（标准差 {2}°）；请改正台站的纬度和重力，若另一产品与文件一致则检查本产品的陀螺</translation>
     </message>
@@ -980,8 +984,16 @@
         <translation>{parameter} 已更新：本次结果（{now}）与 {date} 的结果（{before}）相差太大。</translation>
     </message>
     <message>
-        <source>Registers written, read back and equal.</source>
-        <translation>寄存器已写入，回读一致。</translation>
+        <source>Registers written, read back, and the output right with them.</source>
+        <translation>寄存器已写入并回读一致，按其修正的输出经核对正确。</translation>
+    </message>
+    <message>
+        <source>Registers written and read back; what the unit makes of them cannot be seen: it shows no corrected output.</source>
+        <translation>寄存器已写入并回读一致；但本机不输出修正后的数据，无法核对寄存器的实际效果。</translation>
+    </message>
+    <message>
+        <source>Looking at the unit before its registers are written.</source>
+        <translation>写入寄存器前先测一遍本机输出，供写入后比对。</translation>
     </message>
     <message>
         <source>{stage} is outside the limits: the remaining stages are left out.</source>
@@ -1050,6 +1062,10 @@
     <message>
         <source>at rest, no turn was made</source>
         <translation>静止验证，没有转动</translation>
+    </message>
+    <message>
+        <source>by reading back alone</source>
+        <translation>仅回读核对</translation>
     </message>
     <message>
         <source>READY</source>
