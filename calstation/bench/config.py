@@ -101,6 +101,7 @@ class BenchConfig(BaseModel):
     mount_deg : smallest and largest angle of the unit on its platform
     start_deg : joint angles at power-on, None draws them
     imu_protocol : what the unit's commands are
+    behind_registers : the unit's stream always has its registers applied (framed, modbus)
     table_protocol : what the table speaks: "drives" where each axis is a Modbus unit of its own; "imu_link" where
         the unit's own line carries its registers; "hand" where the unit sits on rails that hands turn
     table_transport : over TCP or, "rtu", over a pseudo-terminal
@@ -158,6 +159,7 @@ class BenchConfig(BaseModel):
     table_transport: Literal["tcp", "rtu"] = "tcp"
     imu_protocol: Literal["framed", "modbus", "vectornav"] = "framed"
     imu_transport: Literal["socket", "pty"] = "socket"
+    behind_registers: bool = False
     latency_s: NonNegative = 0.002
     jitter_s: NonNegative = 0.001
     clock_drift_ppm: float = 20.0

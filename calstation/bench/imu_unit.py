@@ -54,7 +54,7 @@ class ImuUnit:
     ----------
     axes : registers of its own axes, where its line carries them
     scale : of a count of the sensors, rad/s and m/s², shape (6,); increments : a count is one, over the sample
-    corrected : the stream is behind the registers
+    corrected : the stream is behind the registers as it was told; behind : it always is
     counter : of the next sample
     fails_writing, fails_committing : bytes after which the power breaks down for a moment while registers are
         written, or flash is burnt; None for a sound supply
@@ -79,6 +79,7 @@ class ImuUnit:
         self.axes: TableRegisters | None = None
         self.scale: FloatArray = np.ones(6)
         self.increments = True
+        self.behind = False
         self.fails_writing: int | None = None
         self.fails_committing: int | None = None
         self._busy_until, self._refusals = -np.inf, 0
@@ -116,7 +117,7 @@ class ImuUnit:
         status = np.where(ends >= self._started + self._ready_time, READY, 0)
         status |= np.where(output.saturated, SATURATED, 0)
         counts = output.counts[awake]
-        if self.corrected:
+        if self.corrected or self.behind:
             values = self.correction().applied(counts * self.scale)
             counts = self._requantiser.counts(values, self.scale, carry=self.increments)
         return stream_frames(counter[awake], counts, self.temperature(float(ends[-1])), status[awake])

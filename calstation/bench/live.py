@@ -108,6 +108,7 @@ class LiveBench:
         if config.table_protocol == "imu_link":
             self.unit.axes = self.registers
         imu = self.truth.imu
+        self.unit.behind = config.behind_registers
         self.unit.increments = imu.output == "increment"
         per_count = imu.sample_rate if self.unit.increments else 1.0
         self.unit.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count

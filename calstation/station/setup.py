@@ -200,6 +200,7 @@ class Setup:
             "imu_protocol": self.imu.protocol,
             "sample_rate_hz": stream.sample_rate_hz,
             "output": stream.output,
+            "behind_registers": self.after_registers,
             "outer_lever": table.outer_lever,
             "latitude_deg": site.latitude_deg,
             "height_m": site.height_m,

@@ -37,6 +37,15 @@ STATION: dict[str, Any] = {
 }
 
 
+def behind_registers(profile: str) -> str:
+    """A shipped profile's text for a unit whose one stream has its registers applied."""
+    before, _, corrected = profile.partition("[corrected]\n")
+    return (
+        before.replace('order = "before_registers"', 'order = "after_registers"')
+        + corrected.split("\n", 1)[1]
+    )
+
+
 class Place:
     """A folder with a station file, a product file and the runs made there."""
 

@@ -11,7 +11,7 @@ from calstation.station import library
 from calstation.station.compose import compose
 from calstation.station.hand_registers import UnitRegisters, read_unit, wanted_registers
 from calstation.station.register_journal import FOLDER, history
-from tests.station.conftest import Place
+from tests.station.conftest import Place, behind_registers
 from tests.station.errands import Errands
 
 SERIAL = "SN-000042"
@@ -88,8 +88,7 @@ def test_a_result_behind_the_registers_is_put_together_with_them(
     home = place.folder / "home"
     (home / "imus").mkdir(parents=True)
     shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
-    behind = shipped.replace("before_registers", "after_registers", 1).replace("[corrected]\nstream = 2", "")
-    (home / "imus" / "bench_nav.toml").write_text(behind, encoding="utf-8")
+    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(home))
     result = dict(place.run("six_position").result)
     wanted = wanted_registers(tell, place.request(), result)

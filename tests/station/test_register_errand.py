@@ -112,7 +112,9 @@ def test_the_table_is_prepared_before_the_write_turned_behind_it_and_left_at_its
         "registers_proved",
     ]
     assert [ident for ident in told if ident in order] == order
-    assert floor.errands.moves()[-3:] == ["verify", "verify", "load"]
+    assert floor.errands.moves()[-17:] == ["verify"] * 17, (
+        "to the start and twice around, back where it is loaded"
+    )
     states = [event.state for event in floor.errands.events if isinstance(event, StateChanged)]
     assert states == ["preparing", "running", "done"], "what is no calibration has not passed"
     assert floor.left_alone()

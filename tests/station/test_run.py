@@ -19,7 +19,7 @@ from calstation.station import library, run, versions
 from calstation.station.history import History
 from calstation.station.resolve import resolve
 from calstation.station.run import execute
-from tests.station.conftest import Place
+from tests.station.conftest import Place, behind_registers
 
 
 def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(place: Place) -> None:
@@ -149,8 +149,7 @@ def behind(place: Place, monkeypatch: pytest.MonkeyPatch) -> Place:
     home = place.folder / "home"
     (home / "imus").mkdir(parents=True)
     shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
-    profile = shipped.replace("before_registers", "after_registers", 1).replace("[corrected]\nstream = 2", "")
-    (home / "imus" / "bench_nav.toml").write_text(profile, encoding="utf-8")
+    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(home))
     return place
 

@@ -10,6 +10,7 @@ from calstation.station import library
 from calstation.station.applied_picture import Applied
 from calstation.station.recordings import read_truth, record_on_bench, truth_path
 from calstation.station.unit_now import OtherUnit, apply_to_unit
+from tests.station.conftest import behind_registers
 
 ZERO = np.zeros(len(NAMES))
 
@@ -41,7 +42,7 @@ def test_a_stream_behind_the_registers_is_left_as_it_comes(recording: Path, tmp_
     profile = library.find("imus", "bench_tactical").read_text("utf-8")
     (tmp_path / "home" / "imus").mkdir(parents=True)
     own = tmp_path / "home" / "imus" / "bench_tactical.toml"
-    own.write_text(profile.replace("before_registers", "after_registers"), "utf-8")
+    own.write_text(behind_registers(profile), "utf-8")
     now = apply_to_unit(tell, recording, None, None, ZERO, np.full(len(NAMES), 1e-3), seconds=2.0)
     assert isinstance(now, Applied)
     assert now.corrected
