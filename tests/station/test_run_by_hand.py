@@ -14,6 +14,7 @@ from calstation.records.log import open_log
 from calstation.sequencer.events import Message, PositionGuided
 from calstation.sequencer.fresh_data import FreshData
 from calstation.station import library
+from calstation.station.comparison import Registers
 from calstation.station.config import load_station, rails_by_hand
 from calstation.station.connection_test import Order, try_table
 from calstation.station.forecast import forecast
@@ -166,7 +167,8 @@ def test_a_carried_turn_shows_gyros_that_are_wrong(wrong: np.ndarray, passed: bo
         C = C @ rotation_matrix(0.01 * rate)
     first, second = np.r_[0.0, 0.0, 0.0, 0.0, 0.0, 9.8], np.r_[np.zeros(3), 9.8 * C[2]]
     seen = np.hstack([omega @ wrong.T, np.zeros((300, 3))])
-    checks = prove(FreshData((first, second), 10.0, carried=seen, period=0.01), None, covariance, context)
+    fresh = FreshData((first, second), 10.0, carried=seen, period=0.01, corrected=True)
+    checks = prove(fresh, Registers({}), covariance, context, 1e-5)
     (turn,) = [check for check in checks if check.name == "carried_turn"]
     assert turn.passed is passed
     assert turn.expected == 0.0
