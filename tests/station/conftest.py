@@ -62,7 +62,10 @@ class Place:
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
         patient = {"watchdog_ms": 10_000}  # host time, and a busy computer may stand still for a second
         settings = {"seed": 5, "start_deg": [1.0, -1.0], **patient, **bench}
-        self.station.write_text(tomli_w.dumps({**STATION, "bench": settings}), encoding="utf-8")
+        site = dict(STATION["site"])
+        if (product or {}).get("bench_grade", "nav") != "nav":
+            site["gravity_mps2"] = 9.7955  # surveyed, where gyros do not feel the earth turn
+        self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": settings}), encoding="utf-8")
 
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:
         """A run of these stages here."""
