@@ -118,8 +118,8 @@ def _confirm(errand: RegisterErrand, what: str, yes: bool) -> None:
         place = f"unit {serial} in the fixture of '{station.name}', at rest"
     else:
         what += (
-            f" For that the table of '{station.name}' is going to move: home, half a turn, 30°, load angle; Ctrl-C"
-            " stops it, --at-rest leaves it alone."
+            f" For that the table of '{station.name}' is going to move: home, whole turns of both axes before"
+            " and after the write, load angle; Ctrl-C stops it, --at-rest leaves it alone."
         )
         place = f"everybody clear of it, and unit {serial} tight in its fixture"
     Console(stderr=True).print(what, highlight=False, markup=False, soft_wrap=True)

@@ -149,12 +149,12 @@ def test_a_bias_before_for_after_the_matrix_is_refuted_where_it_matters(protocol
 def test_the_proof_resolves_what_its_decision_says() -> None:
     """Navigation grade: errors of that size in one register are refuted wherever they stand."""
     resolved = {
-        "gyro_bias": 3e-6,
-        "gyro_scale": 1e-4,
-        "gyro_misalign": 1.5e-4,
-        "accel_bias": 4e-3,
-        "accel_scale": 4e-4,
-        "accel_misalign": 4e-4,
+        "gyro_bias": 1.9e-6,
+        "gyro_scale": 2.2e-5,
+        "gyro_misalign": 9e-5,
+        "accel_bias": 2.2e-3,
+        "accel_scale": 2.2e-4,
+        "accel_misalign": 2.5e-4,
     }
     looks = Looks(truth("nav", 1, "increment"), "framed", 1)
     values = dict(zip(NAMES, looks.bench.parameters.tolist(), strict=True))

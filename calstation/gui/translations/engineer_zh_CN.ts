@@ -564,8 +564,8 @@
         <translation>写入后在静止状态下检查输出，请勿碰动产品。</translation>
     </message>
     <message>
-        <source>The table of “{0}” moves: home first; behind the write half a turn and 30°, which proves the gyros as well. Is everybody clear of it, and the unit tight? STOP works all the time.</source>
-        <translation>“{0}”的转台会转动：先回零，写入后再转半圈和 30°，这样陀螺也能得到验证。人员是否都已离开转台，产品是否装牢？随时可以按停止。</translation>
+        <source>The table of “{0}” moves: home first; then whole turns of both axes, before and after the write, which proves the gyros as well. Is everybody clear of it, and the unit tight? STOP works all the time.</source>
+        <translation>“{0}”的转台会转动：先回零，写入前后两轴各转整圈，这样陀螺也能得到验证。人员是否都已离开转台，产品是否装牢？随时可以按停止。</translation>
     </message>
     <message>
         <source>being written</source>
