@@ -269,8 +269,8 @@ class RegistersView(QWidget):
         if not table:
             return self.tr("Then its output is checked at rest; do not touch the unit.")
         return self.tr(
-            "The table of “{0}” moves: home first; then whole turns of both axes, before and after the write, which proves "
-            "the gyros as well. Is everybody clear of it, and the unit tight? STOP works all the time."
+            "The table of “{0}” moves: home first; then whole turns of both axes, before and after the write, which "
+            "proves the gyros as well. Is everybody clear of it, and the unit tight? STOP works all the time."
         ).format(table)
 
     def _addresses(self, names: list[str]) -> str:
