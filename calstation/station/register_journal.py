@@ -141,9 +141,7 @@ def site_of(station: StationConfig) -> Path | None:
 
 def serials(folder: Path) -> list[str]:
     """Units that have a journal in a folder of runs or the site's, sorted."""
-    return sorted(
-        unquote(path.name.removesuffix(_SUFFIX)) for path in (folder / FOLDER).glob(f"*{_SUFFIX}")
-    )
+    return sorted(unquote(path.name.removesuffix(_SUFFIX)) for path in (folder / FOLDER).glob(f"*{_SUFFIX}"))
 
 
 def cycles(runs: Path, serial: str, site: Path | None = None) -> int:
