@@ -188,6 +188,7 @@ class Driving:
         """
         if self._task.by_hand or self._task.corrected is Output.NEVER:
             return
+        self._path = None
         with self._apart():
             self._reference = self._on_path()
 
@@ -211,8 +212,9 @@ class Driving:
                 data = self._on_path()
             if asked:
                 self.aside(self._imu.start)
-        corrected = self._task.corrected is not Output.NEVER
-        return replace(data, corrected=corrected, reference=self._reference)
+        # The next look begins where the table then stands.
+        reference, self._reference, self._path = self._reference, None, None
+        return replace(data, corrected=self._task.corrected is not Output.NEVER, reference=reference)
 
     @contextmanager
     def _apart(self) -> Iterator[None]:

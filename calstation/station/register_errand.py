@@ -245,7 +245,8 @@ def _with_turns(work: _Work, control: Control, hear: Hear) -> Settled | None:
             drive.go(State.RUNNING)
             if work.entry is None or work.setup.corrected is Output.ASKED:
                 work.emit(Message("reference"))
-                drive.reference()
+                with _or_at_rest():
+                    drive.reference()
             drive.pulse.hear()
             work.emit(Message("registers_writing"))
             done = drive.aside(lambda: work.write(imu))

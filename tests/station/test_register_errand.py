@@ -69,11 +69,18 @@ def floor(place: Place) -> Floor:
     return Floor(place)
 
 
+def verifying(errands: Errands, event: Event) -> bool:
+    """Whether it is a move of the restarted unit."""
+    return isinstance(event, StepStarted) and event.label[:1] == ("verify",) and "verifying" in errands.told()
+
+
 def stop_at(moment: str) -> Any:
-    """Stop at a message, or at the first move for something."""
+    """Stop at a message, or at the first move for something, of the restarted unit where it is to verify."""
 
     def watch(errands: Errands, event: Event) -> None:
         move = isinstance(event, StepStarted) and event.label[:1] == (moment,)
+        if moment == "verify":
+            move = verifying(errands, event)
         if move or (isinstance(event, Message) and event.id == moment):
             errands.control.send(Command.STOP)
 
@@ -157,6 +164,7 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
         ("identified", False),
         ("homing", False),
         ("check", False),
+        ("reference", False),
         ("registers_writing", True),
         ("verifying", True),
         ("verify", True),
@@ -211,7 +219,7 @@ def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
     floor: Floor, clock_at_hand: list[Any], order: str, words: str
 ) -> None:
     def spoil(errands: Errands, event: Event) -> None:
-        if isinstance(event, StepStarted) and event.label[:1] == ("verify",):
+        if verifying(errands, event):
             clock_at_hand[-1].order({"order": order, "value": 0.0, "after": 0.5})
 
     floor.errands.on_event = spoil
@@ -223,6 +231,22 @@ def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
     assert register_journal.interrupted(floor.runs, SERIAL) is not None
     floor.errands.on_event = lambda errands, event: None
     assert floor.errands.do("restore").closing == "restored"
+
+
+@pytest.mark.long
+def test_a_table_that_fails_before_the_write_leaves_the_unit_untouched(
+    floor: Floor, clock_at_hand: list[Any]
+) -> None:
+    def spoil(errands: Errands, event: Event) -> None:
+        if isinstance(event, StepStarted) and event.label[:1] == ("verify",):
+            clock_at_hand[-1].order({"order": "drive_fault", "after": 0.5})
+
+    floor.errands.on_event = spoil
+    with pytest.raises(DeviceFaultError, match=r"fault 'drive'.*--at-rest"):
+        floor.errands.write(VALUES)
+    assert "transfer_unproved" not in floor.errands.told()
+    assert floor.left_alone()
+    assert register_journal.interrupted(floor.runs, SERIAL) is None
 
 
 @pytest.mark.long
