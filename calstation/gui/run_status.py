@@ -298,7 +298,7 @@ class RunStatus(QObject):
     def _transfer_goes_on(self) -> None:
         row = self._find(TRANSFER)
         if row is not None and row.state == "active":
-            row.fraction += 1.0 / (_TURNS + 1)
+            row.fraction = min(1.0, row.fraction + 1.0 / (_TURNS + 1))  # turns may be made again
             row.remaining = row.duration * (1.0 - row.fraction)
 
     def _leave(self, state: str) -> None:
