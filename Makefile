@@ -13,7 +13,7 @@ test: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest -n 3 --dist worksteal $$($(VENV)/bin/python tests/without_window.py)
 
 rehearse: $(VENV)/installed-dev
-	$(VENV)/bin/python -m pytest -m long -n 2
+	$(VENV)/bin/python -m pytest -m long -n 3 --dist worksteal
 
 check: $(VENV)/installed-dev
 	$(VENV)/bin/ruff check .

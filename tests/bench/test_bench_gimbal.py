@@ -19,6 +19,7 @@ def rates_of(imu, samples):
     return samples.counts[:, :3] * imu.gyro_lsb * imu.sample_rate
 
 
+@pytest.mark.long
 def test_joint_rates_turn_the_body_with_the_rate_asked_for():
     joints, omega, h = np.array([0.4, -0.3, 1.2]), np.array([0.2, -0.5, 0.9]), 1e-6
     rates = joint_rates(ORDER, joints, omega)

@@ -17,7 +17,10 @@ from calstation.station.fault_plan import FaultPlan, load_fault_plan
 from calstation.station.incomplete import settle_incomplete
 from tests.faults.conftest import Floor, fault
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals, limits and open files")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals, limits and open files"),
+]
 
 
 @pytest.mark.parametrize(

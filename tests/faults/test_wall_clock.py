@@ -18,9 +18,13 @@ from calstation.station.history import History
 from calstation.station.incomplete import close_incomplete, settle_incomplete
 from tests.faults.conftest import SERIAL, Floor
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux") or shutil.which("cc") is None, reason="needs a C compiler and ld.so"
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(
+        not sys.platform.startswith("linux") or shutil.which("cc") is None,
+        reason="needs a C compiler and ld.so",
+    ),
+]
 
 DAYS = timedelta(days=3)
 

@@ -371,6 +371,7 @@ def at_the_registers(engineer: Engineer, **bench: Any) -> None:
     engineer.press("write_registers_button")
 
 
+@pytest.mark.long
 def test_registers_are_written_with_the_table_left_alone_by_choice(engineer: Engineer) -> None:
     at_the_registers(engineer)
     engineer.press("confirm_at_rest_button")
@@ -380,6 +381,7 @@ def test_registers_are_written_with_the_table_left_alone_by_choice(engineer: Eng
     assert (entry.closing, entry.steps[-1]) == ("done", "at_rest")
 
 
+@pytest.mark.long
 def test_a_table_that_cannot_turn_says_so_and_what_else_can_be_done(engineer: Engineer) -> None:
     at_the_registers(engineer, interlock_closed=False)
     engineer.press("confirm_write_button")
@@ -390,6 +392,7 @@ def test_a_table_that_cannot_turn_says_so_and_what_else_can_be_done(engineer: En
     assert engineer.run.fault is not None, "told on the operator page as well, and to be acknowledged there"
 
 
+@pytest.mark.long
 def test_stop_ends_a_turn_behind_a_write(engineer: Engineer) -> None:
     at_the_registers(engineer, speed=5.0)
     engineer.press("confirm_write_button")

@@ -83,6 +83,7 @@ def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
     assert operator.widget("start_button").isEnabled()
 
 
+@pytest.mark.long
 def test_a_fault_is_told_latched_and_recovered_from_and_a_passed_unit_is_asked_for(
     operator: Operator,
 ) -> None:

@@ -94,6 +94,7 @@ def test_a_dead_engine_is_told_to_a_polling_window_as_one_fault(place: Place) ->
         assert engine.poll() == []
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
 def test_a_frozen_engine_is_a_fault_and_says_more_when_it_comes_back(place: Place) -> None:
     """Its table's watchdog has stopped the table meanwhile, which is what it then tells."""
@@ -110,6 +111,7 @@ def test_a_frozen_engine_is_a_fault_and_says_more_when_it_comes_back(place: Plac
         assert isinstance(rest[-1], Verdict)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
 def test_a_frozen_engine_is_ended_when_its_window_closes(place: Place) -> None:
     engine = Engine.start(place.request("rate"))
@@ -138,6 +140,7 @@ def test_signals_do_not_end_the_engine_without_a_safe_stop(place: Place, sent: s
     assert engine.process.exitcode == 0
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 @pytest.mark.parametrize(("fate", "reason"), [("SIGKILL", "listener_lost"), ("SIGSTOP", "listener_silent")])
 def test_a_dead_or_frozen_listener_is_a_safe_stop(place: Place, fate: str, reason: str) -> None:

@@ -30,6 +30,7 @@ def foretold(place: Place, *stages: str, **schedule: dict[str, object]) -> Forec
     return forecast(Told(), replace(place.request(*stages), schedule=schedule))
 
 
+@pytest.mark.long
 def test_the_sigmas_foretold_are_those_that_the_run_reports(place: Place) -> None:
     told = forecast(Told(), place.request())
     result = place.run().result

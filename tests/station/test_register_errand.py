@@ -21,6 +21,8 @@ from calstation.station.hand_registers import UnitRegisters
 from tests.station.conftest import STATION, Place
 from tests.station.errands import Errands
 
+pytestmark = pytest.mark.long
+
 SERIAL = "SN-000042"
 VALUES = {"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}
 SCALE = 0.02

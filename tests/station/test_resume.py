@@ -136,6 +136,7 @@ def test_a_resumed_run_can_be_resumed_again(place: Place, before: Verdict) -> No
     assert resolve(Path(verdict.log)).result["parameters"] == verdict.result["parameters"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(place: Place) -> None:
     runs = place.folder / "runs"

@@ -55,6 +55,7 @@ def hardware(place: Place) -> Iterator[RunRequest]:
         yield replace(place.request(), station=file, out=place.folder / "monday")
 
 
+@pytest.mark.long
 def test_who_changes_the_folder_of_the_runs_sees_the_same_journal(
     hardware: RunRequest, place: Place, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

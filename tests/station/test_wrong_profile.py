@@ -10,6 +10,8 @@ from calstation.station import library, register_journal
 from tests.station.conftest import Place
 from tests.station.errands import Errands
 
+pytestmark = pytest.mark.long
+
 WIDE = {
     "gyro_scale": {"within": 2e-2, "sigma_below": 1e-2},
     "accel_scale": {"within": 2e-2, "sigma_below": 1e-2},
