@@ -34,6 +34,7 @@ _MEMS = {"bench_grade": "mems", "limits": "mems_c"}
 DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
     "Modbus TCP, frames": (8, {}, {}),
     "Modbus RTU": (1, {"bench": {"table_transport": "rtu"}}, {}),
+    "two drives": (1, {"table": {"profile": "cia402_drives"}}, {}),
     "ATL": (1, {"table": {"profile": "aerosmith_atl"}}, {}),
     "ACL": (1, {"table": {"profile": "acutronic_acl"}}, {}),
     "MN": (1, {"table": {"profile": "mn_ascii"}}, {}),
@@ -62,6 +63,7 @@ STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("mute_table", 2),
     ("mute_table", 30),
     ("slow_table", 0.3),
+    ("slow_imu", 1.2),
     ("garble_table", 1),
     ("refuse_table", 4),
     ("refuse_table", 6),
