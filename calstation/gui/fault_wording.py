@@ -322,6 +322,19 @@ SENTENCES: tuple[str, ...] = (
 """The sentences of a run's faults, values in numbered braces."""
 
 
+_MEASURED = {
+    "gravity": QT_TRANSLATE_NOOP("faults", "gravity"),
+    "earth_rate": QT_TRANSLATE_NOOP("faults", "the earth's rate"),
+    "earth_rate_up": QT_TRANSLATE_NOOP("faults", "the earth's rate about the vertical"),
+    "outer_turn": QT_TRANSLATE_NOOP("faults", "the turn of the outer axis"),
+    "inner_turn": QT_TRANSLATE_NOOP("faults", "the turn of the inner axis"),
+    "carried_turn": QT_TRANSLATE_NOOP("faults", "gravity carried along by the gyros"),
+    "force_difference": QT_TRANSLATE_NOOP("faults", "the force at rest is off by"),
+    "rate_difference": QT_TRANSLATE_NOOP("faults", "the rate at rest is off by"),
+    "turn_difference": QT_TRANSLATE_NOOP("faults", "a turn is off by"),
+}
+"""Names of a proof's comparisons (`station.proof`), in words."""
+
 _HEADS = ("table: ", "IMU: ", "engine: ", "virtual bench: ")
 _HEAD = re.compile(r"^[^:：]*(: |：)")
 
@@ -505,8 +518,13 @@ def _translated(text: str) -> str:
     for pattern, sentence in _patterns():
         found = pattern.fullmatch(text)
         if found:
-            return QCoreApplication.translate("faults", sentence).format(*found.groups())
+            return QCoreApplication.translate("faults", sentence).format(*map(_measured, found.groups()))
     return text
+
+
+def _measured(value: str) -> str:
+    """What a proof compared, in words; any other value as it is."""
+    return QCoreApplication.translate("faults", _MEASURED[value]) if value in _MEASURED else value
 
 
 def _sentence(text: str) -> str:

@@ -581,6 +581,42 @@
         <translation>编号“{0}”不符合产品的规则“{1}”；请选择与产品对应的型号</translation>
     </message>
     <message>
+        <source>gravity</source>
+        <translation>重力</translation>
+    </message>
+    <message>
+        <source>the earth&apos;s rate</source>
+        <translation>地球自转角速度</translation>
+    </message>
+    <message>
+        <source>the earth&apos;s rate about the vertical</source>
+        <translation>地球自转的垂直分量</translation>
+    </message>
+    <message>
+        <source>the turn of the outer axis</source>
+        <translation>外轴转角</translation>
+    </message>
+    <message>
+        <source>the turn of the inner axis</source>
+        <translation>内轴转角</translation>
+    </message>
+    <message>
+        <source>gravity carried along by the gyros</source>
+        <translation>陀螺递推的重力方向</translation>
+    </message>
+    <message>
+        <source>the force at rest is off by</source>
+        <translation>静止比力偏差</translation>
+    </message>
+    <message>
+        <source>the rate at rest is off by</source>
+        <translation>静止角速率偏差</translation>
+    </message>
+    <message>
+        <source>a turn is off by</source>
+        <translation>转角偏差</translation>
+    </message>
+    <message>
         <source>The safety circuit (interlock) was opened; close the cover, then press “Reset the fault”</source>
         <translation>安全联锁被断开；请关好防护罩，然后按“复位故障”</translation>
     </message>
