@@ -11,6 +11,7 @@ from typing import Any
 import tomli_w
 
 from calstation.configuration import read_toml
+from calstation.errors import ConfigurationError
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import StepStarted
 from calstation.station import library
@@ -209,7 +210,12 @@ def soak(
     on_run: Callable[[Soak], None],
     stopping: Callable[[], bool],
 ) -> Soak:
-    """Run calibrations in `folder` until they are done or `stopping` says so; `on_run` hears of each."""
+    """Run calibrations in `folder` until they are done or `stopping` says so; `on_run` hears of each.
+
+    Raises ConfigurationError where the folder holds runs already, for they would be taken for this soak's.
+    """
+    if (folder / "runs").exists():
+        raise ConfigurationError(f"--keep {folder}: holds runs already; give a folder without any")
     done = Soak()
     stages = () if full else STAGES
     for planned in plans(runs, seed):

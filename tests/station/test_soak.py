@@ -74,6 +74,8 @@ def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
     (what,) = _wrong(GOOD, request, result, "passed", ())
     assert "outside its limits" in what
     failed = {**result, "checks": [{**check, "passed": False}]}
+    assert not _wrong(GOOD, request, failed, "failed", ()), "the truth itself is outside this limit"
+    failed = {**result, "checks": [{**check, "limit": [-1.0, 1.0], "passed": False}]}
     assert _wrong(GOOD, request, failed, "failed", ())
     assert _wrong(GOOD, request, failed, "failed", ("jam",))
     assert not _wrong(GOOD, request, failed, "failed", ("wrong_gravity",))
