@@ -46,7 +46,7 @@ class Judged:
     ----------
     injected : kinds of faults that did happen
     wrong : what is wrong with its verdict; lost : what of its records is missing
-    unsafe : the table was left moving or with its axes on
+    unsafe : the table was left moving, or with its axes on where it can switch them off without its engine
     samples, samples_lost : in its log, and missing between them
     engine_mb, parent_mb : peak of resident memory
     """
@@ -99,13 +99,20 @@ def judge_run(
         injected=tuple(happened),
         wrong=tuple(_wrong(planned, request, result, outcome, happened)),
         lost=tuple(lost),
-        unsafe=bool(bench.get("enabled", True) or bench.get("moving")),
+        unsafe=bool(bench.get("moving", True) or (bench["enabled"] and not (died and _left_alone(request)))),
         samples=samples,
         samples_lost=missing,
         engine_mb=engine_mb,
         parent_mb=resident_mb(os.getpid()),
         seconds=seconds,
     )
+
+
+def _left_alone(request: RunRequest) -> bool:
+    """Whether the table has nothing that switches its axes off when its link is lost: it ends its move and rests."""
+    table = configured(request)[0].table
+    watched = table.registers if table.text is None else table.text.queries
+    return table.link_loss_stop_s is None and not any("watchdog" in name for name in watched)
 
 
 def _records(request: RunRequest, died: bool) -> tuple[dict[str, Any], list[str]]:

@@ -10,8 +10,8 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.station.fault_plan import KINDS
-from calstation.station.soak import OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
-from calstation.station.soak_judge import Judged, _wrong
+from calstation.station.soak import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
+from calstation.station.soak_judge import Judged, _left_alone, _wrong
 
 pytestmark = pytest.mark.long
 
@@ -93,3 +93,11 @@ def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.Capture
     assert counts["samples"] > 5_000
     assert "wrong verdicts" in output.err
     assert len(list((tmp_path / "handover").glob("SN-*.json"))) == 2
+
+
+def test_only_a_table_without_a_watchdog_may_keep_its_axes_on_when_its_engine_dies(tmp_path: Path) -> None:
+    alone = {
+        name: _left_alone(_written(replace(GOOD, devices=name), tmp_path / str(k), ("rate",)))
+        for k, name in enumerate(DEVICES)
+    }
+    assert {name for name, left in alone.items() if left} == {"two drives", "ATL", "ACL", "MN"}
