@@ -9,6 +9,9 @@ from calstation.sequencer.ports import Clock
 _REST_WITHIN = 30.0
 """Station and host time allowed for the deceleration, s."""
 
+_UNSEEN = 5.0
+"""Station time for it where the table does not answer, s."""
+
 _TICK = 0.05
 
 
@@ -19,7 +22,9 @@ def safe_stop(table: Table, clock: Clock) -> list[str]:
     """
     failures: list[str] = []
     _attempt(table.stop, failures)
-    if not failures:
+    if failures:  # it may have heard all the same: axes are not switched off while they turn
+        _attempt(lambda: clock.sleep(_UNSEEN), failures)
+    else:
         _attempt(lambda: _wait_for_rest(table, clock), failures)
     _attempt(table.disable, failures)
     return failures

@@ -91,6 +91,7 @@ def judge_run(
     happened += [
         kind for kind in kinds if kind in ("operator_stop", "window_killed") and outcome == "stopped"
     ]
+    lost_link = died or "mute_table" in happened
     samples, missing = _samples(result, "jump_counter" in happened)
     return Judged(
         planned=planned,
@@ -99,7 +100,9 @@ def judge_run(
         injected=tuple(happened),
         wrong=tuple(_wrong(planned, request, result, outcome, happened)),
         lost=tuple(lost),
-        unsafe=bool(bench.get("moving", True) or (bench["enabled"] and not (died and _left_alone(request)))),
+        unsafe=bool(
+            bench.get("moving", True) or (bench["enabled"] and not (lost_link and _left_alone(request)))
+        ),
         samples=samples,
         samples_lost=missing,
         engine_mb=engine_mb,

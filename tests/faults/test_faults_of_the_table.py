@@ -51,6 +51,15 @@ def test_a_fault_of_a_table_with_a_drive_for_each_axis_stops_the_run(
     floor.run(fault(kind, value)).assert_stopped("table: ", *words)
 
 
+def test_a_table_without_a_watchdog_that_answers_no_more_ends_its_move_and_rests(floor: Floor) -> None:
+    floor.table = "mn_ascii"
+    ran = floor.run(fault("mute_table", 400))
+    assert ran.verdict.outcome == "fault"
+    assert "is not answered" in ran.fault.text
+    assert not ran.bench["moving"]
+    assert ran.moves_after_fault() == 0
+
+
 @pytest.mark.parametrize(
     ("planned", "words"),
     [
