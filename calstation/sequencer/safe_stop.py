@@ -18,7 +18,8 @@ _TICK = 0.05
 def safe_stop(table: Table, clock: Clock) -> list[str]:
     """Bring the table to rest and switch its axes off; returns what failed on the way, never raises.
 
-    A table that no longer answers is left to its own watchdog, which this run has seen switched on.
+    A table that no longer answers is left to its own watchdog, which this run has seen switched on. One that has none
+    was given a move to an angle only; it gets `_UNSEEN` before its axes are told to switch off.
     """
     failures: list[str] = []
     _attempt(table.stop, failures)
