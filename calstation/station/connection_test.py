@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from calstation.devices.imu_profile import load_imu_profile
@@ -11,11 +12,14 @@ from calstation.devices.opening import host_and_port, why_not
 from calstation.devices.ports import found_ports, resolve
 from calstation.devices.table_profile import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
+from calstation.estimation.latitude import feels_earth
+from calstation.records.meta import context_from_meta
 from calstation.station import imu_check, library, table_check
 from calstation.station.config import StationConfig, load_product, load_station
 from calstation.station.finding import Finding, Report, Value
 from calstation.station.line_check import wrong_line
 from calstation.station.listening import LISTEN, listen
+from calstation.station.place import this_computer, vouched
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup
 from calstation.station.who_answers import OTHER_NUMBER, imu_on_tables_line, other_unit, table_on_imus_line
@@ -151,10 +155,15 @@ def _who_else_than_the_imu(
 
 
 def _place(setup: Setup) -> Iterator[Finding]:
-    """Whether the site, by which gravity was judged, is still the one that the example came with."""
+    """Whether the site, by which gravity was judged, is another's or still the one that the example came with."""
+    if setup.station.bench is not None:
+        return
+    felt = feels_earth(context_from_meta(setup.meta(datetime.now(UTC), 1, {})).imu)
+    if not vouched(setup.station.site, needed=not felt):
+        yield Finding("place_not_confirmed", "look", {"computer": this_computer()})
     _, example = load_station(library.find("stations", EXAMPLE))
     mine, theirs = setup.station.site, example.site
-    if setup.station.bench is None and (mine.latitude_deg, mine.longitude_deg, mine.height_m) == (
+    if (mine.latitude_deg, mine.longitude_deg, mine.height_m) == (
         theirs.latitude_deg,
         theirs.longitude_deg,
         theirs.height_m,

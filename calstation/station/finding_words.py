@@ -436,6 +436,16 @@ _IMU = {
         ),
         QT_TRANSLATE_NOOP("station_finding", "Put in the site of this station, unless it stands just there."),
     ),
+    "place_not_confirmed": (
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "Nobody has said at this computer ({computer}) that the station stands where its file says.",
+        ),
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "Make sure of latitude, height and gravity, then confirm the place in the section Site.",
+        ),
+    ),
     "wrong_gravity": (
         QT_TRANSLATE_NOOP(
             "station_finding", "It measures {measured:.3f} m/s², gravity here is {expected:.3f} m/s²."

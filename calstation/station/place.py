@@ -2,9 +2,11 @@
 
 Where gyros feel the earth turn, the rests of a run tell the latitude; a run that contradicts the file ends before
 anything is written. Where they do not, nothing in a unit tells it: then gravity must be surveyed, and it must
-agree with the latitude, so that a slip in either shows before anything moves.
+agree with the latitude, so that a slip in either shows before anything moves. A whole station file that was taken to
+another place agrees with itself: it names the computers at which a person has vouched for it.
 """
 
+import platform
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -27,19 +29,52 @@ LATITUDE = "latitude"
 """Name of the check of the latitude seen."""
 
 
+def this_computer() -> str:
+    """Its name in the network."""
+    return platform.node()
+
+
 def check_place(meta: LogMeta, station_path: Path) -> None:
     """Raises ConfigurationError where latitude and gravity contradict each other, or nothing could contradict them."""
-    site, context = meta.site, context_from_meta(meta)
+    site = meta.site
     if site.gravity_mps2 is not None:
         _check_gravity(site, site.gravity_mps2, station_path)
         return
-    stages = meta.run.stages if meta.run is not None else []
-    scaled = any("accel_scale_x" in method(stage).estimates(context) for stage in stages)
-    if scaled and not feels_earth(context.imu):
+    if _unfelt(meta):
         raise ConfigurationError(
             f"{station_path}: site.gravity_mps2 is missing, and gyros of this grade do not feel the earth turn: a wrong"
             " latitude would show nowhere; add the gravity surveyed at the place, from a gravity net or a gravimeter"
         )
+
+
+def vouched(site: SiteSection, *, needed: bool) -> bool:
+    """Whether a person may be taken to have said at this computer that the station stands there.
+
+    needed : nothing else tells it
+    """
+    return this_computer() in site.confirmed_on or not (site.confirmed_on or needed)
+
+
+def check_confirmed(meta: LogMeta, station_path: Path) -> None:
+    """Raises ConfigurationError where hardware's place was vouched for elsewhere, or must be and was not."""
+    site, here = meta.site, this_computer()
+    if vouched(site, needed=_unfelt(meta)):
+        return
+    elsewhere = f"names {', '.join(site.confirmed_on)}" if site.confirmed_on else "is missing"
+    raise ConfigurationError(
+        f"{station_path}: site.confirmed_on {elsewhere}, and this computer is '{here}': nobody has said here that the"
+        f" station stands at latitude {site.latitude_deg:g}°, longitude {site.longitude_deg:g}°, height"
+        f" {site.height_m:g} m; make sure of them and of gravity, then confirm the place on the station page or add"
+        f" '{here}' to site.confirmed_on"
+    )
+
+
+def _unfelt(meta: LogMeta) -> bool:
+    """Whether scale factors are found that carry gravity, by a unit whose gyros do not tell the latitude."""
+    context = context_from_meta(meta)
+    stages = meta.run.stages if meta.run is not None else []
+    scaled = any("accel_scale_x" in method(stage).estimates(context) for stage in stages)
+    return scaled and not feels_earth(context.imu)
 
 
 def _check_gravity(site: SiteSection, gravity: float, station_path: Path) -> None:

@@ -47,7 +47,7 @@ from calstation.station.config import (
     schedule_values,
 )
 from calstation.station.fault_plan import FaultPlan, load_fault_plan
-from calstation.station.place import check_place
+from calstation.station.place import check_confirmed, check_place
 from calstation.station.register_room import register_room
 from calstation.station.request import RunRequest
 from procedures import method
@@ -322,7 +322,10 @@ def check_station(setup: Setup, product_path: Path) -> None:
     Raises ConfigurationError with field and mend, HandsError where it is the rig.
     """
     check_hands(setup, product_path)
-    check_place(setup.meta(datetime.now(UTC), 1, {}), load_station(setup.request.station)[0])
+    meta, path = setup.meta(datetime.now(UTC), 1, {}), load_station(setup.request.station)[0]
+    check_place(meta, path)
+    if setup.station.bench is None:
+        check_confirmed(meta, path)
 
 
 def check_hands(setup: Setup, product_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 from calstation import __version__
 from calstation.cli.app import run_app
 from calstation.station.library import shipped_folder
+from calstation.station.place import this_computer
 from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]
@@ -269,6 +270,16 @@ def test_hardware_needs_a_serial_number_and_no_bench_options(calstation: Run, tm
     check(calstation("run", "--station", station), 2, "--serial is missing")
     done = calstation("run", "--station", station, "--serial", "SN-1", "--speed", 2)
     check(done, 2, "--speed", "virtual bench")
+
+
+def test_hardware_for_gyros_that_do_not_feel_the_earth_needs_a_confirmed_place(
+    calstation: Run, tmp_path: Path
+) -> None:
+    surveyed = ("height_m = 400.0", "height_m = 400.0\ngravity_mps2 = 9.79612")
+    station = edited(tmp_path, "stations", "example_hardware", surveyed)
+    product = shipped_folder() / "products" / "mems_c.toml"
+    done = calstation("run", "--station", station, "--product", product, "--serial", "SN-1")
+    check(done, 2, "site.confirmed_on is missing", this_computer())
 
 
 def test_an_unwritable_folder(calstation: Run, tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ from calstation.station import library, role, version_store
 from calstation.station.bench_host import BenchHost
 from calstation.station.clock import BenchClock
 from calstation.station.finding_words import WORDED
+from calstation.station.place import this_computer
 from calstation.station.ports import FoundPort
 from calstation.station.request import RunRequest
 from calstation.station.settings import check_data
@@ -301,6 +302,23 @@ def test_gravity_and_its_plausibility_follow_the_typing(hands: Hands) -> None:
     assert hands.find(QPushButton, "save_station_button").isEnabled(), "advice is no refusal"
     hands.choose("gravity_way_combo", "normal")
     assert not edit.isVisible()
+
+
+def test_a_place_is_confirmed_at_this_computer_by_a_button(hands: Hands) -> None:
+    hands.turn(SITE)
+    assert not hands.find(QPushButton, "confirm_place_button").isVisible(), "a virtual bench stands nowhere"
+    hands.copy_station("line_3")
+    assert "Nobody has confirmed this place" in hands.says("site_confirmed_on")
+    hands.press("confirm_place_button")
+    hands.press("save_station_button")
+    path = library.find("stations", "line_3")
+    assert saved(path)["site"]["confirmed_on"] == [this_computer()]
+    assert hands.says("site_confirmed_on").startswith("✓")
+    assert not hands.find(QPushButton, "confirm_place_button").isVisible()
+    hands.page.drafts.station.set({("site", "confirmed_on"): ["other-plant"]})
+    assert "confirmed at other-plant, not at this computer" in hands.says("site_confirmed_on")
+    hands.press("confirm_place_button")
+    assert hands.page.drafts.station.value(("site", "confirmed_on")) == ["other-plant", this_computer()]
 
 
 def test_an_unknown_azimuth_is_left_out_of_the_file(hands: Hands, place: Any) -> None:

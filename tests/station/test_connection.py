@@ -16,10 +16,11 @@ from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError
 from calstation.station import listening
-from calstation.station.connection_test import try_imu, try_table
+from calstation.station.connection_test import Order, try_imu, try_table
 from calstation.station.finding import Finding, Report
 from calstation.station.finding_words import word_finding
 from calstation.station.library import find
+from calstation.station.place import this_computer
 from calstation.station.ports import discover
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
@@ -332,6 +333,19 @@ def test_an_imu_whose_stream_is_not_as_its_profile_says() -> None:
     assert gaps is not None
     assert (gaps.values["gaps"], gaps.values["missing"]) == (1, 7)
     assert [f.id for f in report.findings if f.state == "look"] == ["self_test_failed"]
+
+
+@needs_terminals
+def test_a_place_that_was_confirmed_at_another_computer_is_told() -> None:
+    unit = FakeImu()
+    with terminal(unit.answer, unit.sends) as port:
+        asked = order(imu={"port": port, "timeout_s": 0.3})
+        told = []
+        for computers in ([], ["other-plant"], ["other-plant", this_computer()]):
+            site = asked.station.site.model_copy(update={"confirmed_on": computers})
+            station = asked.station.model_copy(update={"site": site})
+            told.append(try_imu(tell, Order(station)).find("place_not_confirmed"))
+    assert [finding is not None for finding in told] == [False, True, False]
 
 
 @needs_terminals

@@ -11,7 +11,14 @@ from calstation.estimation.latitude import SeenLatitude
 from calstation.estimation.method import Consistency, Solution
 from calstation.physics.parameters import COUNT
 from calstation.records.meta import LogMeta
-from calstation.station.place import check_latitude, check_place, refuse_other_place, there
+from calstation.station.place import (
+    check_confirmed,
+    check_latitude,
+    check_place,
+    refuse_other_place,
+    there,
+    this_computer,
+)
 
 HERE = Path("station.toml")
 NAV = {"gyro_arw": 2.9e-7, "gyro_bias_instability": 4.8e-9}
@@ -52,6 +59,33 @@ def test_only_who_feels_the_earth_turn_needs_no_surveyed_gravity() -> None:
     for stage in ("six_position", "excitation", "multi_position"):
         with pytest.raises(ConfigurationError, match=r"site.gravity_mps2 is missing.*; add"):
             check_place(meta(MEMS, "rate", stage), HERE)
+
+
+@pytest.mark.parametrize(
+    ("noise", "told", "refused"),
+    [
+        (NAV, [], ""),
+        (MEMS, [], "is missing"),
+        (MEMS, ["other plant"], "names other plant"),
+        (NAV, ["a", "b"], "names a, b"),
+        (MEMS, ["a", this_computer()], ""),
+    ],
+)
+def test_a_station_file_from_another_place_needs_a_person_here(
+    noise: dict[str, float], told: list[str], refused: str
+) -> None:
+    there_and_here = meta(noise, "six_position", gravity_mps2=9.79547, confirmed_on=told)
+    if not refused:
+        check_confirmed(there_and_here, HERE)
+        return
+    with pytest.raises(
+        ConfigurationError, match=rf"site.confirmed_on {refused}, .* latitude 34.25°, .*; make sure.* confirm"
+    ):
+        check_confirmed(there_and_here, HERE)
+
+
+def test_stages_that_carry_no_gravity_need_nobody() -> None:
+    check_confirmed(meta(MEMS, "rate"), HERE)
 
 
 def solved(latitude: SeenLatitude | None) -> tuple[Solution, ...]:

@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui import theme
 from calstation.gui.station_page.compass import Compass
+from calstation.gui.station_page.confirmation import PlaceConfirmation
 from calstation.gui.station_page.draft import Draft
 from calstation.gui.station_page.fields import Field, Form, Row, at_top, tab_through
 from calstation.gui.station_page.inputs import ChoiceBox, NumberEdit
@@ -65,6 +66,7 @@ class SiteSection(QWidget):
             "azimuth_deg": Field(draft, _AZIMUTH, NumberEdit(), str, unit="°", hint=self._about_azimuth),
             "gravity_mps2": Field(draft, _GRAVITY, NumberEdit(), str, unit="m/s²", hint=self._about_gravity),
         }
+        self.confirmation = PlaceConfirmation(draft)
         f = self._fields
         self._form = Form(
             f["latitude_deg"],
@@ -74,6 +76,7 @@ class SiteSection(QWidget):
             f["azimuth_deg"],
             self._gravity_row,
             f["gravity_mps2"],
+            self.confirmation,
         )
         tab_through(
             *(f[name].editor for name in ("latitude_deg", "longitude_deg", "height_m")),
@@ -81,6 +84,7 @@ class SiteSection(QWidget):
             f["azimuth_deg"].editor,
             self.gravity_box,
             f["gravity_mps2"].editor,
+            self.confirmation.button,
         )
         f["gravity_mps2"].advise(self._gravity_advice)
         f["latitude_deg"].advise(self._place_advice)
@@ -126,6 +130,7 @@ class SiteSection(QWidget):
     def lock(self, reason: str) -> None:
         """Forbid changes, with the reason as tooltip; "" allows them."""
         self._form.lock(reason)
+        self.confirmation.lock(reason)
         for box in (self.azimuth_box, self.gravity_box):
             box.setEnabled(not reason)
             box.setToolTip(reason)

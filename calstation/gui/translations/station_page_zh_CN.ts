@@ -278,6 +278,25 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
 </context>
 <context>
+    <name>PlaceConfirmation</name>
+    <message>
+        <source>✓ This place was confirmed at this computer ({0}).</source>
+        <translation>✓ 已在本机（{0}）确认站址。</translation>
+    </message>
+    <message>
+        <source>This place was confirmed at {0}, not at this computer ({1}): no run starts. Make sure of latitude, height and gravity, then confirm it.</source>
+        <translation>站址是在 {0} 上确认的，未在本机（{1}）确认：标定无法开始。请核实纬度、高度和重力，再确认。</translation>
+    </message>
+    <message>
+        <source>Nobody has confirmed this place at this computer ({0}) yet. Units whose gyros do not feel the earth turn are calibrated only where somebody has; and a file that was confirmed is refused when it is taken to another computer.</source>
+        <translation>本机（{0}）上尚无人确认站址。陀螺感受不到地球自转的产品，须先确认才能标定；确认过的文件拿到别的计算机上会被拒绝。</translation>
+    </message>
+    <message>
+        <source>The station stands here</source>
+        <translation>确认：工位就在此处</translation>
+    </message>
+</context>
+<context>
     <name>PortBox</name>
     <message>
         <source>choose or type a port</source>
@@ -1437,6 +1456,14 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Put in the site of this station, unless it stands just there.</source>
         <translation>请填写本工位的站址（除非恰好就在那里）。</translation>
+    </message>
+    <message>
+        <source>Nobody has said at this computer ({computer}) that the station stands where its file says.</source>
+        <translation>尚无人在本机（{computer}）确认工位就在文件所写的站址。</translation>
+    </message>
+    <message>
+        <source>Make sure of latitude, height and gravity, then confirm the place in the section Site.</source>
+        <translation>请核实纬度、高度和重力，再在“站址”一栏中确认。</translation>
     </message>
     <message>
         <source>If it stands still: correct accel_lsb, output or the frame&apos;s fields in the IMU profile.</source>

@@ -665,6 +665,14 @@
         <translation>该次标定是在工位“{0}”开始的，当前是“{1}”；请选择原来的工位，再继续</translation>
     </message>
     <message>
+        <source>Nobody has confirmed at this computer that the station stands at {0}°, {1}°, {2} m, and gyros of this grade cannot tell; an engineer makes sure and confirms it on the page Station, in the section Site</source>
+        <translation>尚无人在本机确认工位就在 {0}°、{1}°、{2} m 处，而这一等级的陀螺无法判断；请工程师核实后在“工位”页的“站址”一栏中确认</translation>
+    </message>
+    <message>
+        <source>That the station stands at {1}°, {2}°, {3} m was confirmed at {0}, not at this computer; an engineer makes sure and confirms it on the page Station, in the section Site</source>
+        <translation>工位在 {1}°、{2}°、{3} m 处是在 {0} 上确认的，未在本机确认；请工程师核实后在“工位”页的“站址”一栏中确认</translation>
+    </message>
+    <message>
         <source>The run began on a virtual bench and station “{0}” is hardware now, or the other way round; start a new run</source>
         <translation>该次标定开始时与工位“{0}”现在的类型不同（一个是虚拟台，一个是实物）；请重新开始标定</translation>
     </message>
