@@ -17,13 +17,16 @@ from calstation.devices.checks import check_bytes
 from calstation.station.config import StationConfig
 from calstation.station.connection_test import Order
 
+NOBODY = f"tcp://127.0.0.1:{1 + int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:])}"
+"""Where nothing listens; of each process of tests another, for a port has one owner."""
+
 SITE = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0}
 Answer = Callable[[bytes], bytes]
 
 
 def order(product: Path | None = None, **sections: dict[str, Any]) -> Order:
     """A station to be tested; unnamed ports lead nowhere, and nobody waits long."""
-    table = {"profile": "bench", "port": "tcp://127.0.0.1:1", "timeout_s": 0.1}
+    table = {"profile": "bench", "port": NOBODY, "timeout_s": 0.1}
     imu = {"port": "/dev/ttyNONE9", "timeout_s": 0.15}
     data: dict[str, Any] = {"name": "wires", "site": SITE}
     if "bench" in sections:
