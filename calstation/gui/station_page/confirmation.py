@@ -1,6 +1,6 @@
 """That a person says at this computer: the station stands where its file says."""
 
-from PySide6.QtCore import QEvent
+from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
 
 from calstation.gui import theme
@@ -27,7 +27,7 @@ class PlaceConfirmation(QWidget):
         column.setContentsMargins(0, theme.GRID, 0, 0)
         column.setSpacing(theme.GRID)
         column.addWidget(self._text)
-        column.addWidget(self.button)
+        column.addWidget(self.button, 0, Qt.AlignmentFlag.AlignLeft)
         draft.changed.connect(self.refresh)
         self.retranslate()
 
