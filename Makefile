@@ -34,7 +34,7 @@ fuzz: $(VENV)/installed-dev
 GUI := calstation/gui
 translations: $(VENV)/installed-dev
 	for page in operator engineer offline history station_page methods; do \
-		words=$$(test $$page != station_page || echo calstation/station/finding_words.py); \
+		words=$$(test $$page != station_page || echo calstation/station/*finding_words.py); \
 		$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/$$page/*.py $$words \
 			-ts $(GUI)/translations/$${page}_zh_CN.ts || exit 1; \
 	done

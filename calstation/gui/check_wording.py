@@ -6,9 +6,10 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.wording import QT_TRANSLATE_NOOP, word_group, word_stage
+from calstation.gui.wording import word_group, word_stage
 from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
 from calstation.physics.units import ARCSECOND, DEGREE, MICRO_G, display
+from calstation.station.marked import QT_TRANSLATE_NOOP
 from calstation.station.place import LATITUDE
 
 _SENTENCES = {

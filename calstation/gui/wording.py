@@ -5,12 +5,9 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.station.marked import QT_TRANSLATE_NOOP
+
 _CONTEXT = "wording"
-
-
-def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
-    """Marks a text for the translators under the name that lupdate looks for."""
-    return text
 
 
 _STAGES = {

@@ -6,7 +6,7 @@ from functools import cache
 from PySide6.QtCore import QCoreApplication
 
 from calstation.gui.fault_wording import word_fault
-from calstation.gui.wording import QT_TRANSLATE_NOOP
+from calstation.station.marked import QT_TRANSLATE_NOOP
 
 _PLANS = (
     QT_TRANSLATE_NOOP(

@@ -3,14 +3,10 @@
 from PySide6.QtCore import QCoreApplication
 
 from calstation.gui.wording import word_group
+from calstation.station.marked import QT_TRANSLATE_NOOP
 from calstation.station.schedules import Problem, ScheduleField
 
 _CONTEXT = "schedule"
-
-
-def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
-    """Marks a text for the translators under the name that lupdate looks for."""
-    return text
 
 
 _NAMES = {

@@ -9,11 +9,7 @@ from calstation.gui.wording import word_stage
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import display
 from calstation.station.forecast import Forecast
-
-
-def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
-    """Marks a text for the translators under the name that lupdate looks for."""
-    return text
+from calstation.station.marked import QT_TRANSLATE_NOOP
 
 
 def _say(text: str) -> str:

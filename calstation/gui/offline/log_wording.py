@@ -11,7 +11,8 @@ from PySide6.QtCore import QCoreApplication
 
 from calstation.gui import language
 from calstation.gui.offline.recording_wording import RECORDINGS, word_value
-from calstation.gui.wording import QT_TRANSLATE_NOOP, word_stage
+from calstation.gui.wording import word_stage
+from calstation.station.marked import QT_TRANSLATE_NOOP
 
 _SAME: tuple[str, ...] = (
     QT_TRANSLATE_NOOP("logs", "the log holds no samples; record some"),

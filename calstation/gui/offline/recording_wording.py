@@ -7,7 +7,7 @@ import re
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.wording import QT_TRANSLATE_NOOP
+from calstation.station.marked import QT_TRANSLATE_NOOP
 
 RECORDINGS: tuple[str, ...] = (
     QT_TRANSLATE_NOOP("logs", "{0} is frozen: one value all through; check its encoder"),

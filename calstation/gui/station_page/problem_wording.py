@@ -5,14 +5,10 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.station.marked import QT_TRANSLATE_NOOP
 from calstation.station.settings import Place, Problem
 
 _CONTEXT = "station_problem"
-
-
-def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
-    """Marks a text for the translators under the name that lupdate looks for."""
-    return text
 
 
 _KINDS = {
