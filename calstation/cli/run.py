@@ -30,9 +30,9 @@ from calstation.sequencer.events import (
 )
 from calstation.station.config import load_station
 from calstation.station.engine import INTERNAL, Engine
+from calstation.station.preparation import prepare
 from calstation.station.request import RunRequest
 from calstation.station.resume import filled, serial_of
-from calstation.station.setup import prepare
 from calstation.station.who import computer_user
 
 DEFAULT_SERIAL = "SN-000001"

@@ -4,8 +4,9 @@ from pathlib import Path
 
 from calstation.errors import ConfigurationError
 from calstation.station import library
+from calstation.station.preparation import check_station, configured
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, check_station, configured
+from calstation.station.setup import Setup
 
 
 def fitting_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:

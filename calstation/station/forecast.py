@@ -21,8 +21,9 @@ from calstation.sequencer.guard import JOINTS, check_limits
 from calstation.sequencer.preview import move_time, planned, step_time
 from calstation.sequencer.stop_rule import named
 from calstation.sequencer.task import StagePlan
+from calstation.station.preparation import check_hands, configured
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, check_hands, configured
+from calstation.station.setup import Setup
 from calstation.station.solve import StageChain, one_blas_thread
 from calstation.station.worker import Tell
 from procedures import method

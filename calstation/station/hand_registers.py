@@ -11,9 +11,10 @@ from calstation.errors import InputError
 from calstation.records.log import open_log
 from calstation.station import register_journal
 from calstation.station.compose import compose
+from calstation.station.preparation import configured
 from calstation.station.register_journal import site_of
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, configured
+from calstation.station.setup import Setup
 from calstation.station.unit_alone import unit_alone
 from calstation.station.worker import Tell
 

@@ -11,8 +11,9 @@ from calstation.physics.table import TableGeometry
 from calstation.records.meta import context_from_meta
 from calstation.sequencer.fresh_data import DURATION
 from calstation.sequencer.preview import plan_time
+from calstation.station.preparation import check_station, configured
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, check_station, configured
+from calstation.station.setup import Setup
 from procedures import method
 
 

@@ -34,10 +34,11 @@ from calstation.sequencer.task import Output, Task
 from calstation.station import register_journal
 from calstation.station.flash_wear import check_flash
 from calstation.station.hand_registers import held
+from calstation.station.preparation import configured
 from calstation.station.proving import at_once, judge, judge_old, proved_by
 from calstation.station.register_journal import Transfer, site_of
 from calstation.station.request import OR_AT_REST, RegisterErrand
-from calstation.station.setup import Setup, configured
+from calstation.station.setup import Setup
 from calstation.station.unfinished import refuse_interrupted, register_map
 from calstation.station.unit_alone import rest_of, unit_alone
 from calstation.station.wiring import connected

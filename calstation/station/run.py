@@ -32,10 +32,11 @@ from calstation.station.handover import HandOver, expect
 from calstation.station.history import History
 from calstation.station.incomplete import settle_incomplete
 from calstation.station.place import refuse_other_place, there
+from calstation.station.preparation import prepare
 from calstation.station.request import RunRequest
 from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.resume import Continuation
-from calstation.station.setup import Setup, prepare
+from calstation.station.setup import Setup
 from calstation.station.solve import StageChain, one_blas_thread
 from calstation.station.unfinished import Unproved, settle
 from calstation.station.virtual_hands import VirtualHands

@@ -13,8 +13,8 @@ from pydantic.fields import FieldInfo
 
 from calstation.records.meta import context_from_meta
 from calstation.sequencer.stop_rule import named
+from calstation.station.preparation import configured
 from calstation.station.request import RunRequest
-from calstation.station.setup import configured
 from procedures import DEFAULT_STAGES, method
 
 _VIRTUAL = "SN-000001"

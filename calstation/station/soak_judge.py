@@ -16,8 +16,9 @@ from calstation.physics.parameters import INDEX
 from calstation.records.log import open_log
 from calstation.station.fault_plan import HOST, SET_UP
 from calstation.station.incomplete import settle_incomplete
+from calstation.station.preparation import configured
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, configured
+from calstation.station.setup import Setup
 
 if TYPE_CHECKING:
     from calstation.station.soak import Planned

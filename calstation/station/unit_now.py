@@ -17,9 +17,10 @@ from calstation.records.meta import ImuSection, LogMeta, context_from_meta
 from calstation.station import library
 from calstation.station.applied_picture import Applied, applied
 from calstation.station.config import load_product
+from calstation.station.preparation import configured
 from calstation.station.recordings import read_truth
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, configured
+from calstation.station.setup import Setup
 from calstation.station.unit_alone import samples_in_a_row, unit_alone
 from calstation.station.worker import Tell
 

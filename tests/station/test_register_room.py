@@ -9,7 +9,7 @@ import tomli_w
 
 from calstation.errors import ConfigurationError
 from calstation.station import library, settings
-from calstation.station.setup import configured
+from calstation.station.preparation import configured
 from tests.station.conftest import STATION
 
 NAV = Path(library.shipped_folder()) / "imus" / "bench_nav.toml"

@@ -7,8 +7,8 @@ import pytest
 
 from calstation.physics.parameters import INDEX
 from calstation.records.meta import prior_from_meta
+from calstation.station.preparation import prepare
 from calstation.station.request import RunRequest
-from calstation.station.setup import prepare
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 

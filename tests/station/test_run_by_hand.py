@@ -19,11 +19,11 @@ from calstation.station.config import load_station, rails_by_hand
 from calstation.station.connection_test import Order, try_table
 from calstation.station.forecast import forecast
 from calstation.station.outline import outline
+from calstation.station.preparation import prepare
 from calstation.station.proof import prove
 from calstation.station.request import RunRequest
 from calstation.station.resolve import resolve
 from calstation.station.schedules import offer
-from calstation.station.setup import prepare
 from tests.station.conftest import STATION, Place
 
 SHORT = {"manual": True, "initial_rest_s": 5.0, "rest_s": 2.0, "step_deg": 120.0, "rate_dps": 90.0}

@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 import pytest
 
 from calstation.errors import ConfigurationError
+from calstation.station.preparation import prepare
 from calstation.station.schedules import Problem, offer, problems, schedule_fields
-from calstation.station.setup import prepare
 from tests.station.conftest import PRODUCT, Place
 
 

@@ -9,8 +9,9 @@ import tomli_w
 from calstation.errors import ConfigurationError
 from calstation.station.config import StationConfig
 from calstation.station.connection_test import Order, try_imu, try_table
+from calstation.station.preparation import prepare
 from calstation.station.request import RunRequest
-from calstation.station.setup import Setup, prepare
+from calstation.station.setup import Setup
 from calstation.station.wiring import endpoints
 from tests.station.conftest import STATION, Place
 

@@ -17,10 +17,10 @@ from calstation.station import register_journal
 from calstation.station.bench_host import BenchHost
 from calstation.station.hand_registers import read_unit
 from calstation.station.library import shipped_folder
+from calstation.station.preparation import configured
 from calstation.station.register_journal import site_of
 from calstation.station.request import RunRequest
 from calstation.station.run import execute
-from calstation.station.setup import configured
 from tests.station.conftest import STATION, Place
 from tests.station.errands import Errands
 

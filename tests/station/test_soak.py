@@ -58,7 +58,7 @@ def test_what_is_wrong_lost_unsafe_or_hung_makes_a_soak_unsound() -> None:
 def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
     from calstation.bench.config import BenchConfig
     from calstation.physics.parameters import INDEX
-    from calstation.station.setup import configured
+    from calstation.station.preparation import configured
 
     request = _written(GOOD, tmp_path, ("rate", "six_position"))
     setup, _ = configured(request)

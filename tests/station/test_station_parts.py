@@ -12,8 +12,8 @@ from calstation.station.bench_host import BenchHost
 from calstation.station.clock import BenchClock, RealClock
 from calstation.station.compose import compose
 from calstation.station.fitting import fitting_products
+from calstation.station.preparation import prepare
 from calstation.station.request import RunRequest
-from calstation.station.setup import prepare
 from calstation.station.solve import solve
 from tests.station.conftest import Place
 

@@ -16,8 +16,8 @@ from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
 from calstation.station import register_journal
 from calstation.station.hand_registers import UnitRegisters, read_unit
+from calstation.station.preparation import configured
 from calstation.station.run import execute
-from calstation.station.setup import configured
 from calstation.station.unit_alone import unit_alone
 from tests.station.conftest import Place
 from tests.station.errands import Errands

@@ -7,7 +7,7 @@ from PySide6.QtCore import QCoreApplication
 from calstation.gui.context import AppContext
 from calstation.gui.widgets.notice import Choice
 from calstation.station.fitting import fitting_products
-from calstation.station.setup import HandsError
+from calstation.station.preparation import HandsError
 
 _BUTTONS = 2
 """Most products that get a button; all are named."""

@@ -49,8 +49,8 @@ from calstation.sequencer.events import (
 from calstation.station import library
 from calstation.station.config import DEFAULT_PRODUCT
 from calstation.station.outline import outline
+from calstation.station.preparation import HandsError
 from calstation.station.request import RunRequest
-from calstation.station.setup import HandsError
 
 _STEPS = 1000
 """Of the progress bar."""
