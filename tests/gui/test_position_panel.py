@@ -182,7 +182,7 @@ def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
     sent: list[Command] = []
     monkeypatch.setattr(link, "send", sent.append)
     run.outline = planned
-    page._position.plan(planned)
+    page._live.position.plan(planned)
     link.event.emit(StateChanged("preparing", "idle"))
     operator.until(lambda: window.findChild(Preparation).isVisible())
     assert "Homing" not in operator.says()
@@ -190,8 +190,8 @@ def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
     link.event.emit(StateChanged("running", "preparing"))
     link.event.emit(StageStarted("multi_position", 0, 1, 400.0))
     link.event.emit(guided("enough", suffices=True))
-    operator.until(lambda: page._position.isVisible())
+    operator.until(lambda: page._live.position.isVisible())
     assert "Turn the inner rail to about 180°, then let go." in operator.says()
-    assert not page._table.isVisible()
+    assert not page._live.table.isVisible()
     operator.press("finish_positions_button")
     assert sent == [Command.ENOUGH]

@@ -19,33 +19,19 @@ from calstation.errors import CalstationError
 from calstation.gui import theme
 from calstation.gui.context import AppContext
 from calstation.gui.fault_wording import word_fault
-from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.header import RunHeader
+from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.misfit import Misfit
-from calstation.gui.operator.position_panel import PositionPanel
-from calstation.gui.operator.preparation import Preparation
 from calstation.gui.operator.resuming import Resuming
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import Starting
-from calstation.gui.operator.table_panel import TablePanel
-from calstation.gui.operator.traces import Traces
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.page import Page
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.gui.wording import KINDS, word_busy, word_message, word_stage, word_state, word_step
-from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer.control import Command
-from calstation.sequencer.events import (
-    Event,
-    PositionGuided,
-    StageEnded,
-    StageProgress,
-    StageSolved,
-    TableMoved,
-    Trace,
-)
 from calstation.station import library
 from calstation.station.config import DEFAULT_PRODUCT
 from calstation.station.outline import outline
@@ -71,14 +57,11 @@ class OperatorPage(Page):
         self._fields = self.header
         self._stages = StageList(app.run)
         self._loading, self._verdict = Loading(), VerdictPanel(app)
-        self._table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
-        self._position, self._upper = PositionPanel(), QWidget()
-        self._preparation = Preparation(app.run)
+        self._live = LiveView(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar()
         self._starting = Starting(app, self._fields, self.notice)
         self._resuming = Resuming(app, self._fields, self.notice, self._starting)
-        self._lower = _stack(self._preparation, self._convergence)
-        self._views = _stack(self._loading, self._live(), self._verdict)
+        self._views = _stack(self._loading, self._live, self._verdict)
         self._progress = QProgressBar()
         self._progress.setObjectName("run_progress")
         self._progress.setRange(0, _STEPS)
@@ -117,33 +100,6 @@ class OperatorPage(Page):
         if self.isVisible() and not run.going and run.fault is None and not self.notice.asking:
             self._fields.focus_serial()
 
-    def _live(self) -> QWidget:
-        live = QWidget()
-        upper = QHBoxLayout(self._upper)
-        upper.setContentsMargins(0, 0, 0, 0)
-        upper.setSpacing(theme.GRID)
-        self._table.setMinimumWidth(37 * theme.GRID)
-        upper.addWidget(self._table, 1)
-        upper.addWidget(self._traces, 3)
-        column = QVBoxLayout(live)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addWidget(self._position, 9)
-        column.addWidget(self._upper, 5)
-        column.addWidget(self._lower, 4)
-        return live
-
-    def _show_live(self) -> None:
-        """A table with its plots; or, where the unit is carried, what its carrier must see from afar."""
-        run = self.app.run
-        carried = run.outline is not None and run.outline.by_hand
-        begun = any(stage.state != "waiting" for stage in run.stages) and not run.errand
-        self._lower.setCurrentIndex(1 if begun else 0)
-        self._table.setVisible(not carried)
-        self._position.setVisible(carried and begun)
-        for widget in (self._upper, self._lower):
-            widget.setVisible(not (carried and begun))
-
     def _lay_out(self) -> None:
         right = QVBoxLayout()
         right.setSpacing(theme.GRID)
@@ -171,7 +127,7 @@ class OperatorPage(Page):
     def _connect(self) -> None:
         fields, app = self._fields, self.app
         fields.pause_pressed.connect(self._pause)
-        self._position.finish_wanted.connect(lambda: app.engine_link.send(Command.ENOUGH))
+        self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.ENOUGH))
         fields.product_chosen.connect(self._choose_product)
         fields.enter_refused.connect(
             lambda: self._message.setText(self.tr("Enter does not start: press Space or click START."))
@@ -179,7 +135,7 @@ class OperatorPage(Page):
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.details_wanted.connect(app.open_run)
         self._verdict.station_wanted.connect(self.station_wanted)
-        app.engine_link.event.connect(self._take)
+        app.engine_link.event.connect(self._live.take)
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._refresh)
         app.run.stop_pressed.connect(self._stop_pressed)
@@ -309,19 +265,14 @@ class OperatorPage(Page):
 
     def _running_changed(self, running: bool) -> None:
         if running:
-            run, request = self.app.run, self.app.engine_link.request
+            request = self.app.engine_link.request
             self.notice.dismiss()
             if request is not None:
                 self._fields.set_serial(request.serial)
-            self._table.forget()
-            self._traces.start()
-            self._convergence.start(run.outline.targets if run.outline is not None else {})
-            if run.outline is not None:
-                self._table.set_axes(run.outline.outer_axis, run.outline.inner_axis)
-                self._position.plan(run.outline)
+            self._live.start()
         else:
             self.closing.dismiss()
-            self._traces.stop()
+            self._live.stop()
             self._refresh()
             self._await_next()
 
@@ -337,20 +288,6 @@ class OperatorPage(Page):
         self._fields.focus_serial()
         if run.state == "stopped":
             self._resuming.look(self._fields.serial)
-
-    def _take(self, event: Event) -> None:
-        if isinstance(event, TableMoved):
-            self._table.take(event)
-        elif isinstance(event, PositionGuided):
-            self._position.take(event)
-        elif isinstance(event, StageEnded):
-            self._position.rest()
-        elif isinstance(event, Trace):
-            self._traces.take(event)
-        elif isinstance(event, StageProgress):
-            self._convergence.take(self.app.run.done, event.sigma)
-        elif isinstance(event, StageSolved):
-            self._convergence.take(self.app.run.done, _largest(event))
 
     # ---- closing the window
 
@@ -395,7 +332,7 @@ class OperatorPage(Page):
         fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
         self._badge.show_state(KINDS.get(run.shown, "none"), word_state(run.shown))
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
-        self._show_live()
+        self._live.refresh()
         if run.going and self.notice.asking:
             self.notice.dismiss()
         shown = (run.state, run.verdict, run.fault, len(run.remarks), busy)
@@ -469,11 +406,3 @@ def _stack(*pages: QWidget) -> QStackedWidget:
     for page in pages:
         stack.addWidget(page)
     return stack
-
-
-def _largest(event: StageSolved) -> dict[str, float]:
-    """The largest sigma of every group that a stage solved as a whole."""
-    found: dict[str, list[float]] = {}
-    for name, row in event.parameters.items():
-        found.setdefault(PARAMETERS[INDEX[name]].group, []).append(row["sigma"])
-    return {group: max(sigmas) for group, sigmas in found.items() if group in GROUPS}
