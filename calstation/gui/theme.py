@@ -158,14 +158,14 @@ def style_sheet(c: Colours) -> str:
     }}
     QPushButton:hover {{ border-color: {c.accent}; }}
     QPushButton:pressed {{ background: {c.line}; }}
-    QPushButton:focus {{ border: 2px solid {c.accent}; }}
+    QPushButton:focus {{ border: 2px solid {c.accent}; padding: 0 {2 * GRID - 1}px; }}
     QPushButton:disabled {{ background: {c.window}; color: {c.muted}; }}
     QPushButton:checked {{ background: {c.accent}; color: {c.on_accent}; }}
     QPushButton[kind="primary"] {{ background: {c.accent}; color: {c.on_accent}; border-color: {c.accent}; }}
-    QPushButton[kind="primary"]:focus {{ border: 3px solid {c.text}; }}
+    QPushButton[kind="primary"]:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
     QPushButton[kind="primary"]:disabled {{ background: {c.window}; color: {c.muted}; border-color: {c.line}; }}
     QPushButton#stop_button {{ background: {c.bad}; color: {c.on_state}; border-color: {c.bad}; }}
-    QPushButton#stop_button:focus {{ border: 3px solid {c.text}; }}
+    QPushButton#stop_button:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
     QPushButton#start_button, QPushButton#stop_button, QPushButton#pause_button {{
         min-height: {BIG_BUTTON - 2}px; font-size: {SECTION}px; font-weight: 600;
     }}
