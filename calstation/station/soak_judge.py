@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calstation.bench.config import BenchConfig
+from calstation.devices.table_profile import TableProfile
 from calstation.errors import CalstationError
 from calstation.physics.parameters import INDEX
 from calstation.records.log import open_log
@@ -85,7 +86,8 @@ def judge_run(
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench(report)
     died = bool(kinds) and "engine_killed" in kinds and not _ended(request)
-    happened = [kind for kind in kinds if kind in bench.get("obeyed", ()) or kind in SET_UP]
+    setup = configured(request)[0]
+    happened = [kind for kind in kinds if kind in bench.get("obeyed", ()) or _set_up(kind, setup)]
     result, lost = _records(request, died)
     outcome = "hung" if hung else str(result.get("outcome", "lost"))
     happened += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
@@ -102,7 +104,7 @@ def judge_run(
         wrong=tuple(_wrong(planned, request, result, outcome, happened)),
         lost=tuple(lost),
         unsafe=bool(
-            bench.get("moving", True) or (bench["enabled"] and not (lost_link and _left_alone(request)))
+            bench.get("moving", True) or (bench["enabled"] and not (lost_link and _left_alone(setup.table)))
         ),
         samples=samples,
         samples_lost=missing,
@@ -112,11 +114,24 @@ def judge_run(
     )
 
 
-def _left_alone(request: RunRequest) -> bool:
+def _set_up(kind: str, setup: Setup) -> bool:
+    """Whether a kind made the bench another from the start: no device misses what it never had."""
+    if kind == "watchdog_off":
+        return _watched(setup.table)
+    if kind == "never_ready":
+        return bool(setup.imu.status.ready)
+    return kind in SET_UP
+
+
+def _watched(table: TableProfile) -> bool:
+    """Whether the table has a watchdog."""
+    names = table.registers if table.text is None else table.text.queries
+    return any("watchdog" in name for name in names)
+
+
+def _left_alone(table: TableProfile) -> bool:
     """Whether the table has nothing that switches its axes off when its link is lost: it ends its move and rests."""
-    table = configured(request)[0].table
-    watched = table.registers if table.text is None else table.text.queries
-    return table.link_loss_stop_s is None and not any("watchdog" in name for name in watched)
+    return table.link_loss_stop_s is None and not _watched(table)
 
 
 def _records(request: RunRequest, died: bool) -> tuple[dict[str, Any], list[str]]:

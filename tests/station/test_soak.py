@@ -10,8 +10,10 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.station.fault_plan import KINDS
+from calstation.station.preparation import configured
+from calstation.station.setup import Setup
 from calstation.station.soak import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
-from calstation.station.soak_judge import Judged, _left_alone, _wrong
+from calstation.station.soak_judge import Judged, _left_alone, _set_up, _wrong
 
 pytestmark = pytest.mark.long
 
@@ -58,7 +60,6 @@ def test_what_is_wrong_lost_unsafe_or_hung_makes_a_soak_unsound() -> None:
 def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
     from calstation.bench.config import BenchConfig
     from calstation.physics.parameters import INDEX
-    from calstation.station.preparation import configured
 
     request = _written(GOOD, tmp_path, ("rate", "six_position"))
     setup, _ = configured(request)
@@ -95,9 +96,29 @@ def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.Capture
     assert len(list((tmp_path / "handover").glob("SN-*.json"))) == 2
 
 
-def test_only_a_table_without_a_watchdog_may_keep_its_axes_on_when_its_engine_dies(tmp_path: Path) -> None:
-    alone = {
-        name: _left_alone(_written(replace(GOOD, devices=name), tmp_path / str(k), ("rate",)))
+@pytest.fixture(scope="module")
+def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Setup]:
+    """A run with every choice of devices."""
+    return {
+        name: configured(
+            _written(replace(GOOD, devices=name), tmp_path_factory.mktemp(f"devices{k}"), ("rate",))
+        )[0]
         for k, name in enumerate(DEVICES)
     }
-    assert {name for name, left in alone.items() if left} == {"two drives", "ATL", "ACL", "MN"}
+
+
+def test_only_a_table_without_a_watchdog_may_keep_its_axes_on_when_its_engine_dies(
+    setups: dict[str, Setup],
+) -> None:
+    alone = {name for name, setup in setups.items() if _left_alone(setup.table)}
+    assert alone == {"two drives", "ATL", "ACL", "MN"}
+
+
+def test_what_a_device_does_not_have_is_no_fault_of_it(setups: dict[str, Setup]) -> None:
+    for kind, without in (
+        ("watchdog_off", {"two drives", "ATL", "ACL", "MN"}),
+        ("never_ready", {"VN-100"}),
+        ("wrong_unit", set()),
+    ):
+        assert {name for name, setup in setups.items() if not _set_up(kind, setup)} == without, kind
+    assert not _set_up("stall", setups["ATL"])
