@@ -44,10 +44,14 @@ class Wires:
         return lines and self.table_port != self.imu_port and self.table.protocol != "imu_link"
 
 
-def identify(table: Table, imu: Imu | None, wires: Wires) -> TableIdentity:
+def identify(
+    table: Table, imu: Imu | None, wires: Wires, hear: Callable[[], None] = lambda: None
+) -> TableIdentity:
     """Have the devices say who they are, the IMU where it is open. Raises DeviceFaultError where one is another.
 
     What keeps a device from saying it may be looked for on its port, so that both are closed then.
+
+    hear : called while that takes its time, may raise
     """
     try:
         identity = table.identify()
@@ -59,13 +63,13 @@ def identify(table: Table, imu: Imu | None, wires: Wires) -> TableIdentity:
         table.close()
         if imu is not None:
             imu.close()
-        raise _explained(fault, wires) from fault
+        raise _explained(fault, wires, hear) from fault
     return identity
 
 
-def _explained(fault: DeviceFaultError, wires: Wires) -> DeviceFaultError:
+def _explained(fault: DeviceFaultError, wires: Wires, hear: Callable[[], None]) -> DeviceFaultError:
     """What is behind it, where that can be found out."""
-    if exchanged(wires):
+    if _exchanged(wires, hear):
         return DeviceFaultError(
             f"table: it and the IMU are exchanged, its port {wires.table_port} is the IMU's; exchange table.port and"
             " imu.port in the station file"
@@ -74,7 +78,7 @@ def _explained(fault: DeviceFaultError, wires: Wires) -> DeviceFaultError:
     if not isinstance(fault, NoAnswerError | ModbusRefusalError) or refused not in (None, *OTHER_NUMBER):
         return fault
     unit = fault.unit
-    other = other_unit(wires) if unit == wires.table.unit else None
+    other = other_unit(wires, lambda share: hear()) if unit == wires.table.unit else None
     if other is not None:
         return DeviceFaultError(
             f"table: on {wires.table_port} '{other[1]}' answers as unit {other[0]}, not as unit {unit}; correct"
@@ -92,9 +96,15 @@ def _explained(fault: DeviceFaultError, wires: Wires) -> DeviceFaultError:
     )
 
 
-def exchanged(wires: Wires) -> bool:
+def _exchanged(wires: Wires, hear: Callable[[], None]) -> bool:
     """Whether the IMU streams on the table's line, or the table says its model on the IMU's."""
-    return wires.two_lines and (imu_on_tables_line(wires) or table_on_imus_line(wires))
+    if not wires.two_lines:
+        return False
+    for looked in (imu_on_tables_line, table_on_imus_line):
+        hear()
+        if looked(wires):
+            return True
+    return False
 
 
 def imu_on_tables_line(wires: Wires) -> bool:

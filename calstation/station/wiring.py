@@ -70,7 +70,7 @@ def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
             stack.callback(imu.close)
         if not setup.table.by_hand:
             # Before anything else: not even a stop may be written to what may be no table at all.
-            identify(table, imu, wires(setup, at.table, at.imu))
+            identify(table, imu, wires(setup, at.table, at.imu), hear)
         imu.start()
         if isinstance(at.clock, BenchClock):
             at.clock.attach(lambda: imu.received)

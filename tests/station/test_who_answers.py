@@ -13,7 +13,7 @@ from wires import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, termi
 
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.sequencer.control import Control
+from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict
 from calstation.station import table_reset
 from calstation.station.connection_test import try_imu, try_table
@@ -56,21 +56,25 @@ class Bus:
         return rtu(bytes([self.unit, READ, len(values)]) + values)
 
 
+def asked(folder: Path, table: str, imu: str, **section: Any) -> RunRequest:
+    """A run on hardware at these ports."""
+    product, station = folder / "product.toml", folder / "station.toml"
+    product.write_text(tomli_w.dumps(PRODUCT), encoding="utf-8")
+    links = {
+        "table": {"profile": "bench", "port": table, "timeout_s": 0.1, **section},
+        "imu": {"port": imu, "timeout_s": 0.2},
+    }
+    station.write_text(tomli_w.dumps({**STATION, **links}), encoding="utf-8")
+    return RunRequest("SN-000042", station, product, ("rate",), folder / "runs", "tester")
+
+
 @pytest.fixture
 def run(tmp_path: Path) -> Callable[..., Fault]:
     """Run on hardware at these ports; the fault that came of it."""
 
     def fault(table: str, imu: str, **section: Any) -> Fault:
-        product, station = tmp_path / "product.toml", tmp_path / "station.toml"
-        product.write_text(tomli_w.dumps(PRODUCT), encoding="utf-8")
-        links = {
-            "table": {"profile": "bench", "port": table, "timeout_s": 0.1, **section},
-            "imu": {"port": imu, "timeout_s": 0.2},
-        }
-        station.write_text(tomli_w.dumps({**STATION, **links}), encoding="utf-8")
         events: list[Event] = []
-        request = RunRequest("SN-000042", station, product, ("rate",), tmp_path / "runs", "tester")
-        execute(request, events.append, Control())
+        execute(asked(tmp_path, table, imu, **section), events.append, Control())
         verdict = events[-1]
         assert isinstance(verdict, Verdict)
         assert verdict.outcome == "fault"
@@ -125,6 +129,26 @@ def test_an_imu_that_does_not_say_who_it_is_leaves_the_table_alone(run: Callable
     with server(table.answer) as address, terminal(unit.answer, unit.sends) as port:
         assert "IMU: no answer" in run(f"tcp://{address}", port).text
     assert set(table.functions) == {READ}
+
+
+@needs_terminals
+def test_stop_is_heard_while_it_is_found_out_who_answers(tmp_path: Path, imu: str) -> None:
+    others: list[int] = []
+    control = Control()
+
+    def nobody(heard: bytes) -> bytes:
+        if len(heard) == 8 and heard[0] != 7:
+            others.append(heard[0])
+            control.send(Command.STOP)
+        return b""
+
+    events: list[Event] = []
+    with terminal(nobody) as line:
+        execute(asked(tmp_path, line, imu, unit=7), events.append, control)
+    verdict = events[-1]
+    assert isinstance(verdict, Verdict)
+    assert verdict.outcome == "stopped"
+    assert set(others) == {1}, "further numbers were asked behind Stop"
 
 
 @pytest.mark.parametrize("work", [reset_table, read_table])
