@@ -61,6 +61,9 @@ SETTLING_TIME = 0.1
 QUICK_STOP_BIT, FAULT_BIT, REMOTE_BIT, REACHED_BIT = 1 << 5, 1 << 3, 1 << 9, 1 << 10
 LIMIT_BIT, HOMED_BIT, MOVING_BIT = 1 << 11, 1 << 12, 1 << 14
 
+HUNTING = (np.deg2rad(0.02), 1.3)
+"""Amplitude and frequency with which joints that do not settle hunt about their target, rad and Hz."""
+
 SWITCH_BEYOND = np.deg2rad(0.5)
 """The limit switches lie this far behind the travel: a move to its end is no overtravel, rad."""
 
@@ -211,14 +214,24 @@ class TableMachine:
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
         """Start one joint, whatever the other does; its move under way, sent again, changes nothing."""
+        beyond = self.overshoot
+        if self._start_joint(time, joint, target, beyond, rate, acceleration):
+            self.overshoot = 0.0
+
+    def _start_joint(
+        self, time: float, joint: int, target: float, beyond: float, rate: float, acceleration: float
+    ) -> bool:
+        """Start a joint towards `beyond` its target; whether it was not on its way there already."""
         self._allow(joint, target, rate, acceleration)
         if not self.homed:
             raise NotPermitted
         profile = self.drive.profiles[joint]
         if time < profile.end and profile.target == target and self.power is Power.ENABLED:
-            return
+            return False
         self._permit(time, profile.end)
-        self.drive.move_joint(time, joint, target, rate, acceleration)
+        if not self.jammed:
+            self.drive.move_joint(time, joint, target + beyond, rate, acceleration)
+        return True
 
     def turn(self, time: float, rates: tuple[float, float], accelerations: tuple[float, float]) -> None:
         """Turn both joints at these rates until stopped, or up to the end of their travel. Raises a `Refusal`."""
@@ -231,7 +244,7 @@ class TableMachine:
         if rate == 0.0:
             self._permit(time, self.drive.profiles[joint].end)
         else:
-            self.move_joint(time, joint, end, abs(rate), acceleration)
+            self._start_joint(time, joint, end, 0.0, abs(rate), acceleration)
 
     def stop(self, time: float) -> None:
         """Decelerate to rest, stay enabled."""
@@ -239,7 +252,10 @@ class TableMachine:
 
     def positions(self, time: float) -> FloatArray:
         """Encoder angles of the joints, rad, shape (2,)."""
-        return np.asarray(self.drive.readings(np.array([time]))[0] - self._zero)
+        angles = np.asarray(self.drive.readings(np.array([time]))[0] - self._zero)
+        if time < self.restless_until:
+            angles += HUNTING[0] * np.sin(2.0 * np.pi * HUNTING[1] * time)
+        return angles
 
     def statusword(self, time: float) -> int:
         """CiA 402 statusword with the table's own bits."""

@@ -36,19 +36,31 @@ def test_a_fault_of_the_table_stops_the_run(
 
 
 @pytest.mark.parametrize(
+    "profile", ["cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"]
+)
+@pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("interlock", 0, ("interlock",)),
-        ("drive_fault", None, ("fault 'drive'", "then reset it")),
+        ("stall", None, ("fault '", "then reset it")),
+        ("drive_fault", None, ("fault '", "then reset it")),
+        ("limit_fault", None, ("fault '", "then reset it")),
+        ("interlock", 0, ("fault '", "then reset it")),
+        ("jam", None, ("outer 360.0°", "obstacle")),
+        ("overshoot", 2, ("table: stands 2.", "° away from outer 360.0°")),
         ("never_settle", 600, ("does not settle", "tuning")),
-        ("refuse_table", 4, ("cannot do it in its present state", "drive's display")),
     ],
 )
-def test_a_fault_of_a_table_with_a_drive_for_each_axis_stops_the_run(
-    floor: Floor, kind: str, value: float | None, words: tuple[str, ...]
+def test_a_fault_stops_the_run_on_every_protocol(
+    floor: Floor, profile: str, kind: str, value: float | None, words: tuple[str, ...]
 ) -> None:
-    floor.table = "cia402_drives"
+    floor.table = profile
     floor.run(fault(kind, value)).assert_stopped("table: ", *words)
+
+
+def test_a_drive_that_refuses_stops_the_run_though_the_other_obeys(floor: Floor) -> None:
+    floor.table = "cia402_drives"
+    ran = floor.run(fault("refuse_table", 4))
+    ran.assert_stopped("table: ", "cannot do it in its present state", "drive's display")
 
 
 def test_a_table_without_a_watchdog_that_answers_no_more_ends_its_move_and_rests(floor: Floor) -> None:

@@ -701,8 +701,8 @@
         <translation>转台：被切换到本地控制；请切换回远程控制，然后重新开始</translation>
     </message>
     <message>
-        <source>table: stands {0}° away from outer {1}°, inner {2}°; look at encoder and drive, home the table</source>
-        <translation>转台：与外轴 {1}°、内轴 {2}° 相差 {0}°；请检查编码器和驱动器，并重新回零</translation>
+        <source>table: stands {0}° away from outer {1}°, inner {2}°; look for an obstacle, at encoder and drive, then home the table</source>
+        <translation>转台：与外轴 {1}°、内轴 {2}° 相差 {0}°；请检查有无障碍物、编码器和驱动器，再重新回零</translation>
     </message>
     <message>
         <source>table: port {0} was lost ({1}); check cable and power</source>
