@@ -153,7 +153,8 @@ SENTENCES: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP(
         "faults",
-        "table: stands {0}° away from outer {1}°, inner {2}°; look for an obstacle, at encoder and drive, then home the table",
+        "table: stands {0}° away from outer {1}°, inner {2}°; look for an obstacle, at encoder and drive, then home the"
+        " table",
     ),
     QT_TRANSLATE_NOOP("faults", "table: port {0} was lost ({1}); check cable and power"),
     QT_TRANSLATE_NOOP(

@@ -27,6 +27,9 @@ REPEATS = 3
 _REST_BEFORE_REPEAT = 5.0
 """Rest before a move is repeated, s: what solvers need to find attitude and angle again."""
 
+_SILENCE = 10.0
+"""How long a unit may say nothing before a step is repeated, s."""
+
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
 
@@ -99,7 +102,7 @@ class StepRunner:
             finally:
                 self._pulse.pausable = self._pulse.watchful = False
             self._recover(start, moved)
-            todo = again
+            todo = [Dwell(_REST_BEFORE_REPEAT), *again] if moved else again
 
     @property
     def asked(self) -> tuple[float, float]:
@@ -141,7 +144,8 @@ class StepRunner:
             return f"table: does not settle at {wanted}; look at the drive's tuning and for what shakes the table"
         if status.settled and not status.moving:
             away_deg = np.rad2deg(away)
-            return f"table: stands {away_deg:.1f}° away from {wanted}; look for an obstacle, at encoder and drive, then home the table"
+            return f"table: stands {away_deg:.1f}° away from {wanted}; look for an obstacle, at encoder and"
+                " drive, then home the table"
         return f"table: did not reach {wanted} in time; look for an obstacle or a stalled drive"
 
     def position(self) -> tuple[float, float]:
@@ -179,18 +183,17 @@ class StepRunner:
         )
 
     def _recover(self, start: tuple[float, float], moved: bool) -> None:
-        """Back to the start of the step, so that it can be repeated as a step of its own."""
+        """Back to the start of the step with data coming, so that it can be repeated as a step of its own."""
         if moved and not self.arrived(start):
             check_motion(self._pulse.status)
             rate = min(_RETURN_RATE, *self._limits.rate)
             acceleration = min(_RETURN_ACCELERATION, *self._limits.acceleration)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
             self.drive(Move(outer, inner, rate, acceleration, ("return",)))
+        received = self._acquisition.received
+        self._pulse.wait(lambda: self._acquisition.received > received, _SILENCE, _explain("no_data"))
         self._acquisition.step += 1
         self._acquisition.valid = True
-        if moved:
-            self._started("dwell")
-            self._pulse.rest(_REST_BEFORE_REPEAT)
 
     def _started(self, kind: str, label: tuple[str | float, ...] = ()) -> None:
         self._emit(StepStarted(self._acquisition.stage, self._acquisition.step, kind, label))

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("silence_imu", 600, ("data did not come in time", "check the link")),
+        ("silence_imu", 600, ("no data any more", "check cable, power")),
         ("garble_imu", 600, ("check baud, parity",)),
         ("saturate_imu", 600, ("saturates", "lower the rate")),
         ("invalid_imu", 600, ("saturates", "lower the rate")),
@@ -106,6 +106,23 @@ def test_a_wrong_unit_mounting_or_baud_is_told_before_any_stage(
     floor: Floor, planned: dict[str, str], words: tuple[str, ...]
 ) -> None:
     floor.run(planned).assert_stopped("IMU: ", *words)
+
+
+@pytest.mark.parametrize("time_s", [4.0, 4.7])
+@pytest.mark.parametrize(
+    ("kind", "value", "reason"),
+    [
+        ("drop_frames", 3, "gap"),
+        ("saturate_imu", 0.1, "saturated"),
+        ("silence_imu", 8.0, "no_data"),
+    ],
+)
+def test_the_rest_before_a_repeated_step_is_watched_too(
+    floor: Floor, kind: str, value: float, reason: str, time_s: float
+) -> None:
+    ran = floor.run(fault("drop_frames", 3, step=9), fault(kind, value, step=11, time_s=time_s))
+    assert ran.verdict.outcome == "passed"
+    assert ran.repeated == ["gap", reason]
 
 
 def test_an_adapter_that_was_unplugged_works_again_when_it_is_back(floor: Floor) -> None:

@@ -9,7 +9,8 @@ from calstation.gui.fault_wording import known, word_fault
 OLD = "the unit was restarted and holds its old registers"
 TOLD = [
     "table: does not settle at outer 360.0°, inner 0.0°; look at the drive's tuning and for what shakes the table",
-    "table: stands 2.1° away from outer 360.0°, inner 0.0°; look for an obstacle, at encoder and drive, then home the table",
+    "table: stands 2.1° away from outer 360.0°, inner 0.0°; look for an obstacle, at encoder and drive, then home the"
+    " table",
     "table: registers 17-63 cannot be read: the device cannot do it in its present state (Modbus exception 4);"
     " look at the drive's display",
     "table: registers 17-63 cannot be read on tcp://127.0.0.1:34393 (no answer); check cable, power and unit number",
