@@ -144,8 +144,10 @@ class StepRunner:
             return f"table: does not settle at {wanted}; look at the drive's tuning and for what shakes the table"
         if status.settled and not status.moving:
             away_deg = np.rad2deg(away)
-            return f"table: stands {away_deg:.1f}° away from {wanted}; look for an obstacle, at encoder and"
-                " drive, then home the table"
+            return (
+                f"table: stands {away_deg:.1f}° away from {wanted}; look for an obstacle, at encoder and drive, then"
+                " home the table"
+            )
         return f"table: did not reach {wanted} in time; look for an obstacle or a stalled drive"
 
     def position(self) -> tuple[float, float]:
