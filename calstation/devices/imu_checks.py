@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from calstation.configuration import entry
+from calstation.configuration import EntryError, entry
 from calstation.devices.channels import CHANNELS
 from calstation.devices.frame_profile import FrameField, FrameSection
 from calstation.devices.link import SerialSettings
@@ -100,6 +100,16 @@ def check_nanoseconds(frame: FrameSection, rate: float) -> None:
         raise ValueError(
             f"field 'counter': per_sample = {counter.per_sample:g} does not fit stream.sample_rate_hz = {rate:g}, at"
             f" which the unit's clock counts {expected:g} ns; correct one"
+        )
+
+
+def check_sync(frame: FrameSection, reply_sync: bytes) -> None:
+    """Can frames be told from replies? Raises ValueError naming the sync."""
+    sync = frame.sync_bytes
+    if sync.startswith(reply_sync) or reply_sync.startswith(sync):
+        raise EntryError(
+            "begins as commands.reply_sync does, so samples could not be told from replies; correct one",
+            "sync",
         )
 
 

@@ -17,9 +17,10 @@ from calstation.devices.imu_checks import (
     check_nanoseconds,
     check_samples,
     check_status,
+    check_sync,
 )
 from calstation.devices.link import SerialSettings
-from calstation.devices.numbers import ByteOrder, WordOrder, number
+from calstation.devices.numbers import ByteOrder, WordOrder, check_code, number
 from calstation.devices.register_profile import RegisterEntry, check_registers
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
 
@@ -117,8 +118,10 @@ class CommandSection(StrictModel):
     @classmethod
     def _errors(cls, errors: dict[str, str]) -> dict[str, str]:
         for code in errors:
-            if not code.isdecimal():
-                raise ValueError(f'{code} must be a number in quotes, like "2"')
+            with entry(code):
+                check_code(code)
+                if int(code) > 0xFF:
+                    raise ValueError("is more than a byte, so no unit tells it; correct it")
         return errors
 
     @field_validator("request_sync", "reply_sync")
@@ -317,20 +320,10 @@ class ImuProfile(StrictModel):
 
     @model_validator(mode="after")
     def _stream_whole(self) -> "ImuProfile":
-        check_status(self.status, self.frame, STATUS_WORDS)
-        if "baud" in self.link.model_fields_set:
-            check_baud(self.link, self.frame, self.stream.sample_rate_hz)
-        if self.protocol == "vectornav":
-            check_nanoseconds(self.frame, self.stream.sample_rate_hz)
-        return self
-
-    @model_validator(mode="after")
-    def _syncs_differ(self) -> "ImuProfile":
-        if self.commands is None:
-            return self
-        stream, reply = self.frame.sync_bytes, hex_bytes(self.commands.reply_sync)
-        if stream.startswith(reply) or reply.startswith(stream):
-            raise ValueError("frame.sync and commands.reply_sync begin alike; frames could not be told apart")
+        self._check_stream(self.frame)
+        if self.commands is not None:
+            with entry("frame"):
+                check_sync(self.frame, hex_bytes(self.commands.reply_sync))
         return self
 
     @model_validator(mode="after")
@@ -345,7 +338,25 @@ class ImuProfile(StrictModel):
         if self.corrected.frame is not None:
             with entry("corrected", "frame"):
                 type(self)._sample(self.corrected.frame)
+                self._check_stream(self.corrected.frame)
+                if self.commands is not None:
+                    check_sync(self.corrected.frame, hex_bytes(self.commands.reply_sync))
         return self
+
+    def _check_stream(self, frame: FrameSection) -> None:
+        """Does a stream of these frames carry what is looked for, and does the link carry it? Raises ValueError."""
+        rate = self.stream.sample_rate_hz
+        check_status(self.status, frame, STATUS_WORDS)
+        if "baud" in self.link.model_fields_set:
+            check_baud(self.link, frame, rate)
+        if self.protocol == "vectornav":
+            check_nanoseconds(frame, rate)
+
+    @property
+    def frames(self) -> tuple[FrameSection, ...]:
+        """Those of all streams that the unit is told to send."""
+        own = self.corrected.frame if self.corrected is not None else None
+        return (self.frame,) if own is None else (self.frame, own)
 
     @property
     def timeout_s(self) -> float:

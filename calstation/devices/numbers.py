@@ -173,3 +173,9 @@ def _known(name: str) -> str:
 
 NumberName = Annotated[str, AfterValidator(_known)]
 """A type's name in a profile."""
+
+
+def check_code(code: str) -> None:
+    """Is it a device's code as a profile writes it, in ASCII digits and no others? Raises ValueError with the mend."""
+    if not (code.isascii() and code.isdecimal() and code == str(int(code))):
+        raise ValueError('must be a number in quotes, in plain digits like "2"; correct it')

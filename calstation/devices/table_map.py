@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from calstation.configuration import StrictModel, suggestion
-from calstation.devices.numbers import Number, number
+from calstation.configuration import StrictModel, entry, suggestion
+from calstation.devices.numbers import Number, check_code, number
 
 JOINTS = ("outer", "inner")
 DRIVE_REGISTERS = ("model", "controlword", "statusword", "fault")
@@ -184,6 +184,8 @@ class TableMap:
         self._check_kinds()
         self._check_bits()
         self._check_commands()
+        self._check_signs()
+        self._check_watchdog()
         self._check_ranges(axes, encoder_sigma)
         self._check_faults(faults)
 
@@ -351,10 +353,49 @@ class TableMap:
                         f" accuracy.encoder_sigma_deg = {encoder_sigma:g}; correct one"
                     )
 
+    def _check_signs(self) -> None:
+        """Angles are told and read in the same sense, and what has none is not negative."""
+        for joint in JOINTS:
+            position = self.registers[f"{joint}_position"]
+            signed = [f"{joint}_{name}" for name in ("target", "rate", "turn_rate", "low", "high")]
+            if RATE_COMMAND in self.commands:
+                signed += [name for name in self.turning() if name.startswith(joint)]
+            unsigned = [f"{joint}_{name}" for name in ("target_rate", "acceleration")]
+            for name in unsigned:
+                if self.registers[name].scale < 0.0:
+                    raise ValueError(
+                        f"registers.{name}: scale = {self.registers[name].scale:g} is negative, but it tells a move how"
+                        " fast, whichever way it goes; make it positive"
+                    )
+            for name in signed:
+                register = self.registers.get(name)
+                if register is None or register.scale * position.scale > 0.0:
+                    continue
+                mend = f"add registers.{joint}_turn_rate" if name in unsigned else "correct one"
+                raise ValueError(
+                    f"registers.{name}: scale = {register.scale:g} counts the other way than that of"
+                    f" registers.{joint}_position, {position.scale:g}; {mend}"
+                )
+
+    def _check_watchdog(self) -> None:
+        """Its time is known where it is to be fed, and can be one."""
+        for name in self.names("watchdog"):
+            if self.registers[name].scale < 0.0:
+                raise ValueError(
+                    f"registers.{name}: scale = {self.registers[name].scale:g} is negative, and so its time would be;"
+                    " make it positive"
+                )
+        fed, known = self.names("heartbeat"), self.names("watchdog")
+        if fed and not known:
+            raise ValueError(
+                f"registers.{fed[0]} is never written where no register tells the watchdog's time, by which it is fed;"
+                " add registers.watchdog, or remove it"
+            )
+
     def _check_faults(self, faults: Mapping[str, str]) -> None:
         for code in faults:
-            if not code.isdecimal():
-                raise ValueError(f'faults.{code} must be a number in quotes, like "2"')
+            with entry("faults", code):
+                check_code(code)
             for place in self.names("fault"):
                 if int(code) > self.registers[place].number.bounds[1]:
                     raise ValueError(f"faults.{code} is no value of registers.{place}; correct it")

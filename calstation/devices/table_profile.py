@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from calstation.configuration import StrictModel, load
+from calstation.configuration import EntryError, StrictModel, load
 from calstation.devices.link import SerialSettings
 from calstation.devices.table_map import Axis, Bit, ModbusRegister, TableMap, Writes
 from calstation.devices.text_profile import TextSection
@@ -130,6 +130,13 @@ class TableProfile(StrictModel):
         if abs(math.hypot(*axis) - 1.0) > 1e-3:
             raise ValueError(f"{axis} has length {math.hypot(*axis):.6g}; give a unit vector")
         return axis
+
+    @field_validator("faults")
+    @classmethod
+    def _faults(cls, faults: dict[str, str]) -> dict[str, str]:
+        if "0" in faults:
+            raise EntryError("says that there is no fault, so its meaning is never told; remove it", "0")
+        return faults
 
     @model_validator(mode="after")
     def _whole(self) -> "TableProfile":

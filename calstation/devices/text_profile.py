@@ -226,6 +226,11 @@ class TextSection(StrictModel):
                 raise ValueError(f"queries.limits: the answer needs a group {end}; add it")
         if "watchdog" in self.queries and "value" not in self._groups("watchdog"):
             raise ValueError("queries.watchdog: the answer needs a group value, in seconds; add it")
+        if self.commands.heartbeat and "watchdog" not in self.queries:
+            raise ValueError(
+                "commands.heartbeat is never sent where no query tells the watchdog's time, by which it is fed; add"
+                " queries.watchdog, or remove it"
+            )
         self._check_patterns()
         self._check_flags()
         if self.flush is not None and self.flush not in self.queries:

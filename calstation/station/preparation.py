@@ -149,7 +149,8 @@ def _check_line(setup: Setup, station_path: Path) -> None:
     if own is None or "baud" not in own.model_fields_set or port.startswith(SOCKETS):
         return
     try:
-        check_baud(own, setup.imu.frame, setup.imu.stream.sample_rate_hz)
+        for frame in setup.imu.frames:
+            check_baud(own, frame, setup.imu.stream.sample_rate_hz)
     except ValueError as exc:
         raise ConfigurationError(
             f"{station_path}: imu.serial: {str(exc).replace('link.baud', 'baud')}"

@@ -64,6 +64,57 @@ def test_what_does_not_fit_is_told(
     assert told in str(error.value)
 
 
+def own_frame(name: str, place: str, value: Any) -> dict[str, Any]:
+    """`[corrected]` of a shipped profile with a frame of its own: the raw one, or the one it has, a value changed."""
+    data = tomllib.loads((IMUS / f"{name}.toml").read_text(encoding="utf-8"))
+    frame = data["corrected"].get("frame", data["frame"])
+    if place == "fields":
+        frame["fields"] = value(frame["fields"])
+    else:
+        frame[place] = value
+    return {**data["corrected"], "frame": frame}
+
+
+def without_status(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [field for field in fields if field["name"] != "status"]
+
+
+def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{**f, "per_sample": 1e7} if f["name"] == "counter" else f for f in fields]
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value", "told"),
+    [
+        (
+            "bench_nav",
+            "fields",
+            without_status,
+            "corrected.frame: status.ready = 0x0001 looks at bits that no field of the frame holds",
+        ),
+        (
+            "bench_nav",
+            "fields",
+            lambda fields: [*({"name": f"spare{i}", "type": "u64"} for i in range(80)), *fields],
+            "corrected.frame: link.baud = 921600 is too slow for stream.sample_rate_hz = 200 with frames of 674",
+        ),
+        ("bench_nav", "sync", "55 5A", "corrected.frame.sync: begins as commands.reply_sync does"),
+        ("bench_nav", "sync", "55", "corrected.frame.sync: begins as commands.reply_sync does"),
+        (
+            "vectornav_vn100",
+            "fields",
+            at_half_the_rate,
+            "corrected.frame: field 'counter': per_sample = 1e+07 does not fit stream.sample_rate_hz = 200",
+        ),
+    ],
+)
+def test_a_frame_of_its_own_is_checked_as_the_raw_one(name: str, place: str, value: Any, told: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        profile(name, own_frame(name, place, value))
+    assert told in str(error.value)
+    assert "; " in str(error.value)
+
+
 def test_the_framed_link_is_told_by_a_byte() -> None:
     pairs = [(request(6, bytes([k])), reply_frame(6, bytes([k]))) for k in (2, 1)]
     with framed(pairs) as (imu, link):

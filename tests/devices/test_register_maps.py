@@ -303,7 +303,7 @@ def edited(name: str, where: str, value: Any) -> dict[str, Any]:
         ("bench_nav", "commands/ops", {"reed": 2}, "'reed' is no op; did you mean 'read'?"),
         ("bench_nav", "commands/ops", {"read": 3}, "two ops have the same number"),
         ("bench_nav", "commands/ops", {"read": 256}, "read = 256 is out of range"),
-        ("bench_nav", "commands/errors", {"x": "odd"}, "x must be a number in quotes"),
+        ("bench_nav", "commands/errors", {"x": "odd"}, "commands.errors.x: must be a number in quotes"),
         ("bench_nav", "commands", None, 'protocol = "framed" needs [commands]'),
     ],
 )

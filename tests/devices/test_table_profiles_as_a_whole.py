@@ -113,6 +113,45 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
         ({"outer/low_deg": 10.0}, "low_deg = 10 to high_deg = 1080 leaves out home, which is 0"),
         ({"outer/low_deg": 1080.0}, "low_deg = 1080 must be below high_deg = 1080; correct one"),
         ({"faults": {"99999": "odd"}}, "faults.99999 is no value of registers.fault"),
+        ({"faults": {"\u0663": "odd"}}, "faults.\u0663: must be a number in quotes, in plain digits"),
+        ({"faults": {"03": "odd"}}, "faults.03: must be a number in quotes, in plain digits"),
+        ({"faults": {"0": "none"}}, "faults.0: says that there is no fault, so its meaning is never told"),
+        (
+            {"registers/outer_target/scale": -1e-5},
+            "registers.outer_target: scale = -1e-05 counts the other way than that of registers.outer_position, 1e-05",
+        ),
+        (
+            {"registers/inner_rate/scale": -1e-4},
+            "registers.inner_rate: scale = -0.0001 counts the other way than that of registers.inner_position, 1e-05",
+        ),
+        (
+            {"registers/outer_high/scale": -1e-5},
+            "registers.outer_high: scale = -1e-05 counts the other way than that of registers.outer_position",
+        ),
+        (
+            {
+                f"registers/outer_{name}/scale": -1e-5
+                for name in ("position", "rate", "target", "low", "high")
+            },
+            "registers.outer_target_rate: scale = 0.0001 counts the other way than that of registers.outer_position,"
+            " -1e-05; add registers.outer_turn_rate",
+        ),
+        (
+            {"registers/outer_target_rate/scale": -1e-4},
+            "registers.outer_target_rate: scale = -0.0001 is negative, but it tells a move how fast",
+        ),
+        (
+            {"registers/inner_acceleration/scale": -1e-4},
+            "registers.inner_acceleration: scale = -0.0001 is negative",
+        ),
+        (
+            {"registers/watchdog/scale": -0.001},
+            "registers.watchdog: scale = -0.001 is negative, and so its time would be; make it positive",
+        ),
+        (
+            {"registers/watchdog": None},
+            "registers.heartbeat is never written where no register tells the watchdog's time",
+        ),
     ],
 )
 def test_registers_bits_and_commands(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
@@ -156,12 +195,25 @@ def test_registers_bits_and_commands(tmp_path: Path, changes: dict[str, Any], wo
             "queries.watchdog: the answer needs a group value",
         ),
         (ACL, {"text/queries/limits/answer": "(?P<low>.*)"}, "queries.limits: the answer needs a group high"),
+        (
+            MN,
+            {"text/commands/heartbeat": ["WDG"]},
+            "text: commands.heartbeat is never sent where no query tells the watchdog's time",
+        ),
+        (MN, {"faults/0": "none"}, "faults.0: says that there is no fault"),
         (ATL, {"text/prompt": ""}, 'protocol = "atl" needs text.prompt; add it'),
         (MN, {"text/prompt": ">"}, 'text.prompt belongs to protocol = "atl", not "mn"; remove it'),
     ],
 )
 def test_lines_of_text(tmp_path: Path, name: str, changes: dict[str, Any], words: str) -> None:
     assert words in told(tmp_path, name, changes)
+
+
+def test_axes_that_count_the_other_way_throughout_are_taken(tmp_path: Path) -> None:
+    backwards = {
+        f"registers/outer_{name}/scale": -1e-5 for name in ("position", "rate", "target", "low", "high")
+    }
+    load(tmp_path, BENCH, {**backwards, "commands/rate": None})
 
 
 def test_a_brace_of_the_language_s_own_is_doubled(tmp_path: Path) -> None:

@@ -85,3 +85,21 @@ def test_a_station_s_own_baud_must_carry_the_stream(place: Any, port: str) -> No
         return
     with pytest.raises(ConfigurationError, match=r"imu\.serial: baud = 19200 is too slow"):
         configured(place.request("rate"))
+
+
+def test_a_station_s_own_baud_must_carry_the_corrected_stream_too(
+    place: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = tomllib.loads(NAV.read_text(encoding="utf-8"))
+    spare = [{"name": f"spare{i}", "type": "u64"} for i in range(30)]
+    own = {**data["frame"], "fields": [*spare, *data["frame"]["fields"]]}
+    data["corrected"] = {**data["corrected"], "frame": own}
+    (tmp_path / "home" / "imus").mkdir(parents=True)
+    (tmp_path / "home" / "imus" / "long.toml").write_text(tomli_w.dumps(data), encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    place.write({"imu": "long"})
+    hardware = {**STATION, "table": {"profile": "bench", "port": "tcp://127.0.0.1:502"}}
+    hardware["imu"] = {"port": "/dev/ttyUSB0", "serial": {"baud": 115200}}
+    place.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"imu\.serial: baud = 115200 is too slow .* of 274 bytes"):
+        configured(place.request("rate"))
