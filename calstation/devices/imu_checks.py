@@ -10,12 +10,17 @@ from calstation.devices.frame_profile import FrameField, FrameSection
 from calstation.devices.link import SerialSettings
 from calstation.devices.numbers import number
 from calstation.devices.register_profile import RegisterEntry
+from calstation.devices.sample_count import wrap
 
 if TYPE_CHECKING:
     from calstation.devices.imu_profile import ModbusUnitSection, StatusSection
 
 _NANOSECONDS = 1e9
 """Ticks of a VectorNav's clock in a second."""
+
+SHORTEST_WRAP = 0.1
+"""Shortest time in which a counter may wrap, s: what is lost in a whole wrap is missed by the station's clock, by which
+samples come a few hundredths of a second sooner or later."""
 
 _LARGEST_ADDRESS = 0xFFFF
 
@@ -100,6 +105,19 @@ def check_nanoseconds(frame: FrameSection, rate: float) -> None:
         raise ValueError(
             f"field 'counter': per_sample = {counter.per_sample:g} does not fit stream.sample_rate_hz = {rate:g}, at"
             f" which the unit's clock counts {expected:g} ns; correct one"
+        )
+
+
+def check_wrap(frame: FrameSection, rate: float) -> None:
+    """Does the counter count long enough to show what was lost? Raises ValueError."""
+    seconds = wrap(frame) / rate
+    if seconds < SHORTEST_WRAP:
+        counter = frame.field("counter")
+        assert counter is not None
+        raise ValueError(
+            f"field 'counter': type {counter.type} begins again every {seconds:.3g} s at stream.sample_rate_hz ="
+            f" {rate:g}, so nobody would miss what is lost in that time; take a wider number of the frame that counts,"
+            " or lower the rate"
         )
 
 

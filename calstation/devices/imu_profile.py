@@ -18,6 +18,7 @@ from calstation.devices.imu_checks import (
     check_samples,
     check_status,
     check_sync,
+    check_wrap,
 )
 from calstation.devices.link import SerialSettings
 from calstation.devices.numbers import ByteOrder, WordOrder, check_code, number
@@ -347,6 +348,7 @@ class ImuProfile(StrictModel):
         """Does a stream of these frames carry what is looked for, and does the link carry it? Raises ValueError."""
         rate = self.stream.sample_rate_hz
         check_status(self.status, frame, STATUS_WORDS)
+        check_wrap(frame, rate)
         if "baud" in self.link.model_fields_set:
             check_baud(self.link, frame, rate)
         if self.protocol == "vectornav":

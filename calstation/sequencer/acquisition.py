@@ -1,5 +1,6 @@
 """The one road of a sample: drain the IMU, put the table's angles on its samples, stamp stage and step."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,6 +27,9 @@ CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 _RESTLESS, _STUCK = 0.35, 400
 """A channel with at least so much noise, in steps of its output, that shows one value so often in a row is stuck: by
 chance it does so once in 10^28 times."""
+
+_WRAPPED = 0.9
+"""Part of a counter's wrap by which samples come late where it wrapped unseen: their way to here only adds to it."""
 
 SLOWEST_POLL = 0.3
 """A poll that took longer, s, was lost and asked again on the way: nobody knows when its angles were true."""
@@ -97,6 +101,13 @@ class Acquisition:
 
     After `LastSample` of a resumed run, counter, time and steps carry on behind it.
 
+    A counter that wraps while samples are lost shows no gap, where as many are lost as it counts. They are missed by
+    the station clock then: the samples behind them come later than any before, by as long as they took.
+
+    Parameters
+    ----------
+    wrap : samples after which the unit's counter begins again
+
     Attributes
     ----------
     stage, step, valid : stamped on the samples of every further drain
@@ -115,6 +126,7 @@ class Acquisition:
         latency: float = 0.0,
         masks: StatusMasks | None = None,
         span: Span | None = None,
+        wrap: float = math.inf,
         after: LastSample | None = None,
     ) -> None:
         self._imu = imu
@@ -123,6 +135,7 @@ class Acquisition:
         self._latency = latency
         self._masks = masks or StatusMasks()
         self._span = span or Span()
+        self._wrap = wrap
         self._scale = to_si(model)
         self._latest: SampleBatch | None = None
         self._half_period = 0.5 / model.sample_rate
@@ -159,9 +172,10 @@ class Acquisition:
         count = len(batch.seq)
         if count == 0:
             return Flow(0, 0, False, False, False)
-        if self._after is not None:
-            batch = self._carried_on(batch, self._after)
         now = self._clock.now()
+        if self._after is not None and self._last_seq is None:
+            self._carry_on(batch, self._after)
+        batch = self._with_wraps(batch, now)
         missing = self._missing(batch)
         if not self.aside:
             self.received += count
@@ -223,12 +237,20 @@ class Acquisition:
         finally:
             self._taps.remove(blocks)
 
-    def _carried_on(self, batch: SampleBatch, after: LastSample) -> SampleBatch:
-        """Counter and clock behind those of the run that is resumed."""
-        if self._last_seq is None:
-            lost = round(INTERRUPTION / (2.0 * self._half_period))
-            self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
-            self._time_shift = after.time + INTERRUPTION + 2.0 * self._half_period - float(batch.time[0])
+    def _carry_on(self, batch: SampleBatch, after: LastSample) -> None:
+        """Have counter and clock go on behind those of the run that is resumed."""
+        lost = round(INTERRUPTION / (2.0 * self._half_period))
+        self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
+        self._time_shift = after.time + INTERRUPTION + 2.0 * self._half_period - float(batch.time[0])
+
+    def _with_wraps(self, batch: SampleBatch, now: float) -> SampleBatch:
+        """Counter and clock of this run, with the samples that were lost in whole wraps of the unit's counter."""
+        if self._delays and math.isfinite(self._wrap):
+            seconds = 2.0 * self._half_period * self._wrap
+            late = now - (float(batch.time[-1]) + self._time_shift) - min(self._delays)
+            wraps = max(0, math.floor(late / seconds + 1.0 - _WRAPPED))
+            self._seq_shift += round(wraps * self._wrap)
+            self._time_shift += wraps * seconds
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
 
     def _saturated(self, batch: SampleBatch) -> BoolArray:

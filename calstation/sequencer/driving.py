@@ -97,6 +97,7 @@ class Driving:
             latency=task.latency,
             masks=task.masks,
             span=task.span,
+            wrap=task.wrap,
             after=after,
         )
 

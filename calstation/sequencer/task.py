@@ -48,7 +48,8 @@ class Task:
     stages : in order
     preflight : what is checked first
     geometry : table axes and limits
-    imu : stream of the unit; masks : bits of its status word; span : what its channels can show
+    imu : stream of the unit; masks : bits of its status word; span : what its channels can show; wrap : samples after
+        which its counter begins again
     latency : of a table poll, s; settle : of the table after a move, s
     load_angle : joint angles at which a unit is changed, rad
     travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
@@ -60,6 +61,7 @@ class Task:
     imu: ImuModel
     masks: StatusMasks = field(default_factory=StatusMasks)
     span: Span = field(default_factory=Span)
+    wrap: float = np.inf
     corrected: Output = Output.NEVER
     latency: float = 0.0
     settle: float = SETTLE

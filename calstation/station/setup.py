@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from calstation import __version__
 from calstation.devices.channels import span
 from calstation.devices.imu_profile import ImuProfile
+from calstation.devices.sample_count import wrap
 from calstation.devices.table_profile import TableProfile
 from calstation.estimation.stage_data import BIAS_SIGMAS, SLOWEST
 from calstation.physics.earth import normal_gravity
@@ -220,6 +221,7 @@ class Setup:
             imu=context.imu,
             masks=StatusMasks(status.ready, status.saturated, status.failed),
             span=span(self.imu.frame),
+            wrap=wrap(self.imu.frame),
             corrected=self.corrected,
             latency=self.table.accuracy.poll_latency_s,
             settle=self.table.settle_s,

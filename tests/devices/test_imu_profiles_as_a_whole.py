@@ -137,6 +137,15 @@ def test_stream_and_commands(tmp_path: Path, name: str, changes: dict[str, Any],
     assert words in told(tmp_path, name, changes)
 
 
+def test_a_counter_that_begins_again_too_soon_is_refused(tmp_path: Path) -> None:
+    short = {"frame/fields/0/type": "u8", "link/baud": None}
+    words = told(tmp_path, NAV, {**short, "stream/sample_rate_hz": 4000.0})
+    assert "field 'counter': type u8 begins again every 0.064 s at stream.sample_rate_hz = 4000" in words
+    path = tmp_path / "profile.toml"
+    path.write_text(tomli_w.dumps(edited(NAV, {**short, "stream/sample_rate_hz": 2000.0})), encoding="utf-8")
+    load_imu_profile(path)
+
+
 def test_a_line_whose_baud_nobody_states_is_not_judged(tmp_path: Path) -> None:
     path = tmp_path / "profile.toml"
     path.write_text(
