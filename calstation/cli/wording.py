@@ -55,6 +55,8 @@ MESSAGES: dict[str, str] = {
     "transfer_finished": "Stop came while the registers were written: the transfer was finished first.",
     "handover_waiting": "Hand-over: {count} waiting, {folder} cannot be reached ({reason}).",
     "handover_done": "Hand-over: {count} results went to {folder}.",
+    "latitude_untold": "{stage} does not fit together, and no rest of this run tells the latitude that it believes: "
+    "make sure of site.latitude_deg = {latitude:g} in the station file; a run with six_position tells it.",
     "stopped_because": "Stopped safely: {reason}.",
     "stopped_early": "{stage} is outside the limits: the remaining stages are left out.",
 }

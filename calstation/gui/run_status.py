@@ -42,6 +42,7 @@ _REMARKS = (
     "old_unproved",
     "stopped_because",
     "stopped_early",
+    "latitude_untold",
     "handover_waiting",
 )
 """Messages that still matter when the run is over."""

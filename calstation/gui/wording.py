@@ -150,6 +150,11 @@ _MESSAGES = {
     "stopped_early": QT_TRANSLATE_NOOP(
         "wording", "{stage} is outside the limits: the remaining stages are left out."
     ),
+    "latitude_untold": QT_TRANSLATE_NOOP(
+        "wording",
+        "{stage} does not fit together, and no rest of this run tells the latitude that it believes: make sure of"
+        " site.latitude_deg = {latitude:g} in the station file; a run with six_position tells it.",
+    ),
     "stopped_because": QT_TRANSLATE_NOOP("wording", "Stopped safely: {reason}."),
 }
 

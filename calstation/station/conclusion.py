@@ -25,6 +25,7 @@ from calstation.station.comparison import Registers
 from calstation.station.compose import compose
 from calstation.station.keeping import Earlier, InForce, found_better, given
 from calstation.station.part import is_part
+from calstation.station.place import latitude_untold
 from calstation.station.proof import prove, proved_on, refuted, without_register
 from calstation.station.proving import proved_by
 from calstation.station.register_journal import site_of
@@ -65,6 +66,9 @@ class Conclusion:
         """
         if not judge(self.meta, self.chain.prior, solutions).passed:
             self.tell(Message("registers_kept"))
+            untold = latitude_untold(self.meta, solutions)
+            if untold is not None:
+                self.tell(Message("latitude_untold", untold))
             return Concluded(passed=False, written=False)
         entries = RegisterMap(tuple(self.setup.imu.registers))
         if not entries.parameters:

@@ -110,6 +110,25 @@ def refuse_other_place(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
     )
 
 
+def latitude_untold(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:
+    """A stage that does not fit together and the latitude that it believed, where no rest has told the latitude.
+
+    The unit may be sound then: rests of one way up, as those of `rate`, do not part the earth's rate from a bias. None
+    where the latitude was told, where gyros do not feel it, and where everything fits.
+    """
+    inconsistent = next(
+        (
+            solution.stage
+            for solution in solutions
+            if not (solution.consistency.passed or method(solution.stage).needs_no_table)
+        ),
+        None,
+    )
+    if inconsistent is None or _seen(solutions) is not None or not feels_earth(context_from_meta(meta).imu):
+        return None
+    return {"stage": inconsistent, "latitude": meta.site.latitude_deg}
+
+
 def there(checks: Iterable[Check]) -> bool:
     """Whether no check found the station elsewhere: what a run measured there is of no use to another."""
     return all(check.passed for check in checks if check.name == LATITUDE)

@@ -9,6 +9,7 @@ from calstation.records.checks import offline_online
 from calstation.records.hole import told
 from calstation.records.log import Log, open_log
 from calstation.records.raw_read import solved_stages
+from calstation.station.place import latitude_untold
 from calstation.station.result import Ending, build_result, judge, parameters_json
 from calstation.station.solve import Watch, solve
 
@@ -56,6 +57,9 @@ def resolve(
         judgement = judgement.with_more(offline_online(section, parameters_json(solutions), online))
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
+    untold = latitude_untold(log.meta, solutions)
+    if untold is not None:
+        messages.append(("latitude_untold", untold))
     if log.holes:
         result["log"]["damaged"] = [{"rows": hole.count, "seq": hole.missing} for hole in log.holes]
         messages.insert(0, ("log_damaged", {"file": path.name, **told(log.holes)}))

@@ -21,7 +21,7 @@ from calstation.records.facts import LogFacts
 from calstation.records.limits import NEAR, Check, check_limits, estimated_stage, not_compared, unobservable
 from calstation.records.meta import LogMeta, context_from_meta
 from calstation.station.part import is_part
-from calstation.station.place import check_latitude
+from calstation.station.place import check_latitude, latitude_untold
 
 SCHEMA = "calstation.result/1"
 
@@ -128,6 +128,7 @@ def build_result(
         "error": ending.error,
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
+        "latitude_untold": latitude_untold(meta, solutions),
         "resumed_from": run.resumed_from if run else None,
     }
     result.update({key: value for key, value in more.items() if value is not None})

@@ -9,6 +9,7 @@ from calstation.errors import ConfigurationError
 from calstation.records.log import open_log
 from calstation.sequencer.events import Message, StepStarted, Trace
 from calstation.station import register_journal
+from calstation.station.resolve import resolve
 from calstation.station.resume import resumable
 from tests.faults.conftest import SERIAL, Floor, fault
 from tests.station.conftest import PRODUCT, QUICK
@@ -150,6 +151,14 @@ def test_a_wrong_latitude_is_seen_when_nothing_but_the_proof_can_tell(floor: Flo
     ran.assert_stopped("earth_rate_up", "old registers were put back", "latitude")
     (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
     assert entry.closing == "restored"
+
+
+def test_a_stage_whose_rests_tell_no_latitude_names_it_where_it_does_not_fit_together(floor: Floor) -> None:
+    ran = floor.run({"kind": "wrong_latitude", "value": -20.75}, stages=("rate",))
+    assert ran.verdict.outcome == "failed"
+    (told,) = [e.values for e in ran.events if isinstance(e, Message) and e.id == "latitude_untold"]
+    assert told == ran.verdict.result["latitude_untold"] == {"stage": "rate", "latitude": 13.5}
+    assert resolve(Path(ran.verdict.log)).messages[-1] == ("latitude_untold", told)
 
 
 @pytest.mark.parametrize("degrees", [-10.0, 10.0])

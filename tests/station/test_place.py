@@ -15,6 +15,7 @@ from calstation.station.place import (
     check_confirmed,
     check_latitude,
     check_place,
+    latitude_untold,
     refuse_other_place,
     there,
     this_computer,
@@ -88,9 +89,9 @@ def test_stages_that_carry_no_gravity_need_nobody() -> None:
     check_confirmed(meta(MEMS, "rate"), HERE)
 
 
-def solved(latitude: SeenLatitude | None) -> tuple[Solution, ...]:
+def solved(latitude: SeenLatitude | None, nis: float = 1.0) -> tuple[Solution, ...]:
     belief = Belief([0.0] * COUNT, [[0.0] * COUNT] * COUNT)  # type: ignore[arg-type]
-    return (Solution("six_position", belief, (), Consistency(1.0, 0.9, 1.1, 1), latitude=latitude),)
+    return (Solution("six_position", belief, (), Consistency(nis, 0.9, 1.1, 1), latitude=latitude),)
 
 
 def test_a_latitude_seen_elsewhere_is_a_check_that_fails_and_ends_the_run() -> None:
@@ -108,3 +109,11 @@ def test_where_nothing_is_seen_nothing_is_said() -> None:
     for solutions in ((), solved(None)):
         assert check_latitude(told, solutions) == []
         refuse_other_place(told, solutions)
+
+
+def test_what_does_not_fit_together_names_a_latitude_that_no_rest_has_told() -> None:
+    told, misfit = meta(NAV, "six_position"), solved(None, nis=5.0)
+    assert latitude_untold(told, misfit) == {"stage": "six_position", "latitude": 34.25}
+    assert latitude_untold(told, solved(None)) is None
+    assert latitude_untold(told, solved(SeenLatitude(0.5978, 1e-4), nis=5.0)) is None
+    assert latitude_untold(meta(MEMS, "six_position"), misfit) is None
