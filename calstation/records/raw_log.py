@@ -15,6 +15,7 @@ import shutil
 import time
 import zlib
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,10 @@ FLUSH_INTERVAL = 0.1
 _LOCKED_WITHIN = 1.0
 """Whoever looks whether a log is being written holds its lock for a moment, s."""
 SYNC_INTERVAL = 0.8
-"""Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself."""
+"""Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself.
+
+They have a thread of their own: a disk may take seconds, and a table's watchdog is to be fed all the while.
+"""
 ROW = np.dtype(
     [
         ("seq", "<i8"),
@@ -117,6 +121,8 @@ class RawLogWriter:
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed = self._synced = time.monotonic()
         self._refused = self._warned = False
+        self._disk = ThreadPoolExecutor(1, "log-disk")
+        self._syncing: Future[None] | None = None
         self.sync()
 
     def append(self, block: SampleBlock) -> None:
@@ -160,8 +166,12 @@ class RawLogWriter:
         now = time.monotonic()
         if now - self._flushed >= FLUSH_INTERVAL:
             self.flush()
-        if now - self._synced >= SYNC_INTERVAL:
-            self.sync()
+        if now - self._synced >= SYNC_INTERVAL and (self._syncing is None or self._syncing.done()):
+            self.flush()
+            self._await_disk()
+            if not self._refused:
+                self._syncing = self._disk.submit(self._reach_disk)
+                self._synced = now
 
     def flush(self) -> None:
         """Hand everything to the operating system: safe from the death of this process."""
@@ -184,19 +194,31 @@ class RawLogWriter:
     def sync(self) -> None:
         """`flush`, and wait until it is on disk: safe from a power cut as well."""
         self.flush()
+        self._await_disk()
         if self._refused:
             return
         with self._told():
-            if not self._warned and free_space(self.path) < RESERVE:
-                self._warned = True
-                raise ConfigurationError(
-                    f"{self.path}: its disk is nearly full, less than {RESERVE // 1_000_000} MB are left; make room"
-                    " on it, then resume the run"
-                )
-            os.fsync(self._sync_handle)
-            if not os.path.samestat(self.path.stat(), os.fstat(self._sync_handle)):
-                raise OSError("another file has taken its place")
+            self._reach_disk()
         self._synced = time.monotonic()
+
+    def _await_disk(self) -> None:
+        """Let what is on its way to the disk arrive; says what the disk made of it."""
+        if self._syncing is None or self._refused:
+            return
+        with self._told():
+            done, self._syncing = self._syncing, None
+            done.result()
+
+    def _reach_disk(self) -> None:
+        if not self._warned and free_space(self.path) < RESERVE:
+            self._warned = True
+            raise ConfigurationError(
+                f"{self.path}: its disk is nearly full, less than {RESERVE // 1_000_000} MB are left; make room"
+                " on it, then resume the run"
+            )
+        os.fsync(self._sync_handle)
+        if not os.path.samestat(self.path.stat(), os.fstat(self._sync_handle)):
+            raise OSError("another file has taken its place")
 
     def close(self, outcome: str) -> LogFacts:
         """Write the closing word and close; later calls do nothing further."""
@@ -207,13 +229,15 @@ class RawLogWriter:
             # Closing what could not be written may take the process along: the library is left alone with it.
             if self not in _abandoned:
                 _abandoned.append(self)
-                os.close(self._sync_handle)
+                self._disk.submit(os.close, self._sync_handle)  # behind what may still be on its way
+                self._disk.shutdown(wait=self._syncing is None or self._syncing.done())
             return facts
         self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
         self.sync()
         self._file.close()
         os.fsync(self._sync_handle)
         os.close(self._sync_handle)
+        self._disk.shutdown()
         return facts
 
     @contextmanager

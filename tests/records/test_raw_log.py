@@ -6,8 +6,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from pathlib import Path
 
 import h5py
@@ -208,8 +210,20 @@ def test_a_power_cut_costs_less_than_two_seconds(
         shutil.copyfile(path, synced)
         snapshots.append(now)
 
+    class AtOnce:
+        """Does in this thread what is submitted."""
+
+        def submit(self, work: Callable[[], None]) -> Future[None]:
+            done: Future[None] = Future()
+            done.set_result(work())
+            return done
+
+        def shutdown(self) -> None:
+            """Nothing runs."""
+
     monkeypatch.setattr(raw_log.os, "fsync", fsync)
     monkeypatch.setattr(raw_log.time, "monotonic", lambda: now)
+    monkeypatch.setattr(raw_log, "ThreadPoolExecutor", lambda *_: AtOnce())
     writer = RawLogWriter(path, meta)
     for k in range(200):
         now = 0.05 * k
@@ -288,6 +302,30 @@ def test_a_full_disk_is_told_once_and_nothing_recorded_is_lost(
     kept = open_log(tmp_path / "a.h5")
     assert kept.outcome is None
     assert sum(len(b) for b in kept.blocks()) == 500
+
+
+def test_a_slow_disk_keeps_nobody_waiting_and_what_it_refuses_is_told(
+    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = RawLogWriter(tmp_path / "a.h5", meta)
+    reached, begun = threading.Event(), threading.Event()
+
+    def slow(handle: int) -> None:
+        begun.set()
+        assert reached.wait(60.0)
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "fsync", slow)
+    monkeypatch.setattr(raw_log, "SYNC_INTERVAL", 0.0)
+    log.append(make_block("rate", 0, 500))
+    assert begun.wait(60.0)
+    log.append(make_block("rate", 500, 500))  # would stand still if it waited
+    reached.set()
+    with pytest.raises(ConfigurationError, match=r"cannot be written any more \(Input/output error"):
+        log.sync()
+    log.close("fault")
+    monkeypatch.undo()
+    assert sum(len(b) for b in open_log(tmp_path / "a.h5").blocks()) >= 500
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be moved there")
