@@ -121,8 +121,9 @@ class RawLogWriter:
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed = self._synced = time.monotonic()
         self._refused = self._warned = False
+        self._trouble: ConfigurationError | None = None
         self._disk = ThreadPoolExecutor(1, "log-disk")
-        self._syncing: Future[None] | None = None
+        self._syncing = self._disk.submit(lambda: None)
         self.sync()
 
     def append(self, block: SampleBlock) -> None:
@@ -162,16 +163,13 @@ class RawLogWriter:
         return self._facts.facts()
 
     def service(self) -> None:
-        """Flush and sync where due; to be called at every tick, data or not."""
+        """Flush and sync where due; to be called at every tick, data or not. Raises ConfigurationError, once."""
         now = time.monotonic()
         if now - self._flushed >= FLUSH_INTERVAL:
             self.flush()
-        if now - self._synced >= SYNC_INTERVAL and (self._syncing is None or self._syncing.done()):
-            self.flush()
-            self._await_disk()
-            if not self._refused:
-                self._syncing = self._disk.submit(self._reach_disk)
-                self._synced = now
+        self._tell_trouble()
+        if now - self._synced >= SYNC_INTERVAL and self._syncing.done():
+            self.begin_sync()
 
     def flush(self) -> None:
         """Hand everything to the operating system: safe from the death of this process."""
@@ -193,21 +191,28 @@ class RawLogWriter:
 
     def sync(self) -> None:
         """`flush`, and wait until it is on disk: safe from a power cut as well."""
-        self.flush()
-        self._await_disk()
-        if self._refused:
-            return
-        with self._told():
-            self._reach_disk()
-        self._synced = time.monotonic()
+        self.begin_sync().result()
+        self._tell_trouble()
 
-    def _await_disk(self) -> None:
-        """Let what is on its way to the disk arrive; says what the disk made of it."""
-        if self._syncing is None or self._refused:
-            return
-        with self._told():
-            done, self._syncing = self._syncing, None
-            done.result()
+    def begin_sync(self) -> Future[None]:
+        """`flush`, and begin to bring it to the disk; once that is done, `service` raises what the disk refused."""
+        self.flush()
+        if not self._refused:
+            self._syncing = self._disk.submit(self._arrive)
+            self._synced = time.monotonic()
+        return self._syncing
+
+    def _arrive(self) -> None:
+        try:
+            with self._told():
+                self._reach_disk()
+        except ConfigurationError as trouble:
+            self._trouble = trouble
+
+    def _tell_trouble(self) -> None:
+        trouble, self._trouble = self._trouble, None
+        if trouble is not None:
+            raise trouble
 
     def _reach_disk(self) -> None:
         if not self._warned and free_space(self.path) < RESERVE:
@@ -230,7 +235,7 @@ class RawLogWriter:
             if self not in _abandoned:
                 _abandoned.append(self)
                 self._disk.submit(os.close, self._sync_handle)  # behind what may still be on its way
-                self._disk.shutdown(wait=self._syncing is None or self._syncing.done())
+                self._disk.shutdown(wait=self._syncing.done())
             return facts
         self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
         self.sync()

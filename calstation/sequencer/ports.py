@@ -1,6 +1,7 @@
 """What the sequencer is given besides the devices: a clock, a journal and a consumer of samples."""
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from typing import Any, Protocol
 
 from calstation.estimation.method import Solution
@@ -38,8 +39,8 @@ class Journal(Protocol):
     def service(self) -> None:
         """Write out what is due; called at every tick."""
 
-    def sync(self) -> None:
-        """Write out everything, to the disk."""
+    def begin_sync(self) -> Future[None]:
+        """Begin to write out everything, to the disk; once that is done, `service` raises what it refused."""
 
 
 class Solving(Protocol):

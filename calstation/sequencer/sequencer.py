@@ -180,7 +180,9 @@ class Sequencer:
         self._solutions.append(solution)
         for event in told(solution):
             self.emit(event)
-        self._journal.sync()  # a stage that is solved need not be done again, whatever happens next
+        # A stage that is solved need not be done again, whatever happens next.
+        self._wait_for(self._journal.begin_sync())
+        self._journal.service()
         return self._verify(solution)
 
     def _execute(self, stage: StagePlan, duration: float) -> tuple[str, int]:

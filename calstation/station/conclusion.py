@@ -7,7 +7,7 @@ from typing import Any
 
 from calstation.devices.interfaces import Imu
 from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import Closing, Entry, Step, Transferred, flash_registers, restore, transfer
+from calstation.devices.transfer import Entry, Transferred, flash_registers, transfer
 from calstation.estimation.method import Solution
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
@@ -27,7 +27,7 @@ from calstation.station.keeping import Earlier, InForce, found_better, given
 from calstation.station.part import is_part
 from calstation.station.place import latitude_untold
 from calstation.station.proof import prove, proved_on, refuted, without_register
-from calstation.station.proving import proved_by
+from calstation.station.proving import close_proved, give_back
 from calstation.station.register_journal import site_of
 from calstation.station.result import judge
 from calstation.station.setup import Setup
@@ -75,7 +75,7 @@ class Conclusion:
             return Concluded(passed=True, written=False)
         # The log belongs to this thread, so what the unit holds is read and kept before the transfer begins.
         old = aside(lambda: flash_registers(self.imu))
-        self._keep(old)
+        self._keep(old, aside)
         wanted = self._wanted(solutions, old)
         self.tell(Message("reference"))
         look()
@@ -111,11 +111,9 @@ class Conclusion:
         self.registers["proof"] = [check.to_json() for check in checks]
         wrong = [check for check in checks if not check.passed]
         if wrong:
-            entry.note(Step.REFUTED)
-            self.registers["new"] = aside(lambda: restore(self.imu, entries, entry))
+            self.registers["new"] = aside(lambda: give_back(self.imu, entries, entry))
             raise refuted(wrong[0], "its old registers were put back")
-        entry.note(proved_by(fresh))
-        entry.close(Closing.DONE)
+        aside(lambda: close_proved(entry, fresh))
         seen = proved_on(fresh)
         written = datetime.now(UTC).isoformat(timespec="seconds")
         self.registers |= {"verified": True, "proved_on": seen, "written_utc": written}
@@ -149,8 +147,9 @@ class Conclusion:
             log.parent, serial, old, new, by=by, why="run", source=log.name, site=site
         )
 
-    def _keep(self, old: Mapping[str, float]) -> None:
+    def _keep(self, old: Mapping[str, float], aside: Aside) -> None:
         """The unit's registers as they were go to the log before anything is written."""
         self.registers |= {"old": dict(old), "new": None, "verified": False}
         self.log.event({"event": "OldRegisters", "registers": dict(old)})
-        self.log.sync()
+        aside(self.log.begin_sync().result)
+        self.log.service()

@@ -1,12 +1,12 @@
 """Is a unit's output right behind a transfer that no run has made? By what any unit of its type may be off."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
 from calstation.devices.interfaces import Imu
 from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import Closing, Step, Transferred, restore
+from calstation.devices.transfer import Closing, Entry, Step, Transferred, restore
 from calstation.errors import DeviceFaultError
 from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.sequencer.driving import Aside
@@ -30,9 +30,19 @@ def judge(setup: Setup, imu: Imu, done: Transferred, fresh: FreshData, aside: As
     entry = done.entry
     wrong = _wrong(setup, done, fresh, back=False)
     if wrong:
-        entry.note(Step.REFUTED)
-        aside(lambda: restore(imu, RegisterMap(tuple(setup.imu.registers)), entry))
+        aside(lambda: give_back(imu, RegisterMap(tuple(setup.imu.registers)), entry))
         raise refuted(wrong[0], "its old registers were put back")
+    aside(lambda: close_proved(entry, fresh))
+
+
+def give_back(imu: Imu, entries: RegisterMap, entry: Entry) -> Mapping[str, float]:
+    """Give a unit whose output was refuted its old registers back; what it holds then."""
+    entry.note(Step.REFUTED)
+    return restore(imu, entries, entry)
+
+
+def close_proved(entry: Entry, fresh: FreshData) -> None:
+    """Close the journal's entry of registers whose output is right."""
     entry.note(proved_by(fresh))
     entry.close(Closing.DONE)
 

@@ -1,6 +1,7 @@
 """Faults of the computer that a run is on: a full disk, a folder taken away, engine and window killed."""
 
 import json
+import os
 import sys
 import time
 from contextlib import suppress
@@ -11,7 +12,7 @@ import pytest
 
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records.log import open_log
-from calstation.sequencer.events import Event, Fault, StepStarted, Verdict
+from calstation.sequencer.events import Event, Fault, Message, StageEnded, StepStarted, Verdict
 from calstation.station.engine import Engine
 from calstation.station.fault_plan import FaultPlan, load_fault_plan
 from calstation.station.incomplete import settle_incomplete
@@ -51,6 +52,28 @@ def test_a_log_that_takes_no_more_is_a_fault_and_what_it_holds_stays(
     log = open_log(path)
     assert log.outcome == ends
     assert sum(len(block) for block in log.blocks() if block.stage == "rate") > 200
+
+
+def test_a_disk_that_takes_longer_than_the_watchdog_stops_nothing(
+    floor: Floor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fsync, slow = os.fsync, [0]
+
+    def wait(handle: int) -> None:
+        if 0 < slow[0] <= 4:
+            slow[0] += 1
+            time.sleep(2.5)
+        fsync(handle)
+
+    def on_event(event: Event) -> None:
+        if isinstance(event, StageEnded | Message) and getattr(event, "id", "") in ("", "registers_transfer"):
+            slow[0] = 1
+
+    monkeypatch.setattr(os, "fsync", wait)
+    ran = floor.run(on_event=on_event)
+    assert slow[0] == 5
+    assert ran.verdict.outcome == "passed", ran.verdict.result["error"]
+    assert ran.verdict.result["registers"]["verified"] is True
 
 
 @pytest.mark.long

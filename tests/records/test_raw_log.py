@@ -213,9 +213,9 @@ def test_a_power_cut_costs_less_than_two_seconds(
     class AtOnce:
         """Does in this thread what is submitted."""
 
-        def submit(self, work: Callable[[], None]) -> Future[None]:
+        def submit(self, work: Callable[..., None], *values: object) -> Future[None]:
             done: Future[None] = Future()
-            done.set_result(work())
+            done.set_result(work(*values))
             return done
 
         def shutdown(self) -> None:

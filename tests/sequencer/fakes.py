@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -258,8 +259,10 @@ class FakeJournal:
     def service(self) -> None:
         return
 
-    def sync(self) -> None:
-        return
+    def begin_sync(self) -> Future[None]:
+        done: Future[None] = Future()
+        done.set_result(None)
+        return done
 
 
 def quarter_turns() -> Iterator[Step]:
