@@ -85,6 +85,20 @@ def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
     assert _wrong(GOOD, request, {}, "hung", ())
 
 
+def test_a_run_that_comes_to_no_verdict_needs_a_reason(tmp_path: Path) -> None:
+    request = _written(GOOD, tmp_path, ("rate",))
+
+    def wrong(*faults: tuple[str, float | None], faulty: bool = False) -> list[str]:
+        planned = replace(GOOD, faults=faults, faulty_unit=faulty)
+        return _wrong(planned, request, {"error": "table: x"}, "fault", [kind for kind, _ in faults])
+
+    assert wrong() == wrong(("drop_frames", 3)) == ["no verdict without need: table: x"]
+    assert not wrong(("silence_imu", 600))
+    assert wrong(("silence_imu", 0.4))
+    assert not wrong(("silence_imu", 0.4), ("stall", None))
+    assert not wrong(faulty=True)
+
+
 def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_app(["soak", "--runs", "2", "--seed", "3", "--keep", str(tmp_path), "--json", "-"]) == 0
     output = capsys.readouterr()
