@@ -23,8 +23,9 @@ from calstation.physics.arrays import FloatArray, IntArray
 
 _WAIT = 0.02
 """Host time the reader waits for bytes before it looks for commands to send, s."""
-_NOISE_FRAMES = 40
-"""Frames' worth of bytes without one sound frame that counts as a wrong setting of the link."""
+_NOISE_FRAMES, _NOISE_SECONDS = 40, 2.0
+"""Frames' worth of bytes without one sound frame that count as a wrong setting of the link: of a link that has had no
+sound frame yet, and of one that works, by the stream's rate, for which noise of a moment is none."""
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -270,7 +271,9 @@ class StreamedImu(ABC):
     def _check(self) -> None:
         if self._failure is not None:
             raise self._failure
-        if self._decoder.since_frame > _NOISE_FRAMES * self._decoder.size:
+        seconds = _NOISE_SECONDS if self._frames else 0.0
+        frames = max(_NOISE_FRAMES, round(seconds * self._profile.stream.sample_rate_hz))
+        if self._decoder.since_frame > frames * self._decoder.size:
             raise DeviceFaultError(
                 f"IMU: bytes come on {self._link.port} but no frame is recognised;"
                 " check baud, parity, stop bits and the IMU profile"

@@ -126,6 +126,12 @@ def test_the_rest_before_a_repeated_step_is_watched_too(
     assert ran.repeated == ["gap", reason]
 
 
+def test_noise_on_the_line_for_a_moment_costs_a_step(floor: Floor) -> None:
+    ran = floor.run(fault("garble_imu", 0.8, step=9))
+    assert ran.verdict.outcome == "passed"
+    assert len(ran.repeated) == 1
+
+
 def test_an_adapter_that_was_unplugged_works_again_when_it_is_back(floor: Floor) -> None:
     floor.run(fault("hang_up_imu")).assert_stopped("port")
     assert floor.run().verdict.outcome == "passed"
