@@ -1,7 +1,7 @@
 """`test` and `check`: a link tried without moving anything, and a file read as a run would read it."""
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -9,10 +9,12 @@ from rich.console import Console
 from calstation.cli.show import check_json, emit_json
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.station.config import load_station
-from calstation.station.connection_test import Order, try_imu, try_table
+from calstation.station.connection_test import Order, setup_of, try_imu, try_table
 from calstation.station.finding import Finding, Report
 from calstation.station.finding_words import word_finding, word_note
 from calstation.station.settings import check, kind_of, read_text
+from calstation.station.station_rules import contradictions
+from calstation.station.unfit import unfit
 
 _DEVICES = {"table": try_table, "imu": try_imu}
 _STATES = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
@@ -44,7 +46,10 @@ def try_command(device: str, station: Path | None, product: Path | None, json: s
             told.append(note)
             console.print(word_note(note), highlight=False, markup=False, style="dim")
 
-    report = _DEVICES[device](tell, Order(load_station(station)[1], product))
+    order = Order(load_station(station)[1], product)
+    report = _DEVICES[device](tell, order)
+    if device == "table" and product is not None and report.state != "wrong":
+        report = replace(report, findings=(*report.findings, *unfit(setup_of(order))))
     emit_json(_plain(report), json)
     if json != "-":
         out = Console(file=sys.stdout, soft_wrap=True)
@@ -61,6 +66,8 @@ def check_command(path: Path, json: str | None) -> int:
     text = read_text(path)
     kind = kind_of(path, text)
     problems = check(kind, text)
+    if kind == "stations" and not problems:
+        problems = contradictions(text)
     found = {
         "file": str(path),
         "kind": kind,

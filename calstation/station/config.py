@@ -24,6 +24,9 @@ Advice = Literal["reseat", "repeat", "set_aside"]
 DEFAULT_STATION = "virtual_bench"
 DEFAULT_PRODUCT = "nav_a"
 
+_BARE = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
+"""host:port without what it is reached by."""
+
 
 class DeviceSection(StrictModel):
     """A device's link at this place: port, and the serial settings where they differ from the profile's.
@@ -92,6 +95,13 @@ class StationConfig(StrictModel):
                 )
             if self.bench is not None and section.port:
                 raise ValueError(f"{device}.port and [bench] exclude each other; remove one")
+            port = section.port or ""
+            if _BARE.fullmatch(port):
+                ways = f"tcp://{port}, or socket://{port} for a serial server"
+                raise ValueError(
+                    f"{device}.port = '{port}' does not say how it is reached; write"
+                    f" {ways if device == 'table' else f'socket://{port} for a serial server'}"
+                )
         imu = self.imu.port or ""
         if imu.startswith("tcp://"):
             rest = imu.removeprefix("tcp://")

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 from calstation.devices.imu_profile import load_imu_profile
@@ -12,16 +11,14 @@ from calstation.devices.opening import host_and_port, why_not
 from calstation.devices.ports import found_ports, resolve
 from calstation.devices.table_profile import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
-from calstation.estimation.latitude import feels_earth
-from calstation.records.meta import context_from_meta
 from calstation.station import imu_check, library, table_check
-from calstation.station.config import StationConfig, load_product, load_station
+from calstation.station.config import StationConfig, load_product
 from calstation.station.finding import Finding, Report, Value
 from calstation.station.line_check import wrong_line
 from calstation.station.listening import LISTEN, listen
-from calstation.station.place import this_computer, vouched
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup
+from calstation.station.unfit import unfit
 from calstation.station.who_answers import OTHER_NUMBER, imu_on_tables_line, other_unit, table_on_imus_line
 from calstation.station.wiring import (
     Endpoints,
@@ -35,8 +32,6 @@ from calstation.station.wiring import (
 )
 from calstation.station.worker import Tell
 
-EXAMPLE = "example_hardware"
-"""Station that new ones are copied from."""
 _VIRTUAL_UNIT = "SN-000001"
 _ABOUT_LINES = ("no_frames", "no_samples", "no_stream", "one_way", "wrong_checks")
 """Findings that a line of text explains better."""
@@ -93,7 +88,7 @@ def try_imu(tell: Tell, order: Order) -> Report:
         finally:
             imu.close()
         if any(finding.id in ("gravity", "wrong_gravity") for finding in found):
-            found.extend(_place(setup))
+            found.extend(unfit(setup))
         found = _by_a_line(setup, at, found)
         found.extend(_who_else_than_the_imu(setup, at, found, tell))
     return Report("imu", tuple(found))
@@ -152,24 +147,6 @@ def _who_else_than_the_imu(
             return
     if "no_frames" in ids and "://" not in at.imu:
         yield from imu_check.heard_elsewhere(at.imu, around.imu_serial, around.imu, tell)
-
-
-def _place(setup: Setup) -> Iterator[Finding]:
-    """Whether the site, by which gravity was judged, is another's or still the one that the example came with."""
-    if setup.station.bench is not None:
-        return
-    felt = feels_earth(context_from_meta(setup.meta(datetime.now(UTC), 1, {})).imu)
-    if not vouched(setup.station.site, needed=not felt):
-        yield Finding("place_not_confirmed", "look", {"computer": this_computer()})
-    _, example = load_station(library.find("stations", EXAMPLE))
-    mine, theirs = setup.station.site, example.site
-    if (mine.latitude_deg, mine.longitude_deg, mine.height_m) == (
-        theirs.latitude_deg,
-        theirs.longitude_deg,
-        theirs.height_m,
-    ):
-        values: dict[str, Value] = {"latitude": mine.latitude_deg, "longitude": mine.longitude_deg}
-        yield Finding("example_site", "told", {**values, "height": mine.height_m})
 
 
 def _by_a_line(setup: Setup, at: Endpoints, found: list[Finding]) -> list[Finding]:

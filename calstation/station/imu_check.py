@@ -84,6 +84,7 @@ def _stream(
 ) -> Iterator[Finding]:
     """Wait until the unit is ready, then watch what it sends."""
     clock, profile = at.clock, setup.imu
+    yield Finding("judged_as", "told", {"product": setup.product.name, "profile": profile.name})
     if isinstance(clock, BenchClock):
         clock.attach(lambda: imu.received)
     masks = profile.status

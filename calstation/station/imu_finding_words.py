@@ -182,8 +182,52 @@ IMU = {
         ),
         QT_TRANSLATE_NOOP(
             "station_finding",
-            "Make sure of latitude, height and gravity, then confirm the place in the section Site.",
+            "Make sure of latitude, height and gravity, then confirm the place: in the section Site, or by "
+            "“{computer}” in site.confirmed_on of the station file.",
         ),
+    ),
+    "gravity_missing": (
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "Surveyed gravity is missing, and these gyros do not feel the earth turn: a wrong latitude would show "
+            "nowhere.",
+        ),
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "Give site.gravity_mps2 as surveyed at the place, from a gravity net or a gravimeter.",
+        ),
+    ),
+    "gravity_unlike": (
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "site.gravity_mps2 = {gravity:g} does not belong to latitude {latitude:g}° and height {height:g} m, where"
+            " normal gravity is {normal:.5f} m/s².",
+        ),
+        QT_TRANSLATE_NOOP("station_finding", "Correct gravity, latitude or height."),
+    ),
+    "needs_drive": (
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "“{rig}” is turned by hand, but stages of “{product}” need a table that is driven.",
+        ),
+        QT_TRANSLATE_NOOP(
+            "station_finding", "Choose a product that is carried by hand (manual = true), or another station."
+        ),
+    ),
+    "needs_hands": (
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "“{rig}” is driven, but stages of “{product}” are carried by hand (manual = true).",
+        ),
+        QT_TRANSLATE_NOOP(
+            "station_finding", "Choose another product, or a station with rails turned by hand."
+        ),
+    ),
+    "judged_as": (
+        QT_TRANSLATE_NOOP(
+            "station_finding", "Looked at as a unit of “{product}”, by the profile “{profile}”."
+        ),
+        "",
     ),
     "wrong_gravity": (
         QT_TRANSLATE_NOOP(
@@ -191,7 +235,8 @@ IMU = {
         ),
         QT_TRANSLATE_NOOP(
             "station_finding",
-            "If it stands still: correct accel_lsb, output or the frame's fields in the IMU profile.",
+            "If it stands still: correct accel_lsb, output or the frame's fields in the IMU profile, or choose another"
+            " product.",
         ),
     ),
 }

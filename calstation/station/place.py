@@ -38,9 +38,9 @@ def check_place(meta: LogMeta, station_path: Path) -> None:
     """Raises ConfigurationError where latitude and gravity contradict each other, or nothing could contradict them."""
     site = meta.site
     if site.gravity_mps2 is not None:
-        _check_gravity(site, site.gravity_mps2, station_path)
+        _check_gravity(site, station_path)
         return
-    if _unfelt(meta):
+    if unfelt(meta):
         raise ConfigurationError(
             f"{station_path}: site.gravity_mps2 is missing, and gyros of this grade do not feel the earth turn: a wrong"
             " latitude would show nowhere; add the gravity surveyed at the place, from a gravity net or a gravimeter"
@@ -58,7 +58,7 @@ def vouched(site: SiteSection, *, needed: bool) -> bool:
 def check_confirmed(meta: LogMeta, station_path: Path) -> None:
     """Raises ConfigurationError where hardware's place was vouched for elsewhere, or must be and was not."""
     site, here = meta.site, this_computer()
-    if vouched(site, needed=_unfelt(meta)):
+    if vouched(site, needed=unfelt(meta)):
         return
     elsewhere = f"names {', '.join(site.confirmed_on)}" if site.confirmed_on else "is missing"
     raise ConfigurationError(
@@ -69,7 +69,7 @@ def check_confirmed(meta: LogMeta, station_path: Path) -> None:
     )
 
 
-def _unfelt(meta: LogMeta) -> bool:
+def unfelt(meta: LogMeta) -> bool:
     """Whether scale factors are found that carry gravity, by a unit whose gyros do not tell the latitude."""
     context = context_from_meta(meta)
     stages = meta.run.stages if meta.run is not None else []
@@ -77,13 +77,26 @@ def _unfelt(meta: LogMeta) -> bool:
     return scaled and not feels_earth(context.imu)
 
 
-def _check_gravity(site: SiteSection, gravity: float, station_path: Path) -> None:
+def _check_gravity(site: SiteSection, station_path: Path) -> None:
+    normal = normal_unlike(site)
+    if normal is not None:
+        raise ConfigurationError(f"{station_path}: {unlike(site, normal)}")
+
+
+def normal_unlike(site: SiteSection) -> float | None:
+    """Normal gravity of the place, m/s², where the surveyed one cannot belong to it; None where it can, or is none."""
     normal = normal_gravity(float(np.deg2rad(site.latitude_deg)), site.height_m)
-    if abs(gravity / normal - 1.0) > ANOMALY:
-        raise ConfigurationError(
-            f"{station_path}: site.gravity_mps2 = {gravity:g} does not belong to latitude {site.latitude_deg:g}° and"
-            f" height {site.height_m:g} m, where normal gravity is {normal:.5f}; correct gravity, latitude or height"
-        )
+    if site.gravity_mps2 is None or abs(site.gravity_mps2 / normal - 1.0) <= ANOMALY:
+        return None
+    return normal
+
+
+def unlike(site: SiteSection, normal: float) -> str:
+    """The sentence for a gravity that is none of its latitude and height."""
+    return (
+        f"site.gravity_mps2 = {site.gravity_mps2:g} does not belong to latitude {site.latitude_deg:g}° and"
+        f" height {site.height_m:g} m, where normal gravity is {normal:.5f}; correct gravity, latitude or height"
+    )
 
 
 def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check]:

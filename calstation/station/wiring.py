@@ -91,7 +91,9 @@ def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
         assert imu is not None
         if not setup.table.by_hand:
             assert table is not None
-            _check_ports(setup, table, imu)
+            sentence = ports_unlike(setup.table, table, imu)
+            if sentence is not None:
+                raise ConfigurationError(sentence)
         with owned(port for port in (table, imu) if port):
             yield Endpoints(table or "", imu, RealClock())
         return
@@ -111,19 +113,21 @@ def _shared(setup: Setup) -> bool:
     return setup.table.protocol == "imu_link"
 
 
-def _check_ports(setup: Setup, table: str, imu: str) -> None:
-    """One port has one owner: two devices share it only where they are one system. Raises ConfigurationError."""
-    same = _place(table, "table") == _place(imu, "IMU")
-    if same and not _shared(setup):
-        raise ConfigurationError(
+def ports_unlike(profile: TableProfile, table: str, imu: str) -> str | None:
+    """What is wrong with two ports beside each other, with the mend: one port has one owner, and two devices share it
+    only where they are one system."""
+    same, shared = _place(table, "table") == _place(imu, "IMU"), profile.protocol == "imu_link"
+    if same and not shared:
+        return (
             f"table.port and imu.port are both {imu}, but a port has one owner; give each device its own, or choose"
             " the table profile of a system that commands its axes through its data's link"
         )
-    if _shared(setup) and not same:
-        raise ConfigurationError(
-            f"table.port is {table} and imu.port {imu}, but the table profile '{setup.table.name}' is of axes behind"
+    if shared and not same:
+        return (
+            f"table.port is {table} and imu.port {imu}, but the table profile '{profile.name}' is of axes behind"
             " the IMU's link; give both the same port"
         )
+    return None
 
 
 def _place(port: str, name: str) -> str:

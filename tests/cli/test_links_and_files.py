@@ -87,3 +87,70 @@ def test_all_that_is_wrong_in_a_file_is_told_with_its_line(calstation: Run, tmp_
     path.write_text("name = \n", encoding="utf-8")
     assert "is no station, table, IMU or product file" in calstation("check", path).err
     assert calstation("check", tmp_path / "none.toml").code == 2
+
+
+@pytest.mark.parametrize(
+    ("table", "imu", "line", "mend"),
+    [
+        ("127.0.0.1:39551", "/dev/ttyUSB0", 11, "write tcp://127.0.0.1:39551, or socket://"),
+        ("/dev/ttyUSB0", "10.0.0.7:4001", 15, "write socket://10.0.0.7:4001 for a serial server"),
+        ("/dev/ttyUSB0", "/dev/ttyUSB0", 15, "a port has one owner; give each device its own"),
+    ],
+)
+def test_ports_that_no_run_would_open_are_told_with_their_mend(
+    calstation: Run, tmp_path: Path, table: str, imu: str, line: int, mend: str
+) -> None:
+    file = station(tmp_path, table, imu)
+    done = calstation("check", file)
+    assert done.code == 2
+    assert f"{file}:{line}: " in done.out
+    assert mend in done.out
+
+
+def test_a_gravity_that_a_run_refuses_is_told_before(calstation: Run, tmp_path: Path) -> None:
+    file = tmp_path / "station.toml"
+    site = {**STATION["site"], "gravity_mps2": 9.83}
+    file.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {"seed": 1}}), encoding="utf-8")
+    done = calstation("check", file)
+    assert (done.code, "site.gravity_mps2 = 9.83 does not belong to latitude 34.25°" in done.out) == (2, True)
+    done = calstation("test", "imu", "--station", file)
+    assert done.code == 3
+    assert "LOOK   site.gravity_mps2 = 9.83 does not belong to latitude 34.25°" in done.out
+    assert done.out.splitlines()[-1] == "The link works, but a run would not start like this."
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+def test_all_that_keeps_a_product_from_this_station_is_told_at_once(calstation: Run, tmp_path: Path) -> None:
+    product = tmp_path / "product.toml"
+    product.write_text(
+        'name = "carried"\nimu = "bench_nav"\nserial_pattern = ".*"\nstages = ["multi_position"]\n'
+        "[schedule.multi_position]\nmanual = true\n",
+        encoding="utf-8",
+    )
+    unit = FakeImu()
+    with terminal(unit.answer, unit.sends) as port:
+        file = station(tmp_path, "tcp://127.0.0.1:1", port)
+        carried = calstation("test", "imu", "--station", file, "--product", product)
+    unit = FakeImu(counts=[0, 0, 0, 0, 0, 2449])  # 2e-5 m/s per count
+    with terminal(unit.answer, unit.sends) as port:
+        file = station(tmp_path, "tcp://127.0.0.1:1", port)
+        mems = calstation(
+            "test", "imu", "--station", file, "--product", shipped_folder() / "products" / "mems_c.toml"
+        )
+    assert "Looked at as a unit of “carried”, by the profile “Bench IMU, navigation grade”." in carried.out
+    assert "LOOK   “Bench table” is driven, but stages of “carried” are carried by hand" in carried.out, (
+        carried.out
+    )
+    assert "LOOK   Surveyed gravity is missing" in mems.out, mems.out
+    assert "LOOK   Nobody has said at this computer" in mems.out
+    assert "site.confirmed_on of the station file" in mems.out
+    for done in (carried, mems):
+        assert done.code == 3
+        assert done.out.splitlines()[-1] == "The link works, but a run would not start like this."
+
+
+def test_the_table_of_a_station_is_judged_for_a_product_that_is_named(calstation: Run) -> None:
+    by_hand = shipped_folder() / "products" / "mems_hand.toml"
+    done = calstation("test", "table", "--product", by_hand)
+    assert done.code == 3
+    assert "is driven, but stages of “" in done.out

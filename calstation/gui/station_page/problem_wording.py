@@ -30,14 +30,19 @@ _KINDS = {
 
 _TRAVEL = QT_TRANSLATE_NOOP("station_problem", "The lowest angle must lie below the highest.")
 _UNIT_VECTOR = QT_TRANSLATE_NOOP("station_problem", "Give a unit vector: its squares add up to 1.")
-_ADDRESS = QT_TRANSLATE_NOOP("station_problem", "Give a host and a port number from 1 to 65535.")
+_TABLES_ADDRESS = QT_TRANSLATE_NOOP(
+    "station_problem", "Write tcp://host:port, or socket://host:port for a serial server; port 1 to 65535."
+)
+_IMUS_ADDRESS = QT_TRANSLATE_NOOP(
+    "station_problem", "Write socket://host:port for a serial server; port 1 to 65535."
+)
 _RULES: dict[Place, str] = {
     ("outer",): _TRAVEL,
     ("inner",): _TRAVEL,
     ("outer_axis",): _UNIT_VECTOR,
     ("inner_axis",): _UNIT_VECTOR,
-    ("table", "port"): _ADDRESS,
-    ("imu", "port"): _ADDRESS,
+    ("table", "port"): _TABLES_ADDRESS,
+    ("imu", "port"): _IMUS_ADDRESS,
     (): QT_TRANSLATE_NOOP(
         "station_problem", "Outer and inner axis are less than 60° apart; correct one of them."
     ),

@@ -1462,12 +1462,48 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>尚无人在本机（{computer}）确认工位就在文件所写的站址。</translation>
     </message>
     <message>
-        <source>Make sure of latitude, height and gravity, then confirm the place in the section Site.</source>
-        <translation>请核实纬度、高度和重力，再在“站址”一栏中确认。</translation>
+        <source>Make sure of latitude, height and gravity, then confirm the place: in the section Site, or by “{computer}” in site.confirmed_on of the station file.</source>
+        <translation>请核实纬度、高度和重力，然后确认工位位置：在“站址”一栏中确认，或在工位文件的 site.confirmed_on 中写入“{computer}”。</translation>
     </message>
     <message>
-        <source>If it stands still: correct accel_lsb, output or the frame&apos;s fields in the IMU profile.</source>
-        <translation>若产品静止：请改正 IMU 配置的 accel_lsb、output 或字段。</translation>
+        <source>Surveyed gravity is missing, and these gyros do not feel the earth turn: a wrong latitude would show nowhere.</source>
+        <translation>缺少实测重力，而这些陀螺感受不到地球自转：纬度填错将无从发现。</translation>
+    </message>
+    <message>
+        <source>Give site.gravity_mps2 as surveyed at the place, from a gravity net or a gravimeter.</source>
+        <translation>请在 site.gravity_mps2 中填写当地实测重力（取自重力网或重力仪）。</translation>
+    </message>
+    <message>
+        <source>site.gravity_mps2 = {gravity:g} does not belong to latitude {latitude:g}° and height {height:g} m, where normal gravity is {normal:.5f} m/s².</source>
+        <translation>site.gravity_mps2 = {gravity:g} 与纬度 {latitude:g}°、高度 {height:g} m 不符，该处正常重力为 {normal:.5f} m/s²。</translation>
+    </message>
+    <message>
+        <source>Correct gravity, latitude or height.</source>
+        <translation>请改正重力、纬度或高度。</translation>
+    </message>
+    <message>
+        <source>“{rig}” is turned by hand, but stages of “{product}” need a table that is driven.</source>
+        <translation>“{rig}”靠手转动，而“{product}”的阶段需要电动转台。</translation>
+    </message>
+    <message>
+        <source>Choose a product that is carried by hand (manual = true), or another station.</source>
+        <translation>请选择靠手转动的产品（manual = true），或换一个工位。</translation>
+    </message>
+    <message>
+        <source>“{rig}” is driven, but stages of “{product}” are carried by hand (manual = true).</source>
+        <translation>“{rig}”是电动转台，而“{product}”的阶段要靠手转动（manual = true）。</translation>
+    </message>
+    <message>
+        <source>Choose another product, or a station with rails turned by hand.</source>
+        <translation>请选择其他产品，或换用导轨靠手转动的工位。</translation>
+    </message>
+    <message>
+        <source>Looked at as a unit of “{product}”, by the profile “{profile}”.</source>
+        <translation>按产品“{product}”、配置“{profile}”检查。</translation>
+    </message>
+    <message>
+        <source>If it stands still: correct accel_lsb, output or the frame&apos;s fields in the IMU profile, or choose another product.</source>
+        <translation>若产品静止：请改正IMU 配置的 accel_lsb、output 或帧字段，或选择其他产品。</translation>
     </message>
     <message>
         <source>it does not know holding registers</source>
@@ -1617,8 +1653,12 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>请填写单位向量：各分量平方和为 1。</translation>
     </message>
     <message>
-        <source>Give a host and a port number from 1 to 65535.</source>
-        <translation>请填写主机和 1 至 65535 的端口号。</translation>
+        <source>Write tcp://host:port, or socket://host:port for a serial server; port 1 to 65535.</source>
+        <translation>请写成 tcp://主机:端口，串口服务器写成 socket://主机:端口；端口号 1 至 65535。</translation>
+    </message>
+    <message>
+        <source>Write socket://host:port for a serial server; port 1 to 65535.</source>
+        <translation>串口服务器请写成 socket://主机:端口；端口号 1 至 65535。</translation>
     </message>
     <message>
         <source>Outer and inner axis are less than 60° apart; correct one of them.</source>
