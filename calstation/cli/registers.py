@@ -14,13 +14,13 @@ from calstation.devices.transfer import Step
 from calstation.errors import StoppedError
 from calstation.physics.units import display
 from calstation.sequencer.events import Fault, Settled
-from calstation.station import register_journal
 from calstation.station.config import load_station
 from calstation.station.engine import Engine
 from calstation.station.hand_registers import UnitRegisters
 from calstation.station.library import site_folder
 from calstation.station.register_errand import turning
-from calstation.station.register_journal import Transfer
+from calstation.station.register_journal import Kind, Transfer
+from calstation.station.register_list import UnitTransfers, largest_change, transfers
 from calstation.station.request import RegisterErrand, RunRequest
 
 CLOSINGS = {
@@ -30,6 +30,11 @@ CLOSINGS = {
     "restored": "taken back",
 }
 _CLOSED = {"done": "new registers", "kept": "nothing was written: old registers", "restored": "old registers"}
+_KINDS: dict[Kind, str] = {
+    "hardware": "on hardware",
+    "virtual": "on the virtual bench",
+    "unknown": "(written before its station was noted: it counts for hardware and the virtual bench)",
+}
 _PROOFS = {
     Step.TURNED: "with a turn",
     Step.AT_REST: "at rest",
@@ -40,27 +45,19 @@ _PROOFS = {
 def list_command(runs: Path, serial: str | None, json: str | None) -> int:
     """Show the transfers to one unit, or to every unit that the site or the folder of runs knows."""
     check_json(json)
-    known: dict[str, list[Transfer]] = {}
-    for folder in dict.fromkeys((runs, site_folder())):
-        for name in register_journal.serials(folder) if serial is None else [serial]:
-            known.setdefault(name, []).extend(register_journal.history(folder, name))
-    emit_json(
-        {
-            name: {
-                "flash_cycles": sum(t.cycles for t in transfers),
-                "transfers": [_json(t) for t in transfers],
-            }
-            for name, transfers in known.items()
-        },
-        json,
-    )
+    known = transfers(runs, serial)
+    said: dict[str, dict[str, object]] = {}
+    for unit in known:
+        rows = [_json(transfer, unit.kind) for transfer in unit.transfers]
+        said.setdefault(unit.serial, {})[unit.kind] = {"flash_cycles": unit.cycles, "transfers": rows}
+    emit_json(said, json)
     if json == "-":
         return 0
     console = Console(file=sys.stdout)
-    if not any(known.values()):
+    if not known:
         console.print(f"no transfer is known in {runs} or {site_folder()}", highlight=False, markup=False)
-    for name, transfers in known.items():
-        for line in _lines(name, transfers) if transfers else ():
+    for unit in known:
+        for line in _lines(unit):
             console.print(line, highlight=False, markup=False, soft_wrap=True)
     return 0
 
@@ -145,13 +142,14 @@ def _show(settled: Settled, json: str | None) -> None:
         )
 
 
-def _lines(serial: str, transfers: list[Transfer]) -> Iterator[str]:
+def _lines(unit: UnitTransfers) -> Iterator[str]:
     """A transfer's own name on a line that no terminal cuts, what it was below."""
-    count = sum(t.cycles for t in transfers)
-    yield f"unit {serial}, {count} flash cycles by this station"
-    for t in transfers:
+    yield f"unit {unit.serial} {_KINDS[unit.kind]}, {unit.cycles} flash cycles by this station"
+    for t in unit.transfers:
         yield f"  {t.id}  {_closing(t)}"
         yield f"    {t.utc}{f', by {t.by}' if t.by else ''}, for {t.why} {t.source}".rstrip()
+        if t.sort.profile:
+            yield f"    a {t.sort.model}, by IMU profile '{t.sort.profile}' of product '{t.sort.product}'"
         yield f"    largest change: {_change(t)}"
 
 
@@ -165,24 +163,24 @@ def _closing(transfer: Transfer) -> str:
 
 
 def _change(transfer: Transfer) -> str:
-    """The parameter that changes most, by the share of its own size."""
-    changes = {name: abs(value - transfer.old.get(name, 0.0)) for name, value in transfer.new.items()}
-    sizes = {name: abs(value) + abs(transfer.old.get(name, 0.0)) for name, value in transfer.new.items()}
-    shares = {name: changes[name] / size for name, size in sizes.items() if size > 0.0}
-    if not any(shares.values()):
+    name = largest_change(transfer)
+    if name is None:
         return "none"
-    name = max(shares, key=lambda n: shares[n])
     (before, unit), (after, _) = display(name, transfer.old.get(name, 0.0)), display(name, transfer.new[name])
-    return f"{name} {before:.4g} → {after:.4g} {unit}"
+    return f"{name} {before:.4g} → {after:.4g} {unit}".rstrip()
 
 
-def _json(transfer: Transfer) -> dict[str, object]:
+def _json(transfer: Transfer, kind: Kind) -> dict[str, object]:
     return {
         "id": transfer.id,
         "utc": transfer.utc,
         "by": transfer.by,
         "why": transfer.why,
         "source": transfer.source,
+        "station": kind,
+        "model": transfer.sort.model,
+        "profile": transfer.sort.profile,
+        "product": transfer.sort.product,
         "old": dict(transfer.old),
         "new": dict(transfer.new),
         "steps": list(transfer.steps),

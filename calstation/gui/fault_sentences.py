@@ -295,6 +295,20 @@ SENTENCES: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP(
         "faults",
+        "transfer {0} to unit '{1}': the registers of IMU profile '{2}' mean something else now than then; bring the "
+        "profile's earlier version back (page Station)",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: transfer {0} was to a '{1}' of serial number '{2}', but a '{3}' answers; put that unit into the fixture",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "the result is of a unit with IMU profile '{0}', product '{1}' has '{2}'; choose the result's own product, "
+        "'{3}'",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
         "serial number '{0}' does not fit the product's pattern '{1}'; "
         "choose the product that belongs to the unit",
     ),

@@ -93,6 +93,22 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         ),
     ),
     (
+        r"transfer \S+ to unit '(.*?)' was by IMU profile '(.*?)' \(product '(.*?)'\), this product's is '(.*?)';.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "Registers of {0} were written by IMU profile “{1}” (product “{2}”), this product has “{3}”; choose a"
+            " product with that profile",
+        ),
+    ),
+    (
+        r"transfer \S+ to unit '(.*?)' has other parameters than the registers of IMU profile '(.*?)';.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "Registers of {0} were written for other parameters than those of IMU profile “{1}”; choose the product of"
+            " that unit",
+        ),
+    ),
+    (
         r"port (\S+) is in use by another calstation \(process (\d+) of (.*), since (.*)\);.*",
         QT_TRANSLATE_NOOP(
             "faults",

@@ -32,6 +32,7 @@ from calstation.station.register_journal import site_of
 from calstation.station.result import judge
 from calstation.station.setup import Setup
 from calstation.station.solve import StageChain
+from calstation.station.unit_sort import UnitSort
 
 
 @dataclass
@@ -143,8 +144,9 @@ class Conclusion:
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         log, serial = self.log.path, self.meta.imu.serial
         by, site = self.setup.request.operator, site_of(self.setup.station)
+        sort = UnitSort.of(self.setup, self.imu.identify().model)
         return register_journal.begin(
-            log.parent, serial, old, new, by=by, why="run", source=log.name, site=site
+            log.parent, serial, old, new, by=by, why="run", source=log.name, site=site, sort=sort
         )
 
     def _keep(self, old: Mapping[str, float], aside: Aside) -> None:

@@ -103,9 +103,10 @@ def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any])
 
     Where its run has written them that is what it wrote; registers that it kept are left aside. A result found
     behind the registers is put together with those that its log says were in force.
-    Raises InputError where the log is needed and missing.
+    Raises InputError where the log is needed and missing, or the result is of another IMU profile than the product's.
     """
     setup, _ = configured(request)
+    _refuse_other_profile(setup, result)
     found = {name: float(row["value"]) for name, row in result["parameters"].items()}
     registers = result.get("registers") or {}
     written = registers.get("new") if registers.get("verified") else None
@@ -141,6 +142,17 @@ def held(setup: Setup, identity: ImuIdentity, values: Mapping[str, float], runs:
         register_journal.cycles(runs, identity.serial, site_of(setup.station)),
         setup.station.bench is not None,
     )
+
+
+def _refuse_other_profile(setup: Setup, result: Mapping[str, Any]) -> None:
+    """Values of one sort of unit mean nothing to the registers of another. Raises InputError."""
+    used = (result.get("configuration") or {}).get("imu")
+    mine = setup.files["imu"].name
+    if used is not None and used["name"] != mine:
+        raise InputError(
+            f"the result is of a unit with IMU profile '{used['name']}', product '{setup.product.name}' has '{mine}';"
+            f" choose the result's own product, '{result.get('product')}'"
+        )
 
 
 def _map(setup: Setup) -> RegisterMap:

@@ -34,6 +34,7 @@ from calstation.sequencer.task import Output, Task
 from calstation.station import register_journal
 from calstation.station.flash_wear import check_flash
 from calstation.station.hand_registers import held
+from calstation.station.other_sort import refuse_other_map, refuse_other_model
 from calstation.station.preparation import configured
 from calstation.station.proving import at_once, judge, judge_old, proved_by
 from calstation.station.register_journal import Transfer, site_of
@@ -41,6 +42,7 @@ from calstation.station.request import OR_AT_REST, RegisterErrand
 from calstation.station.setup import Setup
 from calstation.station.unfinished import refuse_interrupted, register_map
 from calstation.station.unit_alone import rest_of, unit_alone
+from calstation.station.unit_sort import UnitSort
 from calstation.station.wiring import connected
 
 _OF_TABLES = ("table:", "schedule:")
@@ -99,6 +101,7 @@ class _Work:
     ----------
     entry : the interrupted transfer that is to be settled; None where a new one is to begin
     values, source : of the new one, SI by parameter, and where they come from
+    earlier : the transfer before which the unit held these values, None for those of a result
     identity : of the unit, as it answered
     """
 
@@ -108,16 +111,20 @@ class _Work:
     entry: Transfer | None
     values: Mapping[str, float]
     source: str
+    earlier: Transfer | None = None
     identity: ImuIdentity = field(init=False)
 
     @classmethod
     def of(cls, errand: RegisterErrand, setup: Setup, emit: Emit) -> "_Work":
-        """Raises InputError where there is nothing to finish or restore, ConfigurationError for a worn out flash."""
-        if errand.what == "write":
-            check_flash(setup, errand.request.out, emit)
-            return cls(errand, setup, emit, None, errand.values, errand.source)
+        """Raises InputError where there is nothing to finish or restore, or what there is belongs to another sort of
+        unit; ConfigurationError for a worn out flash."""
         runs, serial, site = errand.request.out, errand.request.serial, site_of(setup.station)
         entry = register_journal.interrupted(runs, serial, site)
+        if entry is not None:
+            refuse_other_map(entry, setup)
+        if errand.what == "write":
+            check_flash(setup, runs, emit)
+            return cls(errand, setup, emit, None, errand.values, errand.source)
         if entry is not None and errand.transfer is None:
             return cls(errand, setup, emit, entry, {}, "")
         if errand.what == "finish":
@@ -125,8 +132,9 @@ class _Work:
                 f"{site or runs}: no transfer to unit '{serial}' is open; there is nothing to finish"
             )
         wanted = _earlier(runs, serial, errand.transfer, site)
+        refuse_other_map(wanted, setup)
         check_flash(setup, runs, emit)
-        return cls(errand, setup, emit, None, wanted.old, f"before {wanted.id}")
+        return cls(errand, setup, emit, None, wanted.old, f"before {wanted.id}", wanted)
 
     @property
     def back(self) -> bool:
@@ -146,6 +154,8 @@ class _Work:
         request = self.errand.request
         check_serial(imu, request.serial)
         self.identity = imu.identify()
+        for entry in filter(None, (self.entry, self.earlier)):
+            refuse_other_model(entry, self.identity.model)
         if self.entry is None:
             refuse_interrupted(imu, self.setup, request.out, request.serial)
         elif self.back and recognise(imu, self.entry, register_map(self.setup)) is Holds.OLD:
@@ -203,6 +213,7 @@ class _Work:
             why=why,
             source=self.source,
             site=site_of(self.setup.station),
+            sort=UnitSort.of(self.setup, self.identity.model),
         )
 
 

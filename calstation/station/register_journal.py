@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import quote, unquote
 
 from calstation.devices.transfer import Closing, Step
@@ -20,9 +20,13 @@ from calstation.errors import ConfigurationError
 from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
 from calstation.station.config import StationConfig
 from calstation.station.library import site_folder
+from calstation.station.unit_sort import UnitSort
 
 FOLDER = "registers"
 """In the site's folder, or beside the runs."""
+
+Kind = Literal["hardware", "virtual", "unknown"]
+"""Of the station that a unit was at: ``unknown`` for what was written before hardware had journals of its own."""
 
 _SUFFIX = ".jsonl"
 
@@ -32,7 +36,7 @@ _KEYS = {
     "step": _BOTH | {"step"},
     "closed": _BOTH | {"closing"},
 }
-"""Of every event's line; one without a check has these and no others."""
+"""Of every event's line; one without a check has these and no others. An intention with one may say its unit's sort."""
 
 
 @dataclass
@@ -46,6 +50,7 @@ class Transfer:
     by, why : who wanted it, and what for: run, hand or restore
     source : the log or the set that the values come from
     steps : what was noted, in order
+    sort : of the unit, empty where it was not noted
     closing : how it ended, None where it is open
     """
 
@@ -58,6 +63,7 @@ class Transfer:
     by: str | None
     why: str
     source: str
+    sort: UnitSort = field(default_factory=UnitSort)
     steps: list[str] = field(default_factory=list)
     closing: str | None = None
 
@@ -90,19 +96,22 @@ def begin(
     why: str,
     source: str,
     site: Path | None = None,
+    sort: UnitSort | None = None,
 ) -> Transfer:
     """Put an intention down, on disk when this returns.
 
-    `site` : the site's folder where the unit is on hardware, None for one of a virtual bench
+    site : the site's folder where the unit is on hardware, None for one of a virtual bench
+    sort : of the unit, None where nobody can tell
 
     Raises ConfigurationError, also where the unit's journal is damaged; nothing was written to the unit then.
     """
     history(runs, serial, site)
     path = _path(site or runs, serial)
     ident = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(3)}"
-    made = Transfer(path, ident, serial, _now(), dict(old), dict(new), by, why, source)
+    sort = sort or UnitSort()
+    made = Transfer(path, ident, serial, _now(), dict(old), dict(new), by, why, source, sort)
     intention = {"event": "intended", "id": ident, "serial": serial, "utc": made.utc, "by": by, "why": why}
-    _append(path, {**intention, "source": source, "old": dict(old), "new": dict(new)})
+    _append(path, {**intention, **sort.to_json(), "source": source, "old": dict(old), "new": dict(new)})
     return made
 
 
@@ -117,6 +126,19 @@ def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]
         return [transfer for transfer, _ in _transfers(_path(runs, serial), serial)]
     before = [transfer for transfer, checked in _transfers(_path(runs, serial), serial) if not checked]
     return before + [transfer for transfer, _ in _transfers(_path(site, serial), serial)]
+
+
+def apart(runs: Path, serial: str, site: Path) -> dict[Kind, list[Transfer]]:
+    """Every transfer by the kind of its station; what may be of either counts for both in `history`.
+
+    Raises ConfigurationError as `history`.
+    """
+    beside = _transfers(_path(runs, serial), serial)
+    return {
+        "hardware": [transfer for transfer, _ in _transfers(_path(site, serial), serial)],
+        "virtual": [transfer for transfer, checked in beside if checked],
+        "unknown": [transfer for transfer, checked in beside if not checked],
+    }
 
 
 def interrupted(runs: Path, serial: str, site: Path | None = None) -> Transfer | None:
@@ -190,6 +212,7 @@ def _intended(path: Path, content: Mapping[str, Any]) -> Transfer:
         content["by"],
         str(content["why"]),
         str(content.get("source", "")),
+        UnitSort.noted(content),
     )
 
 

@@ -38,7 +38,7 @@ from calstation.station.result import Ending, build_result, judge, write_json
 from calstation.station.resume import Continuation
 from calstation.station.setup import Setup
 from calstation.station.solve import StageChain, one_blas_thread
-from calstation.station.unfinished import Unproved, settle
+from calstation.station.unfinished import Unproved, check_interrupted, settle
 from calstation.station.virtual_hands import VirtualHands
 from calstation.station.who import computer_user
 from calstation.station.wiring import Devices, connected
@@ -156,6 +156,7 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     failures = history.failures(request.serial)
     check_attempts(setup.product, request.serial, failures, request.beyond_attempts)
     check_flash(setup, folder, emit)
+    check_interrupted(setup, folder)
     injector = FaultInjector(setup.faults, folder)
     if setup.faults.fault:
         emit = injector.listening(emit)

@@ -15,6 +15,7 @@ from calstation.sequencer.fresh_data import FreshData
 from calstation.sequencer.guard import check_power
 from calstation.sequencer.ports import Clock, Emit
 from calstation.station import register_journal
+from calstation.station.other_sort import refuse_other_map, refuse_other_model
 from calstation.station.proving import judge
 from calstation.station.register_journal import Transfer, site_of
 from calstation.station.setup import Setup
@@ -63,6 +64,7 @@ def settle(
     entry = register_journal.interrupted(runs, request.serial, site_of(setup.station))
     if entry is None:
         return None
+    refuse_other_model(entry, imu.identify().model)
     holds = recognise(imu, entry, register_map(setup))
     about = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
     if holds is Holds.OLD:
@@ -95,10 +97,21 @@ def settle(
     return unproved
 
 
+def check_interrupted(setup: Setup, runs: Path) -> None:
+    """Before anything is opened: a unit's interrupted transfer belongs to a unit of the same sort.
+
+    Raises InputError with the mend.
+    """
+    entry = register_journal.interrupted(runs, setup.request.serial, site_of(setup.station))
+    if entry is not None:
+        refuse_other_map(entry, setup)
+
+
 def refuse_interrupted(imu: Imu, setup: Setup, runs: Path, serial: str) -> None:
     """Raises DeviceFaultError where a transfer to the unit waits for a decision; one that left no trace is closed."""
     entry = register_journal.interrupted(runs, serial, site_of(setup.station))
     if entry is not None:
+        refuse_other_model(entry, imu.identify().model)
         holds = recognise(imu, entry, register_map(setup))
         if holds is not Holds.OLD:
             raise _undecided(entry, holds)

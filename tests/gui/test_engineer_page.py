@@ -371,6 +371,24 @@ def at_the_registers(engineer: Engineer, **bench: Any) -> None:
     engineer.press("write_registers_button")
 
 
+def test_a_result_of_another_profile_asks_for_its_own_product(engineer: Engineer) -> None:
+    engineer.unlock()
+    found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
+    result = {"unit": {"serial": SERIAL}, "parameters": found, "log": {"file": "x.h5"}, "registers": None}
+    engineer.page._desk.take(Finished(result, None, {}))
+    engineer.turn_to(5)
+    engineer.until(lambda: bool(engineer.cells("register_table")))
+    used = {"imu": {"name": "bench_mems", "version": None, "sha256": ""}}
+    other = {**result, "product": "MEMS grade C", "configuration": used}
+    engineer.page._desk.take(Finished(other, None, {}))
+    engineer.until(
+        lambda: (
+            "choose the result's own product, 'MEMS grade C'" in engineer.says().replace("Choose", "choose")
+        )
+    )
+    assert engineer.page.registers.wanted is None
+
+
 @pytest.mark.long
 def test_registers_are_written_with_the_table_left_alone_by_choice(engineer: Engineer) -> None:
     at_the_registers(engineer)

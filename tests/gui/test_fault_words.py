@@ -38,6 +38,16 @@ TOLD = [
     " 'SN-1'; compare the unit's registers with those of its last result (Engineer page), then move this file away",
     "IMU: unit 'SN-1' has had its flash written 10 times of the 10 that IMU profile 'N' allows (flash_cycles_max); take"
     " it out of service, or correct the profile where its data sheet allows more",
+    "transfer 20261121T19-ab to unit 'SN-1' was by IMU profile 'MEMS' (product 'C'), this product's is 'nav';"
+    " choose a product with that profile (--product)",
+    "transfer 20261121T19-ab to unit 'SN-1' has other parameters than the registers of IMU profile 'nav'; choose"
+    " the product of its unit (--product)",
+    "transfer 20261121T19-ab to unit 'SN-1': the registers of IMU profile 'nav' mean something else now than then;"
+    " bring the profile's earlier version back (page Station)",
+    "IMU: transfer 20261121T19-ab was to a 'VN-100' of serial number 'SN-1', but a 'VN-110' answers; put that unit"
+    " into the fixture",
+    "the result is of a unit with IMU profile 'bench_mems', product 'A' has 'bench_nav'; choose the result's own"
+    " product, 'C'",
     "/runs/SN-1.h5: its run is still going; stop it first",
     "/runs/SN-1.h5: began on the virtual bench, but station 'line 3' is hardware now; start a new run",
     "/runs/SN-1.h5: began on station 'line 3', this is 'virtual bench'; give its station file with --station",

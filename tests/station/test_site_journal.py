@@ -83,7 +83,7 @@ def test_who_changes_the_folder_of_the_runs_sees_the_same_journal(
     opened.close(Closing.KEPT)
 
     assert run_app(["registers", "list", SERIAL, "--out", str(tuesday)]) == 0
-    assert f"unit {SERIAL}, 1 flash cycles" in capsys.readouterr().out
+    assert f"unit {SERIAL} on hardware, 1 flash cycles" in capsys.readouterr().out
     with pytest.raises(
         InputError, match=f"{home}: no transfer to unit 'SN-000077' is known; check the number"
     ):

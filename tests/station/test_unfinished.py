@@ -249,6 +249,6 @@ def test_the_command_line_lists_finishes_and_restores(
     assert code == 2
     assert "nothing to finish" in text()
     code, text = run("list", SERIAL, "--out", str(bench.runs), "--json", "-")
-    listed = json.loads(text())[SERIAL]
+    listed = json.loads(text())[SERIAL]["virtual"]
     assert [t["closing"] for t in listed["transfers"]] == ["done", "done"]
     assert listed["flash_cycles"] == 2

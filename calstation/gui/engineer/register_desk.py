@@ -45,6 +45,7 @@ class RegisterDesk(QObject):
         self.view.watch.done.connect(self._show_unit)
         self.view.watch.failed.connect(lambda _: self.changed.emit())
         app.engine_link.event.connect(self._hear)
+        app.product_changed.connect(self._take_again)
 
     def take(self, run: Finished) -> None:
         """Another run is looked at: find what it wants in the registers."""
@@ -53,6 +54,11 @@ class RegisterDesk(QObject):
         if run.result["parameters"]:
             job = self._app.workshop.submit(wanted_registers, self._request(), dict(run.result))
             self._wanting.watch(job)
+
+    def _take_again(self) -> None:
+        """What was wanted was of the product before; the unit is another one's as well."""
+        if self._run is not None and self._errand is None:
+            self.take(self._run)
 
     def why_not(self) -> str:
         """Why nothing can be written yet, "" where it can."""

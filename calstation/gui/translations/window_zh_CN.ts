@@ -577,6 +577,18 @@
         <translation>引擎：不再有任何响应；转台由自己的看门狗停住；请先看转台，再重新开始，或从最后完成的阶段继续</translation>
     </message>
     <message>
+        <source>transfer {0} to unit &apos;{1}&apos;: the registers of IMU profile &apos;{2}&apos; mean something else now than then; bring the profile&apos;s earlier version back (page Station)</source>
+        <translation>产品 {1} 的写入 {0}：惯组配置“{2}”的寄存器含义与当时不同；请在“台站”页恢复该配置的旧版本</translation>
+    </message>
+    <message>
+        <source>IMU: transfer {0} was to a &apos;{1}&apos; of serial number &apos;{2}&apos;, but a &apos;{3}&apos; answers; put that unit into the fixture</source>
+        <translation>惯组：写入 {0} 的对象是编号 {2} 的“{1}”，现在应答的是“{3}”；请把原来那台产品装入夹具</translation>
+    </message>
+    <message>
+        <source>the result is of a unit with IMU profile &apos;{0}&apos;, product &apos;{1}&apos; has &apos;{2}&apos;; choose the result&apos;s own product, &apos;{3}&apos;</source>
+        <translation>该结果属于惯组配置“{0}”的产品，而当前产品类型“{1}”用的是“{2}”；请选择该结果自己的产品类型“{3}”</translation>
+    </message>
+    <message>
         <source>serial number &apos;{0}&apos; does not fit the product&apos;s pattern &apos;{1}&apos;; choose the product that belongs to the unit</source>
         <translation>编号“{0}”不符合产品的规则“{1}”；请选择与产品对应的型号</translation>
     </message>
@@ -643,6 +655,14 @@
     <message>
         <source>Writing the registers of {0} was interrupted; press Understood, then finish it or take it back</source>
         <translation>向 {0} 写寄存器时中断；请按“知道了”，然后选择写完或恢复</translation>
+    </message>
+    <message>
+        <source>Registers of {0} were written by IMU profile “{1}” (product “{2}”), this product has “{3}”; choose a product with that profile</source>
+        <translation>产品 {0} 的寄存器是按惯组配置“{1}”（产品类型“{2}”）写入的，当前产品类型用的是“{3}”；请选择使用该配置的产品类型</translation>
+    </message>
+    <message>
+        <source>Registers of {0} were written for other parameters than those of IMU profile “{1}”; choose the product of that unit</source>
+        <translation>产品 {0} 的寄存器所含参数与惯组配置“{1}”的不同；请选择该产品所属的产品类型</translation>
     </message>
     <message>
         <source>{0} is in use by another calstation, process {1} of {2}, since {3}; wait for its end, or end it there</source>
