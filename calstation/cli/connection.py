@@ -7,11 +7,13 @@ from pathlib import Path
 from rich.console import Console
 
 from calstation.cli.show import check_json, emit_json
+from calstation.cli.typed import as_typed
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.station.config import load_station
 from calstation.station.connection_test import Order, setup_of, try_imu, try_table
 from calstation.station.finding import Finding, Report
 from calstation.station.finding_words import word_finding, word_note
+from calstation.station.request import RunRequest
 from calstation.station.settings import check, kind_of, read_text
 from calstation.station.station_rules import contradictions
 from calstation.station.unfit import unfit
@@ -50,11 +52,12 @@ def try_command(device: str, station: Path | None, product: Path | None, json: s
     report = _DEVICES[device](tell, order)
     if device == "table" and product is not None and report.state != "wrong":
         report = replace(report, findings=(*report.findings, *unfit(setup_of(order))))
-    emit_json(_plain(report), json)
+    where = RunRequest("", station, product)
+    emit_json(_plain(report, where), json)
     if json != "-":
         out = Console(file=sys.stdout, soft_wrap=True)
         for finding in report.findings:
-            for line in _lines(finding):
+            for line in _lines(finding, where):
                 out.print(line, highlight=False, markup=False)
         out.print(_VERDICTS[report.state], highlight=False, markup=False)
     return 0 if report.state == "ok" else DeviceFaultError.exit_code
@@ -83,19 +86,19 @@ def check_command(path: Path, json: str | None) -> int:
     return ConfigurationError.exit_code if problems else 0
 
 
-def _lines(finding: Finding) -> list[str]:
-    text, mend = _words(finding)
+def _lines(finding: Finding, where: RunRequest) -> list[str]:
+    text, mend = _words(finding, where)
     return [f"{_STATES[finding.state]:<6} {text}", *([f"       {mend}"] if mend else [])]
 
 
-def _words(finding: Finding) -> tuple[str, str]:
+def _words(finding: Finding, where: RunRequest) -> tuple[str, str]:
     text, mend = word_finding(finding)
-    return text, _MENDS.get(finding.id, mend) if mend else ""
+    return text, as_typed(_MENDS.get(finding.id, mend), where) if mend else ""
 
 
-def _plain(report: Report) -> dict[str, object]:
+def _plain(report: Report, where: RunRequest) -> dict[str, object]:
     findings = []
     for finding in report.findings:
-        text, mend = _words(finding)
+        text, mend = _words(finding, where)
         findings.append({**asdict(finding), "text": text, "mend": mend})
     return {"device": report.device, "state": report.state, "findings": findings}

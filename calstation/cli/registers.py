@@ -98,7 +98,7 @@ def _do(errand: RegisterErrand, what: str, json: str | None, *, yes: bool, debug
             elif isinstance(event, Fault):
                 fault = event
     if fault is not None:
-        return complain(fault, debug=debug)
+        return complain(fault, errand.request, debug=debug)
     if settled is None or settled.closing == "stopped":
         raise StoppedError("stopped")
     _show(settled, json)

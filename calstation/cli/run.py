@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
 from calstation.cli.show import check_json, emit_json, result_table
+from calstation.cli.typed import as_typed, options
 from calstation.cli.wording import OUTCOMES, READ_BACK, STATES, word, word_guided, word_step
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.sequencer.control import Command
@@ -63,7 +64,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     if verdict is not None:
         _show_verdict(verdict, json, request)
     if fault is not None:
-        return complain(fault, debug=debug)
+        return complain(fault, request, debug=debug)
     return _EXIT_CODES[verdict.outcome] if verdict is not None else 3
 
 
@@ -94,9 +95,9 @@ def run_request(
     return RunRequest(serial, station, product, stages, out, computer_user(), speed, seed, resume=resume)
 
 
-def complain(fault: Fault, *, debug: bool) -> int:
-    """Tell what ended the engine's work; returns the exit code."""
-    text = fault.text
+def complain(fault: Fault, request: RunRequest, *, debug: bool) -> int:
+    """Tell what ended the engine's work, with its mend at the request's own station; returns the exit code."""
+    text = as_typed(fault.text, request)
     if fault.kind == INTERNAL and not debug:
         text = f"internal error: {text.strip().splitlines()[-1]} (--debug shows where)"
     sys.stderr.write(f"calstation: {text}\n")
@@ -134,10 +135,8 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
 
 def _resuming(log: str, request: RunRequest) -> str:
     """The command that carries a run on, at the same station and with the same product."""
-    words = ["calstation", "run", "--resume", log]
-    for option, path in (("--station", request.station), ("--product", request.product)):
-        words += [option, str(path)] if path is not None else []
-    return shlex.join(words)
+    command = shlex.join(["calstation", "run", "--resume", log])
+    return f"{command} {options(request.station, request.product)}".rstrip()
 
 
 class Display:

@@ -17,20 +17,23 @@ from calstation.station.table_reset import TableStanding, read_table, reset_tabl
 def status_command(station: Path | None, product: Path | None, json: str | None) -> int:
     """Show how the table stands; the code of a device fault where one is latched."""
     check_json(json)
-    standing = read_table(_tell, _order(station, product))
-    emit_json(asdict(standing), json)
+    order = _order(station, product)
+    standing = read_table(_tell, order)
+    emit_json({"station": order.station.name, **asdict(standing)}, json)
     if json != "-":
-        _say("\n".join(_lines(standing)))
+        _say("\n".join([f"station    {order.station.name}", *_lines(standing)]))
     return 0 if standing.fault is None else DeviceFaultError.exit_code
 
 
 def reset_command(station: Path | None, product: Path | None, json: str | None) -> int:
     """Reset what the table has latched; the code of a device fault where it stays."""
     check_json(json)
-    result = reset_table(_tell, _order(station, product))
-    emit_json(asdict(result), json)
+    order = _order(station, product)
+    result = reset_table(_tell, order)
+    emit_json({"station": order.station.name, **asdict(result)}, json)
     if json != "-":
-        _say(RESETS[result.outcome].format(latched=result.latched, left=result.left, words=result.words))
+        said = RESETS[result.outcome].format(latched=result.latched, left=result.left, words=result.words)
+        _say(f"Table of '{order.station.name}': {said}")
     return 0 if result.clear else DeviceFaultError.exit_code
 
 

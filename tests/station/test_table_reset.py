@@ -199,8 +199,10 @@ def test_the_terminal_asks_and_resets(
     code, text = said("status")
     assert code == 3
     assert "fault      drive" in text
-    assert said("reset") == (0, "The fault 'drive' was reset; nothing is latched now.\n")
-    assert said("status")[0] == 0
+    assert said("reset") == (0, "Table of 'line': The fault 'drive' was reset; nothing is latched now.\n")
+    code, text = said("status")
+    assert code == 0
+    assert "station    line" in text
     assert said("reset")[0] == 0
     bench.obey("interlock", 0)
     code, text = said("reset")
