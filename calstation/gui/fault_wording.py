@@ -143,7 +143,7 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         ),
     ),
     (
-        r".*: site\.confirmed_on is missing.* latitude (\S*)°, longitude (\S*)°, height (\S*) m;.*",
+        r".*: site\.confirmed_on is missing, .* latitude (\S*)°, longitude (\S*)°, height (\S*) m;.*",
         QT_TRANSLATE_NOOP(
             "faults",
             "Nobody has confirmed at this computer that the station stands at {0}°, {1}°, {2} m, and gyros of this"
@@ -151,7 +151,7 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         ),
     ),
     (
-        r".*: site\.confirmed_on names (.*), and this .* latitude (\S*)°, longitude (\S*)°, height (\S*) m;.*",
+        r".*: site\.confirmed_on names (.*), not '.* latitude (\S*)°, longitude (\S*)°, height (\S*) m;.*",
         QT_TRANSLATE_NOOP(
             "faults",
             "That the station stands at {1}°, {2}°, {3} m was confirmed at {0}, not at this computer; an engineer makes"

@@ -30,17 +30,13 @@ FURTHER_IMUS = tuple(range(2, 10))
 
 
 class SiteSection(StrictModel):
-    """`[site]`: where the table stands.
-
-    confirmed_on : computers at which a person has said that the station stands there
-    """
+    """`[site]`: where the table stands."""
 
     latitude_deg: float = Field(ge=-90, le=90)
     longitude_deg: float = Field(ge=-180, le=360)
     height_m: float = Field(ge=-1000, le=10000)
     azimuth_deg: float | None = Field(default=None, ge=-360, le=360)
     gravity_mps2: float | None = Field(default=None, ge=9.7, le=9.9)
-    confirmed_on: list[str] = Field(default_factory=list)
 
 
 class ImuSection(StrictModel):

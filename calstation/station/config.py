@@ -71,6 +71,20 @@ class HandoverSection(StrictModel):
     folder: str = Field(min_length=1)
 
 
+class StationSite(SiteSection):
+    """`[site]` of a station: where it stands, and who has made sure of it.
+
+    confirmed_on : computers at which a person has said so, each with the place, see `station.place.vouching`
+    """
+
+    confirmed_on: list[str] = Field(default_factory=list)
+
+    @property
+    def place(self) -> SiteSection:
+        """Where it stands."""
+        return SiteSection.model_validate(self.model_dump(exclude={"confirmed_on"}))
+
+
 class StationConfig(StrictModel):
     """A station file: this place, its table and its ports.
 
@@ -79,7 +93,7 @@ class StationConfig(StrictModel):
     """
 
     name: str
-    site: SiteSection
+    site: StationSite
     table: TableLinkSection
     imu: DeviceSection = DeviceSection()
     bench: dict[str, JsonValue] | None = None

@@ -7,6 +7,7 @@ another place agrees with itself: it names the computers at which a person has v
 """
 
 import platform
+import uuid
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from calstation.estimation.method import Solution
 from calstation.physics.earth import normal_gravity
 from calstation.records.limits import Check
 from calstation.records.meta import LogMeta, SiteSection, context_from_meta
+from calstation.station.config import StationSite
 from procedures import method
 
 ANOMALY = 3e-4
@@ -30,8 +32,14 @@ LATITUDE = "latitude"
 
 
 def this_computer() -> str:
-    """Its name in the network."""
-    return platform.node()
+    """Its name in the network, the address of its network adapter where it has none."""
+    return platform.node() or f"{uuid.getnode():012x}"
+
+
+def vouching(site: StationSite) -> str:
+    """What stands in `site.confirmed_on` where a person at this computer has made sure of these values."""
+    gravity = "normal" if site.gravity_mps2 is None else site.gravity_mps2
+    return f"{this_computer()}: {site.latitude_deg} {site.longitude_deg} {site.height_m} {gravity}"
 
 
 def check_place(meta: LogMeta, station_path: Path) -> None:
@@ -47,25 +55,24 @@ def check_place(meta: LogMeta, station_path: Path) -> None:
         )
 
 
-def vouched(site: SiteSection, *, needed: bool) -> bool:
+def vouched(site: StationSite, *, needed: bool) -> bool:
     """Whether a person may be taken to have said at this computer that the station stands there.
 
     needed : nothing else tells it
     """
-    return this_computer() in site.confirmed_on or not (site.confirmed_on or needed)
+    return vouching(site) in site.confirmed_on or not (site.confirmed_on or needed)
 
 
-def check_confirmed(meta: LogMeta, station_path: Path) -> None:
+def check_confirmed(site: StationSite, meta: LogMeta, station_path: Path) -> None:
     """Raises ConfigurationError where hardware's place was vouched for elsewhere, or must be and was not."""
-    site, here = meta.site, this_computer()
     if vouched(site, needed=unfelt(meta)):
         return
-    elsewhere = f"names {', '.join(site.confirmed_on)}" if site.confirmed_on else "is missing"
+    told = f"names {'; '.join(site.confirmed_on)}" if site.confirmed_on else "is missing"
     raise ConfigurationError(
-        f"{station_path}: site.confirmed_on {elsewhere}, and this computer is '{here}': nobody has said here that the"
+        f"{station_path}: site.confirmed_on {told}, not '{vouching(site)}': nobody has said at this computer that the"
         f" station stands at latitude {site.latitude_deg:g}°, longitude {site.longitude_deg:g}°, height"
         f" {site.height_m:g} m; make sure of them and of gravity, then confirm the place on the station page or add"
-        f" '{here}' to site.confirmed_on"
+        f" '{vouching(site)}' to site.confirmed_on"
     )
 
 

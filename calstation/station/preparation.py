@@ -106,7 +106,7 @@ def check_station(setup: Setup, product_path: Path) -> None:
     meta, path = setup.meta(datetime.now(UTC), 1, {}), load_station(setup.request.station)[0]
     check_place(meta, path)
     if setup.station.bench is None:
-        check_confirmed(meta, path)
+        check_confirmed(setup.station.site, meta, path)
 
 
 def check_hands(setup: Setup, product_path: Path) -> None:

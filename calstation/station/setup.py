@@ -99,7 +99,7 @@ class Setup:
         """
         profile, accuracy, stream, noise = self.imu, self.table.accuracy, self.imu.stream, self.imu.noise
         return LogMeta(
-            site=self.station.site,
+            site=self.station.site.place,
             imu=ImuSection(
                 serial=self.request.serial,
                 sample_rate_hz=stream.sample_rate_hz,

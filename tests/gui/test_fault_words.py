@@ -72,12 +72,13 @@ TOLD = [
     " correct latitude and gravity of the place, or look at the gyros where another unit agrees with the file",
     "/s.toml: site.gravity_mps2 = 9.8 does not belong to latitude 34.25° and height 400 m, where normal gravity is"
     " 9.79547; correct gravity, latitude or height",
-    "/s.toml: site.confirmed_on is missing, and this computer is 'pc-1': nobody has said here that the station stands"
-    " at latitude 34.25°, longitude 108.9°, height 400 m; make sure of them and of gravity, then confirm the place on"
-    " the station page or add 'pc-1' to site.confirmed_on",
-    "/s.toml: site.confirmed_on names pc-7, pc-8, and this computer is 'pc-1': nobody has said here that the station"
-    " stands at latitude -34.25°, longitude 108.9°, height 400 m; make sure of them and of gravity, then confirm the"
-    " place on the station page or add 'pc-1' to site.confirmed_on",
+    "/s.toml: site.confirmed_on is missing, not 'pc-1: 34.25 108.9 400.0 9.79547': nobody has said at this computer"
+    " that the station stands at latitude 34.25°, longitude 108.9°, height 400 m; make sure of them and of gravity,"
+    " then confirm the place on the station page or add 'pc-1: 34.25 108.9 400.0 9.79547' to site.confirmed_on",
+    "/s.toml: site.confirmed_on names pc-7: 1.0 2.0 3.0 normal; pc-8: 1.0 2.0 3.0 normal, not 'pc-1: -34.25 108.9 400.0"
+    " 9.79547': nobody has said at this computer that the station stands at latitude -34.25°, longitude 108.9°, height"
+    " 400 m; make sure of them and of gravity, then confirm the place on the station page or add 'pc-1: -34.25 108.9"
+    " 400.0 9.79547' to site.confirmed_on",
 ]
 
 

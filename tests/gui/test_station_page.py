@@ -312,13 +312,23 @@ def test_a_place_is_confirmed_at_this_computer_by_a_button(hands: Hands) -> None
     hands.press("confirm_place_button")
     hands.press("save_station_button")
     path = library.find("stations", "line_3")
-    assert saved(path)["site"]["confirmed_on"] == [this_computer()]
+    here = f"{this_computer()}: 34.25 108.9 400.0 normal"
+    assert saved(path)["site"]["confirmed_on"] == [here]
     assert hands.says("site_confirmed_on").startswith("✓")
     assert not hands.find(QPushButton, "confirm_place_button").isVisible()
-    hands.page.drafts.station.set({("site", "confirmed_on"): ["other-plant"]})
-    assert "confirmed at other-plant, not at this computer" in hands.says("site_confirmed_on")
+    draft, told = hands.page.drafts.station, ("site", "confirmed_on")
+    draft.set({told: ["plant-2: 34.25 108.9 400.0 normal", here]})
+    hands.type("site_height_m_edit", "1200")
+    assert "not this place at this computer" in hands.says("site_confirmed_on"), (
+        "of another height nobody has said it"
+    )
     hands.press("confirm_place_button")
-    assert hands.page.drafts.station.value(("site", "confirmed_on")) == ["other-plant", this_computer()]
+    assert draft.value(told) == [
+        "plant-2: 34.25 108.9 400.0 normal",
+        f"{this_computer()}: 34.25 108.9 1200.0 normal",
+    ]
+    hands.type("site_height_m_edit", "ten")
+    assert not hands.find(QPushButton, "confirm_place_button").isVisible(), "nobody can be sure of that"
 
 
 def test_an_unknown_azimuth_is_left_out_of_the_file(hands: Hands, place: Any) -> None:

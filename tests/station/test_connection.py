@@ -20,7 +20,7 @@ from calstation.station.connection_test import Order, try_imu, try_table
 from calstation.station.finding import Finding, Report
 from calstation.station.finding_words import word_finding
 from calstation.station.library import find
-from calstation.station.place import this_computer
+from calstation.station.place import vouching
 from calstation.station.ports import discover
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
@@ -341,7 +341,7 @@ def test_a_place_that_was_confirmed_at_another_computer_is_told() -> None:
     with terminal(unit.answer, unit.sends) as port:
         asked = order(imu={"port": port, "timeout_s": 0.3})
         told = []
-        for computers in ([], ["other-plant"], ["other-plant", this_computer()]):
+        for computers in ([], ["other-plant"], ["other-plant", vouching(asked.station.site)]):
             site = asked.station.site.model_copy(update={"confirmed_on": computers})
             station = asked.station.model_copy(update={"site": site})
             told.append(try_imu(tell, Order(station)).find("place_not_confirmed"))

@@ -11,6 +11,7 @@ from calstation.estimation.latitude import SeenLatitude
 from calstation.estimation.method import Consistency, Solution
 from calstation.physics.parameters import COUNT
 from calstation.records.meta import LogMeta
+from calstation.station.config import StationSite
 from calstation.station.place import (
     check_confirmed,
     check_latitude,
@@ -18,7 +19,7 @@ from calstation.station.place import (
     latitude_untold,
     refuse_other_place,
     there,
-    this_computer,
+    vouching,
 )
 
 HERE = Path("station.toml")
@@ -62,31 +63,41 @@ def test_only_who_feels_the_earth_turn_needs_no_surveyed_gravity() -> None:
             check_place(meta(MEMS, "rate", stage), HERE)
 
 
+def standing(*told: str, **otherwise: float) -> StationSite:
+    here = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "gravity_mps2": 9.79547}
+    return StationSite.model_validate({**here, **otherwise, "confirmed_on": list(told)})
+
+
+CONFIRMED = vouching(standing())
+
+
 @pytest.mark.parametrize(
-    ("noise", "told", "refused"),
+    ("noise", "site", "refused"),
     [
-        (NAV, [], ""),
-        (MEMS, [], "is missing"),
-        (MEMS, ["other plant"], "names other plant"),
-        (NAV, ["a", "b"], "names a, b"),
-        (MEMS, ["a", this_computer()], ""),
+        (NAV, standing(), ""),
+        (MEMS, standing(), "is missing"),
+        (MEMS, standing("plant-2: 34.25 108.9 400.0 9.79547"), "names plant-2: 34.25 108.9 400.0 9.79547"),
+        (NAV, standing("a", "b"), "names a; b"),
+        (MEMS, standing("a", CONFIRMED), ""),
+        (NAV, standing(CONFIRMED, height_m=900.0), "names"),
+        (MEMS, standing(CONFIRMED, gravity_mps2=9.7955), "names"),
     ],
 )
 def test_a_station_file_from_another_place_needs_a_person_here(
-    noise: dict[str, float], told: list[str], refused: str
+    noise: dict[str, float], site: StationSite, refused: str
 ) -> None:
-    there_and_here = meta(noise, "six_position", gravity_mps2=9.79547, confirmed_on=told)
+    run = meta(noise, "six_position")
     if not refused:
-        check_confirmed(there_and_here, HERE)
+        check_confirmed(site, run, HERE)
         return
     with pytest.raises(
-        ConfigurationError, match=rf"site.confirmed_on {refused}, .* latitude 34.25°, .*; make sure.* confirm"
+        ConfigurationError, match=rf"site.confirmed_on {refused}.* latitude 34.25°, .*; make sure.* confirm"
     ):
-        check_confirmed(there_and_here, HERE)
+        check_confirmed(site, run, HERE)
 
 
 def test_stages_that_carry_no_gravity_need_nobody() -> None:
-    check_confirmed(meta(MEMS, "rate"), HERE)
+    check_confirmed(standing(), meta(MEMS, "rate"), HERE)
 
 
 def solved(latitude: SeenLatitude | None, nis: float = 1.0) -> tuple[Solution, ...]:

@@ -5,7 +5,8 @@ from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
 
 from calstation.gui import theme
 from calstation.gui.station_page.draft import Draft
-from calstation.station.place import this_computer
+from calstation.station.config import StationConfig
+from calstation.station.place import this_computer, vouching
 from calstation.station.settings import Place
 
 _CONFIRMED: Place = ("site", "confirmed_on")
@@ -39,17 +40,17 @@ class PlaceConfirmation(QWidget):
     def refresh(self) -> None:
         """Show who has vouched for the place as the draft has it."""
         self.setVisible(self._draft.value(("bench",)) is None)
-        told, here = self._told(), this_computer()
-        self.button.setVisible(here not in told)
+        told, here, wanted = self._told(), this_computer(), self._wanted()
+        self.button.setVisible(bool(wanted) and wanted not in told)
         kind = "muted"
-        if here in told:
+        if wanted in told:
             text = self.tr("✓ This place was confirmed at this computer ({0}).").format(here)
         elif told:
             kind = "caution"
             text = self.tr(
-                "This place was confirmed at {0}, not at this computer ({1}): no run starts. Make sure of latitude, "
+                "Confirmed was “{0}”, not this place at this computer ({1}): no run starts. Make sure of latitude, "
                 "height and gravity, then confirm it."
-            ).format(", ".join(told), here)
+            ).format("; ".join(told), here)
         else:
             text = self.tr(
                 "Nobody has confirmed this place at this computer ({0}) yet. Units whose gyros do not feel the earth "
@@ -75,5 +76,12 @@ class PlaceConfirmation(QWidget):
         value = self._draft.value(_CONFIRMED)
         return [str(name) for name in value] if isinstance(value, list) else []
 
+    def _wanted(self) -> str:
+        """What a confirmation here would say, "" while something is wrong with the file."""
+        station = self._draft.model
+        return vouching(station.site) if isinstance(station, StationConfig) else ""
+
     def _confirm(self) -> None:
-        self._draft.set({_CONFIRMED: [*self._told(), this_computer()]})
+        here = f"{this_computer()}: "
+        others = [entry for entry in self._told() if not entry.startswith(here)]
+        self._draft.set({_CONFIRMED: [*others, self._wanted()]})

@@ -284,8 +284,8 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>✓ 已在本机（{0}）确认站址。</translation>
     </message>
     <message>
-        <source>This place was confirmed at {0}, not at this computer ({1}): no run starts. Make sure of latitude, height and gravity, then confirm it.</source>
-        <translation>站址是在 {0} 上确认的，未在本机（{1}）确认：标定无法开始。请核实纬度、高度和重力，再确认。</translation>
+        <source>Confirmed was “{0}”, not this place at this computer ({1}): no run starts. Make sure of latitude, height and gravity, then confirm it.</source>
+        <translation>已确认的是“{0}”，而不是本机（{1}）上的这一站址：标定无法开始。请核实纬度、高度和重力，再确认。</translation>
     </message>
     <message>
         <source>Nobody has confirmed this place at this computer ({0}) yet. Units whose gyros do not feel the earth turn are calibrated only where somebody has; and a file that was confirmed is refused when it is taken to another computer.</source>
