@@ -183,7 +183,7 @@ IMU = {
         QT_TRANSLATE_NOOP(
             "station_finding",
             "Make sure of latitude, height and gravity, then confirm the place: in the section Site, or by "
-            "“{computer}” in site.confirmed_on of the station file.",
+            "“{entry}” in site.confirmed_on of the station file.",
         ),
     ),
     "gravity_missing": (

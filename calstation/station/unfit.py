@@ -12,7 +12,7 @@ from calstation.configuration import validate
 from calstation.station import library
 from calstation.station.config import load_station, schedule_values
 from calstation.station.finding import Finding, Value
-from calstation.station.place import normal_unlike, this_computer, unfelt, vouched
+from calstation.station.place import normal_unlike, this_computer, unfelt, vouched, vouching
 from calstation.station.preparation import HandsError, check_hands
 from calstation.station.setup import Setup
 from procedures import method
@@ -45,7 +45,7 @@ def unfit(setup: Setup) -> Iterator[Finding]:
     if setup.station.bench is not None:
         return
     if not vouched(site, needed=blind):
-        yield Finding("place_not_confirmed", "look", {"computer": this_computer()})
+        yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": vouching(site)})
     example = load_station(library.find("stations", EXAMPLE))[1].site
     if (site.latitude_deg, site.longitude_deg, site.height_m) == (
         example.latitude_deg,

@@ -1462,8 +1462,8 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>尚无人在本机（{computer}）确认工位就在文件所写的站址。</translation>
     </message>
     <message>
-        <source>Make sure of latitude, height and gravity, then confirm the place: in the section Site, or by “{computer}” in site.confirmed_on of the station file.</source>
-        <translation>请核实纬度、高度和重力，然后确认工位位置：在“站址”一栏中确认，或在工位文件的 site.confirmed_on 中写入“{computer}”。</translation>
+        <source>Make sure of latitude, height and gravity, then confirm the place: in the section Site, or by “{entry}” in site.confirmed_on of the station file.</source>
+        <translation>请核实纬度、高度和重力，然后确认工位位置：在“站址”一栏中确认，或在工位文件的 site.confirmed_on 中写入“{entry}”。</translation>
     </message>
     <message>
         <source>Surveyed gravity is missing, and these gyros do not feel the earth turn: a wrong latitude would show nowhere.</source>
