@@ -19,7 +19,14 @@ from calstation.station.listening import LISTEN, listen
 from calstation.station.request import RunRequest
 from calstation.station.setup import Setup
 from calstation.station.unfit import unfit
-from calstation.station.who_answers import OTHER_NUMBER, imu_on_tables_line, other_unit, table_on_imus_line
+from calstation.station.who_answers import (
+    OTHER_NUMBER,
+    Heard,
+    imu_on_tables_line,
+    other_unit,
+    table_on_imus_line,
+    units_heard,
+)
 from calstation.station.wiring import (
     Endpoints,
     endpoints,
@@ -133,6 +140,22 @@ def _who_else_than_the_table(
         if other is not None:
             values: dict[str, Value] = {"found": other[0], "model": other[1], "unit": around.table.unit or 0}
             yield Finding("unit_heard", "told", values)
+            return
+    if ids & {"silent_rtu", "silent_tcp", "exception", "wrong_model"}:
+        heard = units_heard(around, lambda share: tell(0.6 + 0.4 * share, note="trying_units"))
+        yield from _units([one for one in heard if one.profile or "wrong_model" not in ids])
+
+
+def _units(heard: list[Heard]) -> Iterator[Finding]:
+    """The device whose profile is another one, or whoever answers."""
+    for one in heard:
+        if one.profile:
+            values: dict[str, Value] = {"found": one.unit, "model": one.model, "profile": one.profile}
+            yield Finding("profile_heard", "told", values)
+            return
+    if heard:
+        named = [f"{one.unit} (“{one.model}”)" if one.model else str(one.unit) for one in heard]
+        yield Finding("units_heard", "told", {"units": ", ".join(named)})
 
 
 def _who_else_than_the_imu(

@@ -86,7 +86,10 @@ _EXCEPTIONS = {
     ),
     4: (
         QT_TRANSLATE_NOOP("station_finding", "the device cannot do it now, or is not unit {unit}"),
-        QT_TRANSLATE_NOOP("station_finding", "Correct the unit number; then look at the table."),
+        QT_TRANSLATE_NOOP(
+            "station_finding",
+            "Correct the unit number or choose another table profile; then look at the table.",
+        ),
     ),
     6: (
         QT_TRANSLATE_NOOP("station_finding", "it is busy"),
@@ -126,7 +129,15 @@ _SERVER = {
 }
 """Findings whose mend is another one behind a serial server, which has the baud in settings of its own."""
 
-_HINTS = ("example_site", "other_baud", "unit_heard", "imus_line", "tables_line")
+_HINTS = (
+    "example_site",
+    "other_baud",
+    "unit_heard",
+    "units_heard",
+    "profile_heard",
+    "imus_line",
+    "tables_line",
+)
 """What is told beside what is wrong, with a mend of its own."""
 
 WORDED: dict[str, tuple[str, str]] = {**_OPENING, **TABLE, **IMU}

@@ -47,6 +47,16 @@ TABLE = {
         QT_TRANSLATE_NOOP("station_finding", "“{model}” answers as unit {found}."),
         QT_TRANSLATE_NOOP("station_finding", "Set the unit number to {found} instead of {unit}."),
     ),
+    "profile_heard": (
+        QT_TRANSLATE_NOOP("station_finding", "“{model}” answers as unit {found}."),
+        QT_TRANSLATE_NOOP(
+            "station_finding", "The table profile is another's: choose {profile}, unit number {found}."
+        ),
+    ),
+    "units_heard": (
+        QT_TRANSLATE_NOOP("station_finding", "Unit numbers that answer: {units}."),
+        QT_TRANSLATE_NOOP("station_finding", "Correct the unit number, or choose another table profile."),
+    ),
     "imus_line": (
         QT_TRANSLATE_NOOP("station_finding", "Frames of “{profile}” come here: this is the IMU's line."),
         QT_TRANSLATE_NOOP("station_finding", "Exchange the ports of table and IMU."),

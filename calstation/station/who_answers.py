@@ -12,8 +12,9 @@ from calstation.devices.interfaces import Imu, OtherModelError, Table, TableIden
 from calstation.devices.link import PortLostError, SerialSettings
 from calstation.devices.modbus_link import MEANINGS, ModbusRefusalError, NoAnswerError
 from calstation.devices.open_table import open_table
-from calstation.devices.table_profile import TableProfile
-from calstation.errors import CalstationError, DeviceFaultError
+from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
+from calstation.station import library
 from calstation.station.listening import frames_come
 
 NUMBERS = range(1, 11)
@@ -147,3 +148,63 @@ def other_unit(wires: Wires, asked: Callable[[float], None] = lambda share: None
             finally:
                 table.close()
     return None
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A Modbus unit that answers: its number, its model where it tells one, and the name of the table profile whose it
+    is, "" where none is known."""
+
+    unit: int
+    model: str
+    profile: str
+
+
+def units_heard(wires: Wires, asked: Callable[[float], None] = lambda share: None) -> list[Heard]:
+    """Who answers on the table's port, by the models of all Modbus profiles of this site.
+
+    asked : told the share of the numbers that have been tried
+    """
+    profiles, heard = _modbus_profiles(wires), []
+    for i, number in enumerate(NUMBERS):
+        asked(i / len(NUMBERS))
+        found = _heard_as(wires, profiles, number)
+        if found is not None:
+            heard.append(found)
+    return heard
+
+
+def _modbus_profiles(wires: Wires) -> dict[str, TableProfile]:
+    """The site's profiles behind Modbus by their file's name, one for each model."""
+    found: dict[str, TableProfile] = {}
+    for name in library.names("tables") if wires.table.modbus is not None else ():
+        with suppress(ConfigurationError):
+            profile = load_table_profile(library.find("tables", name))
+            if profile.modbus is not None and profile.model not in {known.model for known in found.values()}:
+                found[name] = profile
+    return found
+
+
+def _heard_as(wires: Wires, profiles: dict[str, TableProfile], number: int) -> Heard | None:
+    """Who a unit number is, None where nobody answers to it."""
+    somebody = None
+    for name, profile in profiles.items():
+        try:
+            table = open_table(wires.table_port, profile.at_place(_ANSWER_WITHIN, number), wires.table_serial)
+        except CalstationError:
+            return somebody
+        try:
+            return Heard(number, table.identify().model, name)
+        except OtherModelError as exc:
+            somebody = Heard(number, exc.found, "")
+        except NoAnswerError as exc:
+            if exc.unit == number:
+                return somebody
+        except ModbusRefusalError as exc:
+            if exc.unit == number and exc.code not in OTHER_NUMBER:
+                somebody = somebody or Heard(number, "", "")
+        except CalstationError:
+            continue
+        finally:
+            table.close()
+    return somebody

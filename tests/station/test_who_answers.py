@@ -228,6 +228,21 @@ def test_the_test_of_a_table_tells_the_number_that_answers() -> None:
     assert [f.id for f in report.findings] == ["connected", "exception"]
 
 
+def test_a_table_of_another_profile_is_named_with_it() -> None:
+    bench = FakeTable({})
+
+    def answer(heard: bytes) -> bytes:
+        return bench.answer(heard) if heard[6] == 1 else tcp_pdu(heard, bytes([0x83, 4]))
+
+    with server(answer) as address:
+        report = try_table(tell, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"}))
+        assert [f.id for f in report.findings] == ["connected", "exception", "profile_heard"]
+        assert report.findings[-1].values == {"found": 1, "model": "bench-table", "profile": "bench"}
+        bench.words[0:8] = [0x4C41, 0x5448, 0x4500] + [0] * 5
+        report = try_table(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
+    assert report.findings[-1].values == {"units": "1 (“LATHE”)"}
+
+
 @needs_terminals
 def test_the_reset_of_exchanged_links_says_so(imu: str) -> None:
     bus = Bus()

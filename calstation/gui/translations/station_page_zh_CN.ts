@@ -1018,6 +1018,10 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>请选择与设备相符的配置文件。</translation>
     </message>
     <message>
+        <source>Correct the unit number or choose another table profile; then look at the table.</source>
+        <translation>请改正从站号或选择其他转台配置，然后检查转台。</translation>
+    </message>
+    <message>
         <source>The connection stands, but nobody answers as unit {unit}.</source>
         <translation>已连通，但从站 {unit} 无应答。</translation>
     </message>
@@ -1068,6 +1072,18 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Set the unit number to {found} instead of {unit}.</source>
         <translation>请把从站号由 {unit} 改为 {found}。</translation>
+    </message>
+    <message>
+        <source>The table profile is another&apos;s: choose {profile}, unit number {found}.</source>
+        <translation>转台配置不是这台设备的：请选择 {profile}，从站号 {found}。</translation>
+    </message>
+    <message>
+        <source>Unit numbers that answer: {units}.</source>
+        <translation>有应答的从站号：{units}。</translation>
+    </message>
+    <message>
+        <source>Correct the unit number, or choose another table profile.</source>
+        <translation>请改正从站号，或选择其他转台配置。</translation>
     </message>
     <message>
         <source>Frames of “{profile}” come here: this is the IMU&apos;s line.</source>
@@ -1524,10 +1540,6 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>the device cannot do it now, or is not unit {unit}</source>
         <translation>设备当前不能执行，或从站号不是 {unit}</translation>
-    </message>
-    <message>
-        <source>Correct the unit number; then look at the table.</source>
-        <translation>请改正从站号，再查看转台。</translation>
     </message>
     <message>
         <source>it is busy</source>
