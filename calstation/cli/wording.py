@@ -36,6 +36,7 @@ MESSAGES: dict[str, str] = {
     "registers_proved": "Registers written, read back, and the output right with them ({proof}).",
     "old_unproved": "The old registers are back as they were; the output was not looked at to its end.",
     "verifying": "Checking the output of the restarted unit.",
+    "look_repeated": "The unit restarted by itself: its output is looked at again from the beginning.",
     "better_kept": "{parameter} kept: {before} from {date} is better than {now} now.",
     "better_changed": "{parameter} replaced: it is now ({now}) far from what was found on {date} ({before}).",
     "registers_transfer": "Inside the limits: writing the registers.",

@@ -1,6 +1,6 @@
 """What the sequencer may ask of a table and an IMU, and what they answer; all angles in rad."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,6 +19,10 @@ class OtherModelError(DeviceFaultError):
         super().__init__(text)
         self.found = found
         self.expected = expected
+
+
+class NoFramesError(DeviceFaultError):
+    """Bytes come on the IMU's link, and none of them belong to a frame."""
 
 
 @dataclass(frozen=True)
@@ -133,13 +137,14 @@ class SampleBatch:
 @dataclass(frozen=True)
 class LinkStats:
     """Counts since the link was opened: frames and bytes read, frames with a wrong check, bytes that belong
-    to no frame, interruptions of the counter."""
+    to no frame, interruptions of the counter, and how often it began again."""
 
     frames: int = 0
     bytes: int = 0
     crc_errors: int = 0
     skipped: int = 0
     gaps: int = 0
+    restarts: int = 0
 
 
 class Imu(Protocol):
@@ -155,8 +160,17 @@ class Imu(Protocol):
         What is read from then on is of that kind alone. A restart falls back to the other.
         """
 
+    def wake(self, hear: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
+        """Find a unit that may have restarted by itself: who answers, asked for as long as that may take, then `start`.
+
+        `hear` : called between two questions, may raise. None where the unit takes no command.
+        """
+
     def read(self) -> SampleBatch:
-        """Everything decoded since the last call, possibly nothing; never waits."""
+        """Everything decoded since the last call, possibly nothing; never waits.
+
+        Raises NoFramesError where bytes come and none of them belong to a frame.
+        """
 
     def identify(self) -> ImuIdentity:
         """Model, serial number and firmware."""

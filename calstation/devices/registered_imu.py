@@ -57,6 +57,24 @@ class RegisteredImu(StreamedImu):
         own = section.frame if section is not None and corrected else None
         self._expect(own or self._profile.frame)
 
+    def wake(self, hear: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
+        """Find a unit that may have restarted by itself, see `interfaces.Imu`."""
+        deadline = time.monotonic() + self._reset_timeout
+        while True:
+            hear()
+            self._forget_noise()
+            try:
+                self._ask_identity(attempts=1)
+                identity = self.identify()
+                self.start(corrected=corrected)
+                return identity
+            except OtherModelError:
+                raise
+            except DeviceFaultError:
+                if self.lost or time.monotonic() > deadline:
+                    raise
+            time.sleep(POLL)
+
     def identify(self) -> ImuIdentity:
         """Model, serial number and firmware; raises OtherModelError where another model answers."""
         identity = self._ask_identity()

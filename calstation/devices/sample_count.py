@@ -30,6 +30,7 @@ class SampleCount:
     Attributes
     ----------
     gaps : interruptions met so far
+    restarts : of them those at which the counter, or the clock, began again
     """
 
     def __init__(self, frame: FrameSection) -> None:
@@ -41,7 +42,7 @@ class SampleCount:
         self._last: int | None = None
         self._last_ticks = 0
         self._last_raw: int | None = None
-        self.gaps = 0
+        self.gaps = self.restarts = 0
 
     def in_order(self, raw: IntArray) -> IntArray:
         """Which of further samples to take, in the order of their counter.
@@ -105,12 +106,17 @@ class SampleCount:
     def _of_counter(self, raw: IntArray) -> IntArray:
         """The counter as received is kept beside the count: a reset takes them apart for good."""
         seq = unwrap_counter(raw, self._last, self._bits, self._last_raw)
+        before = seq[0] - 1 if self._last is None else self._last
+        before_raw = raw[0] - 1 if self._last_raw is None else self._last_raw
+        apart = np.diff(seq, prepend=before) - np.diff(raw, prepend=before_raw)
+        self.restarts += int(np.count_nonzero(apart % (1 << self._bits)))
         self._last_raw = int(raw[-1])
         return seq
 
     def _of_clock(self, ticks: IntArray) -> IntArray:
         """Steps of a clock are rounded to samples; a clock that runs back was reset: one sample lost."""
         steps = self._clock_steps(ticks)
+        self.restarts += int((steps < 0).sum())
         steps = np.where(steps < 0, 2, np.maximum(1, steps))
         start = round(int(ticks[0]) / self._per_sample) - 1 if self._last is None else self._last
         self._last_ticks = int(ticks[-1])

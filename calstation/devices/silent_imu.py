@@ -1,6 +1,6 @@
 """Driver of an IMU that only streams: it takes no command, has no registers and cannot say who it is."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from calstation.devices.imu_profile import ImuProfile
 from calstation.devices.interfaces import ImuIdentity
@@ -24,6 +24,10 @@ class SilentImu(StreamedImu):
 
     def start(self, *, corrected: bool = False) -> None:
         """It streams by itself, and in one way."""
+
+    def wake(self, hear: Callable[[], None], *, corrected: bool = False) -> None:
+        """It cannot be asked; one that restarted streams again by itself."""
+        self._forget_noise()
 
     def identify(self) -> ImuIdentity:
         """The profile's model and the operator's serial number."""

@@ -14,7 +14,7 @@ import numpy as np
 from calstation.devices.frame_profile import FrameSection
 from calstation.devices.frames import FrameDecoder, Reply, ReplyKind
 from calstation.devices.imu_profile import CommandSection, ImuProfile
-from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
+from calstation.devices.interfaces import ImuIdentity, LinkStats, NoFramesError, SampleBatch
 from calstation.devices.link import SerialLink
 from calstation.devices.sample_count import SampleCount
 from calstation.devices.unanswered import QUIET, Unanswered
@@ -100,7 +100,8 @@ class StreamedImu(ABC):
     def stats(self) -> LinkStats:
         """Counts since the link was opened."""
         d = self._decoder
-        return LinkStats(self._frames, self._bytes, d.crc_errors, d.skipped, self._count.gaps)
+        count = self._count
+        return LinkStats(self._frames, self._bytes, d.crc_errors, d.skipped, count.gaps, count.restarts)
 
     @property
     def received(self) -> int:
@@ -137,6 +138,10 @@ class StreamedImu(ABC):
     @abstractmethod
     def start(self, *, corrected: bool = False) -> None:
         """Begin to stream, see `interfaces.Imu`."""
+
+    @abstractmethod
+    def wake(self, hear: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
+        """Find a unit that may have restarted by itself, see `interfaces.Imu`."""
 
     @abstractmethod
     def identify(self) -> ImuIdentity:
@@ -260,6 +265,10 @@ class StreamedImu(ABC):
         while not self._arrived.empty():
             self._arrived.get()
 
+    def _forget_noise(self) -> None:
+        """What came so far is no sign of a wrong setting: a unit that restarted may send what nobody asked for."""
+        self._decoder.since_frame = 0
+
     def _unheard(self, timeout: float) -> str:
         where = f"IMU: no answer on {self._link.port} within {timeout:g} s"
         if self._bytes == 0:
@@ -274,7 +283,7 @@ class StreamedImu(ABC):
         seconds = _NOISE_SECONDS if self._frames else 0.0
         frames = max(_NOISE_FRAMES, round(seconds * self._profile.stream.sample_rate_hz))
         if self._decoder.since_frame > frames * self._decoder.size:
-            raise DeviceFaultError(
+            raise NoFramesError(
                 f"IMU: bytes come on {self._link.port} but no frame is recognised;"
                 " check baud, parity, stop bits and the IMU profile"
             )

@@ -33,6 +33,7 @@ ENDED = ("stopped", "fault", "passed", "failed", "done")
 
 _REMARKS = (
     "step_repeated",
+    "look_repeated",
     "safe_stop_incomplete",
     "azimuth_from_data",
     "not_settled",

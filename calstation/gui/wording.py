@@ -132,6 +132,9 @@ _MESSAGES = {
         "wording", "The old registers are back as they were; the output was not looked at to its end."
     ),
     "verifying": QT_TRANSLATE_NOOP("wording", "Checking the output of the restarted unit."),
+    "look_repeated": QT_TRANSLATE_NOOP(
+        "wording", "The unit restarted by itself: its output is looked at again from the beginning."
+    ),
     "registers_kept": QT_TRANSLATE_NOOP("wording", "Outside the limits: the unit keeps its registers."),
     "better_kept": QT_TRANSLATE_NOOP(
         "wording", "{parameter} kept: {before} from {date} is better than {now} now."

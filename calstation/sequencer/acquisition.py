@@ -114,6 +114,9 @@ class Acquisition:
     aside : samples go to taps alone: those of a unit that was restarted on purpose, its counter with it
     newest : IMU time of the latest sample, s, None before the first
     received, gaps : samples and interruptions of the counter so far
+    last_arrival : station time of the latest sample, s
+    breaks : interruptions of the counter, and of a unit's being ready, those aside as well
+    restarts : of them those that only a unit shows that has restarted
     """
 
     def __init__(
@@ -155,6 +158,9 @@ class Acquisition:
         self.newest: float | None = None
         self.received = 0
         self.gaps = 0
+        self.breaks = self.restarts = 0
+        self._was_ready = False
+        self._told_restarts = 0
         self.last_arrival = clock.now()
 
     def poll(self, status: TableStatus, asked: float, answered: float) -> None:
@@ -180,6 +186,7 @@ class Acquisition:
         if not self.aside:
             self.received += count
             self.gaps += missing > 0
+        self.breaks += missing > 0
         self.newest = float(batch.time[-1])
         self._latest = batch
         self.last_arrival = now
@@ -206,6 +213,7 @@ class Acquisition:
             self._sink(block)
         seen = int(np.bitwise_or.reduce(batch.status))
         ready = self._masks.ready == 0 or bool(batch.status[-1] & self._masks.ready)
+        self._note_restart(batch)
         judged = ready and not saturated.any()  # until it is ready a unit may well show nothing but zeros
         return Flow(
             count,
@@ -269,6 +277,17 @@ class Acquisition:
         self._unchanged = np.where(any_changed, len(counts) - 1 - last, self._unchanged + len(counts))
         stuck = np.flatnonzero(self._restless & (self._unchanged >= _STUCK))
         return CHANNELS[int(stuck[0])] if len(stuck) else ""
+
+    def _note_restart(self, batch: SampleBatch) -> None:
+        """A counter that begins again, or a unit that was ready and is not any more."""
+        told, self._told_restarts = self._told_restarts, self._imu.stats.restarts
+        self.restarts += self._told_restarts > told
+        if self._masks.ready:
+            ready = np.concatenate([[self._was_ready], batch.status & self._masks.ready != 0])
+            lost = bool((ready[:-1] & ~ready[1:]).any())
+            self.breaks += lost
+            self.restarts += lost
+            self._was_ready = bool(ready[-1])
 
     def _missing(self, batch: SampleBatch) -> int:
         first = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq

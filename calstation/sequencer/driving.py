@@ -18,23 +18,27 @@ from calstation.sequencer.acquisition import Acquisition, LastSample, to_si
 from calstation.sequencer.carried_data import carried_data
 from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.events import Fault, Message, StateChanged
-from calstation.sequencer.fresh_data import FreshData, await_restart, fresh_data
+from calstation.sequencer.fresh_data import FreshData, Restarted, fresh_data
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.guiding import Guiding
 from calstation.sequencer.ports import Clock, Emit
-from calstation.sequencer.preflight import Preflight
+from calstation.sequencer.preflight import Preflight, check_unit
 from calstation.sequencer.proof_path import ProofPath, proof_path
 from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.task import Output, Task
+from calstation.sequencer.unit_stream import UnitStream
 
 _SHARE = 0.5
 """Of what a gyro can show, the rate of the turns that prove its registers."""
 
 _SETTLED = 1.0
 """After a move too short to be seen, s."""
+
+_LOOKS = 3
+"""At a unit that restarts meanwhile, each from the beginning."""
 
 LOOK = 0.05
 """Host time between looks while something else is done, s."""
@@ -57,10 +61,11 @@ class Driving:
     Attributes
     ----------
     state : where it stands
-    acquisition : of the samples; pulse, runner, guiding : there from `begin` on
+    acquisition : of the samples; pulse, stream, runner, guiding : there from `begin` on
     """
 
     pulse: Pulse
+    stream: UnitStream
     runner: StepRunner
     guiding: Guiding
 
@@ -149,6 +154,15 @@ class Driving:
             self._on_show,
         )
         self.guiding = Guiding(task.imu, self.pulse, self.acquisition, self._control, self._emit)
+        self.stream = UnitStream(
+            self._imu,
+            self.pulse,
+            self.acquisition,
+            self._clock,
+            self._control,
+            self.aside,
+            lambda identity: check_unit(identity, task.preflight.serial),
+        )
         self.runner = StepRunner(
             self._table,
             self.pulse,
@@ -158,6 +172,7 @@ class Driving:
             task.geometry.limits,
             self.go,
             self.guiding,
+            self.stream,
         )
 
     def preflight(self) -> None:
@@ -174,6 +189,8 @@ class Driving:
             self._task.preflight,
             self._emit,
         ).run()
+        # From here on a unit that restarted by itself, and sends what nobody asked for, is asked again.
+        self.pulse.patient = True
 
     def check_turns(self) -> None:
         """The way of `fresh_data` from here against the limits. Raises ConfigurationError."""
@@ -191,7 +208,10 @@ class Driving:
             return
         self._path = None
         with self._apart():
-            self._reference = self._on_path()
+            self.stream.mend()
+            self._reference = self._on_path(
+                "IMU: it restarted while its output was looked at; check its supply, plug and cable, then start again"
+            )
 
     def fresh_data(self, *, restarted: bool = True) -> FreshData:
         """The unit's corrected output at rest and in turns, to be judged; in no log. Behind it the raw stream is on.
@@ -203,16 +223,20 @@ class Driving:
             self.acquisition.aside = True  # its counter has begun again, until the end
         with self._apart():
             if restarted or asked:
-                self.aside(lambda: self._imu.start(corrected=asked))
-                await_restart(self.pulse)
+                self.stream.start(corrected=asked)
+            else:
+                self.stream.mend()
             if self._task.by_hand:
                 data = carried_data(
                     self.pulse, self.acquisition, self.runner, self._task.geometry, self._scale
                 )
             else:
-                data = self._on_path()
+                data = self._on_path(
+                    "IMU: it restarted while its new registers were looked at; check its supply, plug and cable, then"
+                    " start again and finish or restore them"
+                )
             if asked:
-                self.aside(self._imu.start)
+                self.stream.start(corrected=False)
         # The next look begins where the table then stands.
         reference, self._reference, self._path = self._reference, None, None
         return replace(data, corrected=self._task.corrected is not Output.NEVER, reference=reference)
@@ -232,13 +256,27 @@ class Driving:
         own = self.pulse.status.limits
         return proof_path(self.runner.position(), self._task.geometry, own, _SHARE * float(ends.min()))
 
-    def _on_path(self) -> FreshData:
-        if self._path is None:
-            self._path = self._path_from_here()
-            # An angle that was read is not the one that the table was sent to; so short a move is over before it shows.
-            self.runner.drive(self._path.to_start)
-            self.pulse.rest(_SETTLED)
-        return fresh_data(self.pulse, self.acquisition, self.runner, self._path, self._scale)
+    def _on_path(self, restless: str) -> FreshData:
+        """Fresh data of one power-on of the unit: one that restarts meanwhile is looked at from the beginning.
+
+        `restless` : told of one that does so again and again.
+        """
+        there, path = self._path is not None, self._path or self._path_from_here()
+        self._path = path
+        for _ in range(_LOOKS):
+            if not there:
+                # An angle that was read is not the one that the table was sent to; so short a move is over before it
+                # shows.
+                self.runner.drive(path.to_start)
+                self.pulse.rested(_SETTLED)
+                if self.stream.broken:
+                    self.stream.mend()
+            try:
+                return fresh_data(self.pulse, self.acquisition, self.runner, self.stream, path, self._scale)
+            except Restarted:
+                self._emit(Message("look_repeated"))
+                there = False
+        raise DeviceFaultError(restless)
 
     @property
     def _scale(self) -> FloatArray:

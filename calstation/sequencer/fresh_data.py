@@ -9,9 +9,11 @@ from calstation.estimation.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.sequencer.acquisition import Acquisition
+from calstation.sequencer.control import Interruption
 from calstation.sequencer.proof_path import Leg, ProofPath, Turn
 from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.steps import StepRunner
+from calstation.sequencer.unit_stream import UnitStream
 
 REST = 10.0
 """Rest of a unit that no table turns, s."""
@@ -22,7 +24,6 @@ SHORT_REST = 3.0
 _BEHIND = 0.1
 """IMU time taken after a move has settled, so that its last samples are there, s."""
 
-_READY_WITHIN = 60.0
 _ATTEMPTS = 3
 
 DURATION = 72.0
@@ -68,36 +69,90 @@ class FreshData:
     reference: "FreshData | None" = None
 
 
-def fresh_data(
-    pulse: Pulse, acquisition: Acquisition, runner: StepRunner, path: ProofPath, scale: FloatArray
-) -> FreshData:
-    """Rest and turn along a path and back to its start. The table must stand there.
+class Restarted(Interruption):
+    """The unit restarted while it was looked at: what it showed before is not to be mixed with what it shows now."""
 
-    `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing.
+
+def fresh_data(
+    pulse: Pulse,
+    acquisition: Acquisition,
+    runner: StepRunner,
+    stream: UnitStream,
+    path: ProofPath,
+    scale: FloatArray,
+) -> FreshData:
+    """Rest and turn along a path and back to its start. The table must stand there, and `stream` be whole.
+
+    `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing, Restarted.
     """
-    rests = [_rest(pulse, acquisition) * scale]
+    look = _Look(pulse, acquisition, runner, stream, scale)
+    rests = [look.rest()]
     parts: list[list[Turned]] = [[] for _ in path.turns]
     here = path.start
     for leg in path.legs:
         if leg.turn is None:
             runner.drive(leg.move)
         else:
-            turn = path.turns[leg.turn]
-            parts[leg.turn].append(_turn(turn, leg, here, pulse, acquisition, runner, scale))
+            parts[leg.turn].append(look.turn(path.turns[leg.turn], leg, here))
         if leg.rest:
-            rests.append(_rest(pulse, acquisition) * scale)
+            rests.append(look.rest())
         here = leg.move.outer, leg.move.inner
     return FreshData(tuple(rests), SHORT_REST, tuple(map(_summed, parts)))
 
 
-def await_restart(pulse: Pulse) -> None:
-    """Wait until the unit is ready. Raises DeviceFaultError where it does not come up."""
-    pulse.tick()
-    pulse.wait(
-        lambda: pulse.flow.ready,
-        _READY_WITHIN,
-        f"IMU: not ready {_READY_WITHIN:g} s after its restart; switch it off and on",
-    )
+@dataclass(frozen=True)
+class _Look:
+    """Rests and turns of which no sample is missing, of a unit that streams as it was told."""
+
+    pulse: Pulse
+    acquisition: Acquisition
+    runner: StepRunner
+    stream: UnitStream
+    scale: FloatArray
+
+    def rest(self) -> FloatArray:
+        """Mean over a rest, rad/s and m/s², shape (6,)."""
+        for _ in range(_ATTEMPTS):
+            self._mend()
+            with self.acquisition.tap() as blocks:
+                self.pulse.rested(SHORT_REST)
+            if self._whole(blocks):
+                return mean_at_rest(np.concatenate([block.counts for block in blocks])) * self.scale
+        raise self._lossy()
+
+    def turn(self, turn: Turn, leg: Leg, start: tuple[float, float]) -> Turned:
+        """One leg of a turn; where samples were lost the table goes back to where it began, and it is made again."""
+        move = leg.move
+        for attempt in range(_ATTEMPTS):
+            self._mend()
+            if attempt:
+                self.runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
+            with self.acquisition.tap() as blocks:
+                self.pulse.tick()  # a gap before the first block would not show
+                self.runner.drive(move)
+                self.pulse.rested(_BEHIND)
+            if self._whole(blocks):
+                counts = np.concatenate([block.counts for block in blocks])
+                period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
+                angle = (counts.sum(axis=0) * self.scale * period)[:3]
+                return Turned(turn, angle, period * len(counts))
+        raise self._lossy()
+
+    def _mend(self) -> None:
+        """Have the stream as it was asked for, where something came between. Raises Restarted."""
+        if self.stream.broken and self.stream.mend():
+            raise Restarted
+
+    def _whole(self, blocks: list[SampleBlock]) -> bool:
+        """Samples, none missing since the stream was mended and none that is saturated or no number."""
+        count = sum(map(len, blocks))
+        return count > 1 and not self.stream.broken and all(block.valid.all() for block in blocks)
+
+    def _lossy(self) -> DeviceFaultError:
+        self._mend()
+        return DeviceFaultError(
+            "IMU: samples are lost or spoilt again and again; check cable, baud and the load of this computer"
+        )
 
 
 def mean_at_rest(counts: FloatArray) -> FloatArray:
@@ -113,54 +168,6 @@ def mean_at_rest(counts: FloatArray) -> FloatArray:
     return mean
 
 
-def _rest(pulse: Pulse, acquisition: Acquisition) -> FloatArray:
-    """Mean counts over a rest without a gap, shape (6,)."""
-    for _ in range(_ATTEMPTS):
-        with acquisition.tap() as blocks:
-            pulse.rest(SHORT_REST)
-        if _whole(blocks):
-            return mean_at_rest(np.concatenate([block.counts for block in blocks]))
-    raise _lossy()
-
-
-def _turn(
-    turn: Turn,
-    leg: Leg,
-    start: tuple[float, float],
-    pulse: Pulse,
-    acquisition: Acquisition,
-    runner: StepRunner,
-    scale: FloatArray,
-) -> Turned:
-    """One leg of a turn; where samples were lost the table goes back to where it began, and it is made again."""
-    move = leg.move
-    for attempt in range(_ATTEMPTS):
-        if attempt:
-            runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
-        with acquisition.tap() as blocks:
-            pulse.tick()  # a gap before the first block would not show
-            runner.drive(move)
-            pulse.rest(_BEHIND)
-        if _whole(blocks):
-            counts = np.concatenate([block.counts for block in blocks])
-            period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
-            angle = (counts.sum(axis=0) * scale * period)[:3]
-            return Turned(turn, angle, period * len(counts))
-    raise _lossy()
-
-
 def _summed(parts: list[Turned]) -> Turned:
     angle: FloatArray = np.sum([part.angle for part in parts], axis=0)
     return Turned(parts[0].turn, angle, sum(p.seconds for p in parts))
-
-
-def _whole(blocks: list[SampleBlock]) -> bool:
-    """Samples, none missing among them and none that is saturated or no number."""
-    seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
-    return len(seq) > 1 and bool((np.diff(seq) == 1).all()) and all(block.valid.all() for block in blocks)
-
-
-def _lossy() -> DeviceFaultError:
-    return DeviceFaultError(
-        "IMU: samples are lost or spoilt again and again; check cable, baud and the load of this computer"
-    )

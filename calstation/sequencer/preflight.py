@@ -118,11 +118,7 @@ class Preflight:
                 {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial},
             )
         )
-        if imu.serial != limits.serial:
-            raise DeviceFaultError(
-                f"IMU: the unit answers to serial number '{imu.serial}', not '{limits.serial}'; "
-                "check the unit in the fixture and the number given"
-            )
+        check_unit(imu, limits.serial)
         if not re.fullmatch(limits.serial_pattern, imu.serial):
             raise ConfigurationError(
                 f"serial number '{imu.serial}' does not fit the product's pattern '{limits.serial_pattern}'; "
@@ -266,6 +262,15 @@ class Preflight:
         limits = self._geometry.limits
         rate = min(self._limits.turn_rate, *limits.rate)
         return Move(outer, inner, rate, min(self._limits.turn_rate, *limits.acceleration), ("check",))
+
+
+def check_unit(identity: ImuIdentity, serial: str) -> None:
+    """Raises DeviceFaultError where another unit answers than the one meant."""
+    if identity.serial != serial:
+        raise DeviceFaultError(
+            f"IMU: the unit answers to serial number '{identity.serial}', not '{serial}'; "
+            "check the unit in the fixture and the number given"
+        )
 
 
 def _counts(blocks: list[SampleBlock]) -> FloatArray:

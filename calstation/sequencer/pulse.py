@@ -7,15 +7,17 @@ from itertools import chain
 
 import numpy as np
 
-from calstation.devices.interfaces import LOCAL_CONTROL, Imu, Table, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, Imu, NoFramesError, Table, TableStatus
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition, Flow
 from calstation.sequencer.control import Control, PauseRequested, SpoiltStep, StopRequested
 from calstation.sequencer.events import SampleStats, TableMoved, Trace
 from calstation.sequencer.ports import Clock, Emit
 
-_NO_DATA = 1.0
+NO_DATA = 1.0
 """Station time without a sample that counts as no data, s."""
+
+_NOTHING = Flow(0, 0, False, False, False)
 
 _SHOW_TABLE, _SHOW_SAMPLES = 0.1, 0.5
 """Host time between two events that only refresh a display, s."""
@@ -33,6 +35,7 @@ class Pulse:
     powered : the axes must stay enabled; a table that drops them is a fault
     pausable : a pause interrupts (otherwise it waits)
     watchful : lost or saturated samples spoil the step
+    patient : bytes that belong to no frame are taken for silence (otherwise they are a fault at once)
     """
 
     def __init__(
@@ -57,10 +60,11 @@ class Pulse:
         self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_TRACED_AT_MOST)
         self._fed = self._shown_table = self._shown_samples = -1e9
         self.status: TableStatus = table.status()
-        self.flow = Flow(0, 0, False, False, False)
+        self.flow = _NOTHING
         self.powered = False
         self.pausable = False
         self.watchful = False
+        self.patient = False
 
     def tick(self) -> None:
         """Let a tick of station time pass, then `look`."""
@@ -75,7 +79,7 @@ class Pulse:
         asked = self._clock.now()
         self.status = self._table.status()
         self._acquisition.poll(self.status, asked, self._clock.now())
-        self.flow = self._acquisition.drain()
+        self.flow = self._drained()
         self._trace()
         self.keep_alive()
         self._show()
@@ -84,6 +88,11 @@ class Pulse:
         self.hear()
         if self.watchful:
             self._check_data()
+
+    @property
+    def silent(self) -> bool:
+        """Whether the unit has sent nothing for too long."""
+        return self._clock.now() - self._acquisition.last_arrival > NO_DATA
 
     def hear(self) -> None:
         """Take the operator's commands. Raises StopRequested or PauseRequested."""
@@ -109,6 +118,16 @@ class Pulse:
                 raise DeviceFaultError(failure if isinstance(failure, str) else failure())
             self.tick()
 
+    def rested(self, seconds: float) -> bool:
+        """Tick until `seconds` of IMU time have been received; False where the unit falls silent."""
+        begin = self._acquisition.newest or 0.0
+
+        def enough() -> bool:
+            return (self._acquisition.newest or 0.0) - begin >= seconds - 1e-9
+
+        self.wait(lambda: enough() or self.silent, 1.5 * seconds + 10.0, _late(seconds))
+        return enough()
+
     def rest(self, seconds: float) -> None:
         """Tick until `seconds` of IMU time have been received."""
         acquisition = self._acquisition
@@ -117,7 +136,7 @@ class Pulse:
         self.wait(
             lambda: (acquisition.newest or 0.0) - begin >= seconds - 1e-9,
             1.5 * seconds + 10.0,
-            f"IMU: {seconds:g} s of data did not come in time; check the link and the sample rate",
+            _late(seconds),
         )
 
     def _check_table(self) -> None:
@@ -142,8 +161,16 @@ class Pulse:
                 " replace it where that does not help"
             )
 
+    def _drained(self) -> Flow:
+        try:
+            return self._acquisition.drain()
+        except NoFramesError:
+            if not self.patient:
+                raise
+            return _NOTHING
+
     def _check_data(self) -> None:
-        if self._clock.now() - self._acquisition.last_arrival > _NO_DATA:
+        if self.silent:
             raise SpoiltStep("no_data")
         if self.flow.missing:
             raise SpoiltStep("gap")
@@ -185,3 +212,7 @@ class Pulse:
                     temperature,
                 )
             )
+
+
+def _late(seconds: float) -> str:
+    return f"IMU: {seconds:g} s of data did not come in time; check the link and the sample rate"

@@ -17,6 +17,7 @@ from calstation.sequencer.ports import Emit
 from calstation.sequencer.preview import move_time
 from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.states import State
+from calstation.sequencer.unit_stream import UnitStream
 
 ARRIVED = np.deg2rad(0.5)
 """A joint this close to its target, at rest and settled, has arrived, rad."""
@@ -26,9 +27,6 @@ REPEATS = 3
 
 _REST_BEFORE_REPEAT = 5.0
 """Rest before a move is repeated, s: what solvers need to find attitude and angle again."""
-
-_SILENCE = 10.0
-"""How long a unit may say nothing before a step is repeated, s."""
 
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
@@ -50,6 +48,7 @@ class StepRunner:
         limits: JointLimits,
         on_state: Callable[[State], None],
         guiding: Guiding,
+        stream: UnitStream,
     ) -> None:
         self._table = table
         self._pulse = pulse
@@ -59,6 +58,7 @@ class StepRunner:
         self._limits = limits
         self._on_state = on_state
         self._guiding = guiding
+        self._stream = stream
         self._target: tuple[float, float] | None = None
         self._last_move: tuple[tuple[float, float], Move] | None = None
 
@@ -185,15 +185,14 @@ class StepRunner:
         )
 
     def _recover(self, start: tuple[float, float], moved: bool) -> None:
-        """Back to the start of the step with data coming, so that it can be repeated as a step of its own."""
+        """Back to the start of the step, with data of a unit that is ready, so that it can be repeated as its own."""
         if moved and not self.arrived(start):
             check_motion(self._pulse.status)
             rate = min(_RETURN_RATE, *self._limits.rate)
             acceleration = min(_RETURN_ACCELERATION, *self._limits.acceleration)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
             self.drive(Move(outer, inner, rate, acceleration, ("return",)))
-        received = self._acquisition.received
-        self._pulse.wait(lambda: self._acquisition.received > received, _SILENCE, _explain("no_data"))
+        self._stream.mend()
         self._acquisition.step += 1
         self._acquisition.valid = True
 

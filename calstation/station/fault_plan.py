@@ -3,10 +3,12 @@
 seed = 7                          # draws the times given as a range
 [[fault]]
 kind = "drop_frames"
-stage = "rate"                    # from the beginning of this stage; without it from power-on
+stage = "rate"                    # from the beginning of this stage, or look; without it from power-on
 step = 2                          # and of its third step
 time_s = [1.0, 5.0]               # and so many seconds of device time later; a number or a range
 value = 3                         # what the kind takes; see `KINDS` and `calstation.bench.config.Order`
+
+A look is one at the unit's output around a transfer: "reference" before it, "verifying" behind it.
 """
 
 import os
@@ -23,7 +25,7 @@ from pydantic import Field, field_validator, model_validator
 from calstation.bench.config import OrderName
 from calstation.configuration import StrictModel, load, suggestion
 from calstation.records import raw_log
-from calstation.sequencer.events import Event, StageStarted, StepStarted
+from calstation.sequencer.events import Event, Message, StageStarted, StepStarted
 from calstation.sequencer.ports import Emit
 from calstation.station.config import StationConfig
 
@@ -52,6 +54,10 @@ HOST = ("engine_killed", "disk_full", "runs_folder_gone")
 KINDS: tuple[str, ...] = (*ORDERS, *SET_UP, *HOST)
 
 
+LOOKS = ("reference", "verifying")
+"""What a plan calls the looks at the unit before and behind a transfer: the messages that announce them."""
+
+
 class PlannedFault(StrictModel):
     """`[[fault]]`: see the module."""
 
@@ -75,6 +81,8 @@ class PlannedFault(StrictModel):
             raise ValueError(f"time_s = {self.time_s} must be a number or [earliest, latest], from 0 up")
         if self.step is not None and self.stage is None:
             raise ValueError("step needs the stage that it belongs to; add stage")
+        if self.step is not None and self.stage in LOOKS:
+            raise ValueError(f"stage '{self.stage}' has no steps to count; give time_s instead of step")
         if self.kind in SET_UP and (self.stage is not None or times[1] > 0.0):
             raise ValueError(f"'{self.kind}' is so from the start; remove stage, step and time_s")
         if self.kind in HOST and self.stage is None:
@@ -148,6 +156,9 @@ class FaultInjector:
             emit(event)
             if isinstance(event, StageStarted):
                 self._stage, self._step = event.stage, -1
+                self._happen()
+            elif isinstance(event, Message) and event.id in LOOKS:
+                self._stage, self._step = event.id, -1
                 self._happen()
             elif isinstance(event, StepStarted) and event.stage and event.stage == self._stage:
                 self._step += 1

@@ -4,16 +4,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 
 import numpy as np
 
-from calstation.devices.interfaces import Imu, ImuIdentity, SampleBatch
+from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, SampleBatch
 from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray
 from calstation.records.meta import context_from_meta
 from calstation.sequencer.acquisition import to_si
 from calstation.sequencer.fresh_data import REST, FreshData, mean_at_rest
 from calstation.sequencer.ports import Clock
+from calstation.sequencer.pulse import NO_DATA
 from calstation.sequencer.task import Output
 from calstation.station.clock import BenchClock
 from calstation.station.setup import Setup
@@ -93,23 +95,37 @@ def samples_in_a_row(
 ) -> list[SampleBatch] | None:
     """`count` samples or a few more of a unit that is ready, none missing; None where they do not come within 60 s.
 
+    One that restarts meanwhile has fallen back to its raw output, or to none, so it is told again.
+
     hear : told how many there are, from time to time
     corrected : with the unit's registers applied
     """
     imu.start(corrected=corrected)
-    deadline = clock.now() + _WITHIN
+    heard = clock.now()
+    deadline = heard + _WITHIN
     parts: list[SampleBatch] = []
+    last, noisy = np.empty(0, np.int64), False
     while (taken := sum(map(len, parts))) < count:
         hear(taken)
         if clock.now() > deadline:
             return None
         clock.sleep(_TICK)
-        batch = imu.read()
-        if not len(batch):
-            continue
-        seq = np.concatenate([parts[-1].seq[-1:] if parts else batch.seq[:0], batch.seq])
-        if (ready and not (batch.status & ready).all()) or not (np.diff(seq) == 1).all():
-            parts.clear()
+        lost = clock.now() - heard > NO_DATA
+        try:
+            batch = imu.read()
+        except NoFramesError:
+            if noisy:
+                raise
+            lost = noisy = True
         else:
-            parts.append(batch)
+            if len(batch):
+                seq, last, heard = np.concatenate([last, batch.seq]), batch.seq[-1:], clock.now()
+                awake = not ready or bool((batch.status & ready).all())
+                noisy, lost = False, bool((np.diff(seq) != 1).any()) or bool(parts and not awake)
+                if awake and not lost:
+                    parts.append(batch)
+        if lost:
+            parts.clear()
+            imu.wake(partial(hear, 0), corrected=corrected)
+            last, heard = last[:0], clock.now()
     return parts

@@ -45,6 +45,32 @@ def test_what_came_becomes_a_rising_count(batches: tuple[list[int], ...], told: 
     assert fed(*batches) == told
 
 
+@pytest.mark.parametrize(
+    ("batches", "restarts"),
+    [
+        (([5, 6, 9],), 0),
+        (([65534, 65535, 0, 1], [2]), 0),
+        (([5, 6], [6, 5, 7]), 0),
+        (([9000, 9001], [0, 1], [2, 3]), 1),
+        (([9000, 0, 1, 5000], [3, 4, 5]), 2),
+        (([9000, 0, 1, 2, 8999, 9000],), 1),
+    ],
+)
+def test_a_counter_that_begins_again_is_counted(batches: tuple[list[int], ...], restarts: int) -> None:
+    count = SampleCount(FRAME)
+    for batch in batches:
+        raw = np.array(batch, np.int64)
+        count.feed(raw[count.in_order(raw)])
+    assert count.restarts == restarts
+
+
+def test_a_clock_that_begins_again_is_counted() -> None:
+    count = SampleCount(CLOCKS[64])
+    for batch in ([5, 6, 9], [1, 2], [3]):
+        count.feed(np.array(batch, np.int64) * TICKS[64])
+    assert (count.restarts, count.gaps) == (1, 2)
+
+
 @given(st.integers(0, 65535), st.lists(st.integers(0, 2), min_size=1, max_size=60), st.randoms())
 def test_duplicates_and_swapped_neighbours_lose_no_sample(
     first: int, kinds: list[int], drawn: object

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from calstation.devices.interfaces import (
     ImuIdentity,
     LinkStats,
+    NoFramesError,
     SampleBatch,
     TableIdentity,
     TableStatus,
@@ -154,7 +155,11 @@ class FakeTable:
 
 @dataclass
 class FakeImu:
-    """Noise-free samples of the fake table's motion at `RATE`."""
+    """Noise-free samples of the fake table's motion at `RATE`; its corrected gyros show `gain` times the raw ones.
+
+    One that has restarted shows its raw output; one that is `mute` then sends nothing, or what `babble` says, until it
+    is told to stream. A `deaf` one answers nothing.
+    """
 
     clock: FakeClock
     table: FakeTable
@@ -168,15 +173,38 @@ class FakeImu:
     drop: int = 0
     saturated: bool = False
     nan: bool = False
+    gain: float = 1.0
+    mute: bool = False
+    babble: bool = False
+    deaf: bool = False
+    off: bool = False
+    corrected: bool = False
     started: list[bool] = field(default_factory=list)
     stats: LinkStats = field(default_factory=LinkStats)
 
     def start(self, *, corrected: bool = False) -> None:
         self.started.append(corrected)
+        self.corrected, self.off = corrected, False
+
+    def restart(self) -> None:
+        """What nobody ordered: some samples are missing, its counter begins again, it is not ready for a second."""
+        self.corrected, self.off = False, self.mute
+        self.drop = 3
+        self.ready_at = self.clock.time + 1.0
+        self.stats = replace(self.stats, restarts=self.stats.restarts + 1)
+
+    def wake(self, hear: Any, *, corrected: bool = False) -> ImuIdentity:
+        hear()
+        if self.deaf:
+            raise DeviceFaultError("IMU: no answer")
+        self.start(corrected=corrected)
+        return self.identify()
 
     def read(self) -> SampleBatch:
         end = int(self.clock.time * RATE + 1e-6)
-        if self.silent:
+        if self.off and self.babble:
+            raise NoFramesError("IMU: no frame is recognised; check baud")
+        if self.silent or self.off:
             self.sent = end
         seq = np.arange(self.sent, end) + 1
         self.sent = end
@@ -192,7 +220,7 @@ class FakeImu:
     def _counts(self, time: float) -> np.ndarray:
         before = GEOMETRY.body_to_home(*self.table.angles_at(time - 1.0 / RATE))
         now = GEOMETRY.body_to_home(*self.table.angles_at(time))
-        gyro = rotation_vector(before.T @ now) * RATE * self.sign
+        gyro = rotation_vector(before.T @ now) * RATE * self.sign * (self.gain if self.corrected else 1.0)
         force = now.T @ np.array([0.0, 0.0, -GRAVITY if self.upside_down else GRAVITY])
         mount = rotation_matrix(np.array([0.0, 0.0, self.twist]))
         return np.concatenate([mount @ gyro / MODEL.gyro_lsb, mount @ force / MODEL.accel_lsb])

@@ -1,0 +1,162 @@
+"""A unit that restarted by itself is asked for as long as it may take, and streams as it was told again."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.bench.imu_frames import REPLY_SYNC, pack, stream_frames
+from calstation.bench.imu_unit import ImuUnit
+from calstation.bench.unit_dsp import DspUnit
+from calstation.bench.unit_vectornav import VectorNavUnit
+from calstation.devices.imu_profile import ImuProfile, load_imu_profile
+from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModelError
+from calstation.devices.open_imu import open_imu
+from calstation.devices.streamed_imu import StreamedImu
+from calstation.errors import DeviceFaultError
+from calstation.station import library
+
+UNITS: dict[str, type[ImuUnit]] = {
+    "bench_nav": ImuUnit,
+    "dsp_modbus": DspUnit,
+    "vectornav_vn100": VectorNavUnit,
+}
+
+
+def read_for(imu: StreamedImu, seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        imu.read()
+
+
+class BootingLink:
+    """A bench unit on a wire: deaf from its restart on until so many requests were lost; then `says` unasked."""
+
+    port = "memory"
+
+    def __init__(self, unit: ImuUnit) -> None:
+        self.unit, self.lost, self.says = unit, 0, b""
+        self._hear: Callable[[bytes, float], list[bytes]] = unit.conversation()
+        self._waiting = bytearray()
+
+    def restart(self, lost: int, says: bytes = b"") -> None:
+        """Restart it."""
+        self.unit.restart(1.0)
+        self.lost, self.says = lost, says
+
+    def send(self, data: bytes) -> None:
+        """Bytes of its own."""
+        self._waiting += data
+
+    def write(self, data: bytes) -> None:
+        if self.lost:
+            self.lost -= 1
+            return
+        self._waiting += b"".join(self._hear(data, 100.0))
+
+    def read(self, wait: float) -> bytes:
+        data = self.says + bytes(self._waiting)
+        self._waiting.clear()
+        time.sleep(0.0005)
+        return data
+
+    def close(self) -> None: ...
+
+
+def quick(name: str, reset_timeout_s: float = 30.0) -> ImuProfile:
+    profile = load_imu_profile(library.shipped_folder() / "imus" / f"{name}.toml").with_timeout(0.05)
+    section = {"bench_nav": "commands", "dsp_modbus": "modbus", "vectornav_vn100": "vectornav"}[name]
+    patience = {"reset_timeout_s": reset_timeout_s}
+    return profile.model_copy(update={section: getattr(profile, section).model_copy(update=patience)})
+
+
+@contextmanager
+def driver(name: str, **told: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
+    link = BootingLink(UNITS[name]("SN-7"))
+    imu = open_imu(link, quick(name, **told), "SN-7")  # type: ignore[arg-type]
+    try:
+        yield imu, link
+    finally:
+        imu.close()
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+@pytest.mark.parametrize("name", UNITS)
+def test_it_is_asked_until_it_answers_and_streams_as_it_was_told(name: str, corrected: bool) -> None:
+    heard: list[bool] = []
+    with driver(name) as (imu, link):
+        imu.start(corrected=corrected)
+        link.restart(lost=4)
+        assert not link.unit.corrected
+        identity = imu.wake(lambda: heard.append(True), corrected=corrected)
+        assert isinstance(identity, ImuIdentity)
+        assert identity.serial == "SN-7"
+        assert (link.unit.streaming, link.unit.corrected) == (True, corrected)
+    assert len(heard) > 1
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_one_that_never_answers_is_told_within_the_time_of_a_restart(name: str) -> None:
+    with driver(name, reset_timeout_s=0.2) as (imu, link):
+        imu.start()
+        link.restart(lost=10**6)
+        with pytest.raises(DeviceFaultError, match="no answer on memory"):
+            imu.wake(lambda: None)
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_who_wants_it_to_stop_is_heard_between_two_questions(name: str) -> None:
+    with driver(name) as (imu, link):
+        imu.start()
+        link.restart(lost=10**6)
+        calls: list[int] = []
+
+        def hear() -> None:
+            calls.append(1)
+            if len(calls) == 3:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            imu.wake(hear)
+
+
+def test_what_it_sends_unasked_is_no_wrong_baud() -> None:
+    with driver("vectornav_vn100") as (imu, link):
+        imu.start()
+        # As it leaves the factory: lines of text that no frame of the profile is among.
+        link.restart(lost=0, says=b"$VNYMR,+006.271,+000.031,-002.000,+01.0640,-00.2531,+03.0614*65\r\n")
+        with pytest.raises(NoFramesError, match="no frame is recognised"):
+            read_for(imu, 20.0)
+        imu.wake(lambda: None)
+        assert link.unit.streaming
+
+
+def test_another_model_is_told_at_once() -> None:
+    with driver("bench_nav") as (imu, link):
+        link.unit.answer = lambda op, payload, time: pack(REPLY_SYNC, op, b"other;SN-7;1")  # type: ignore[method-assign]
+        with pytest.raises(OtherModelError, match="'other' answers"):
+            imu.wake(lambda: None)
+
+
+def test_a_unit_that_takes_no_command_cannot_be_asked() -> None:
+    profile = load_imu_profile(library.shipped_folder() / "imus" / "stim300.toml")
+    imu = open_imu(BootingLink(ImuUnit("SN-7")), profile, "SN-7")  # type: ignore[arg-type]
+    try:
+        assert imu.wake(lambda: None) is None
+    finally:
+        imu.close()
+
+
+def test_a_counter_that_began_again_is_counted_with_the_link() -> None:
+    with driver("bench_nav") as (imu, link):
+        for counters in ([5000, 5001], [0, 1]):
+            frames = imu.stats.frames
+            link.send(stream_frames(np.array(counters), np.zeros((2, 6)), 20.0, np.zeros(2, np.int64)))
+            deadline = time.monotonic() + 20.0
+            while imu.stats.frames < frames + 2 and time.monotonic() < deadline:
+                time.sleep(0.001)
+            imu.read()
+        assert imu.stats.restarts == 1
