@@ -1,0 +1,114 @@
+"""A unit that restarts by itself, on each protocol: a sound one is never condemned, and costs no flash cycle more."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.errors import ConfigurationError
+from calstation.sequencer.events import Message
+from calstation.station import register_journal
+from calstation.station.fault_plan import load_fault_plan
+from tests.faults.conftest import SERIAL, Floor, Ran
+from tests.station.conftest import PRODUCT
+from tests.station.errands import Errands
+from tests.station.test_run_by_hand import PRODUCT as BY_HAND
+
+pytestmark = pytest.mark.long
+
+IMUS = ("bench_nav", "dsp_modbus", "vectornav_vn100")
+LOOSE = {"within": 2e-2, "sigma_below": 1e-2}
+
+
+def with_imu(floor: Floor, imu: str) -> Floor:
+    """A floor whose unit speaks another protocol."""
+    if imu != "bench_nav":
+        limits = {"gyro_scale": LOOSE, "accel_scale": LOOSE}
+        floor.product = {**PRODUCT, "imu": imu, "bench_grade": "mems", "limits": limits}
+    return floor
+
+
+def restart(stage: str, *times: float) -> list[dict[str, Any]]:
+    """So many seconds after a stage or a look has begun."""
+    return [{"kind": "reset_imu", "stage": stage, "time_s": time} for time in times]
+
+
+def assert_proved(floor: Floor, ran: Ran) -> None:
+    """A PASS like any other: proved, and written once."""
+    assert ran.verdict.outcome == "passed", ran.events[-3:]
+    assert "reset_imu" in ran.bench["obeyed"]
+    registers = ran.verdict.result["registers"]
+    assert (registers["verified"], registers["proved_on"]) == (True, "corrected_output")
+    assert ran.bench["flash_cycles"] == 1
+    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    assert (entry.closing, entry.cycles) == ("done", 1)
+
+
+def looks_repeated(ran: Ran) -> int:
+    return [event.id for event in ran.events if isinstance(event, Message)].count("look_repeated")
+
+
+@pytest.mark.parametrize(
+    ("imu", "reason"), [("bench_nav", "gap"), ("dsp_modbus", "gap"), ("vectornav_vn100", "no_data")]
+)
+def test_in_mid_run_its_step_is_repeated(floor: Floor, imu: str, reason: str) -> None:
+    ran = with_imu(floor, imu).run(*restart("rate", 6.0))
+    assert_proved(floor, ran)
+    assert ran.repeated == [reason]
+    assert ran.verdict.result["log"]["gaps"] == 1
+
+
+@pytest.mark.parametrize("moment", [0.3, 3.0, 8.0, 14.0, 20.0, 26.0])
+@pytest.mark.parametrize("imu", IMUS)
+def test_while_its_new_registers_are_looked_at_it_is_looked_at_again(
+    floor: Floor, imu: str, moment: float
+) -> None:
+    ran = with_imu(floor, imu).run(*restart("verifying", moment))
+    assert_proved(floor, ran)
+    assert looks_repeated(ran) <= 1
+
+
+@pytest.mark.parametrize("imu", IMUS)
+def test_before_its_registers_are_written_it_is_looked_at_again(floor: Floor, imu: str) -> None:
+    ran = with_imu(floor, imu).run(*restart("reference", 9.0))
+    assert_proved(floor, ran)
+    assert looks_repeated(ran) == 1
+
+
+@pytest.mark.parametrize("imu", IMUS)
+def test_again_and_again_it_is_a_fault_that_leaves_the_decision_open(floor: Floor, imu: str) -> None:
+    ran = with_imu(floor, imu).run(*restart("verifying", *range(6, 60, 6)))
+    ran.assert_stopped("IMU: it restarted while its new registers were looked at", "check its supply")
+    assert ran.bench["flash_cycles"] == 1
+    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    assert (entry.closing, entry.steps[-1]) == (None, "restarted")
+    again = floor.run()
+    again.assert_stopped("was interrupted", "registers finish")
+    assert floor.run(unfinished="finish").verdict.outcome == "passed"
+    first, _ = register_journal.history(floor.folder / "runs", SERIAL)
+    assert (first.closing, first.cycles) == ("done", 1)
+
+
+@pytest.mark.parametrize("imu", IMUS)
+def test_at_rest_its_output_is_taken_anew(floor: Floor, imu: str) -> None:
+    errands = Errands(with_imu(floor, imu).request(orders=[{"order": "reset_imu", "at": 17.0}]))
+    assert errands.write({"accel_bias_x": 5e-3}, at_rest=True).proof == "rest"
+    assert Ran(floor.folder).bench["obeyed"] == ["reset_imu"]
+    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    assert (entry.closing, entry.cycles) == ("done", 1)
+
+
+@pytest.mark.parametrize("imu", ["bench_mems", "vectornav_vn100"])
+def test_carried_by_hand_its_position_is_asked_for_again(floor: Floor, imu: str) -> None:
+    floor.product, floor.table = {**PRODUCT, **BY_HAND, "imu": imu}, "hand_rails"
+    floor.site = {"gravity_mps2": 9.79547}
+    floor.product["limits"] = {"gyro_scale": LOOSE, "accel_scale": LOOSE}
+    ran = floor.run(*restart("verifying", 5.0), stages=("multi_position",))
+    assert_proved(floor, ran)
+
+
+def test_a_plan_counts_no_steps_of_a_look(tmp_path: Path) -> None:
+    path = tmp_path / "plan.toml"
+    path.write_text('[[fault]]\nkind = "reset_imu"\nstage = "verifying"\nstep = 2\n', encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="'verifying' has no steps to count; give time_s"):
+        load_fault_plan(path)
