@@ -96,6 +96,32 @@ SENTENCES: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP(
         "faults",
+        "IMU: no data any more though it was told to stream; switch it off and on, then check cable, port and the IMU"
+        " profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: no data any more, and the unit does not answer either; check its power, cable and port",
+    ),
+    QT_TRANSLATE_NOOP("faults", "IMU: not ready {0} s after its restart; switch it off and on"),
+    QT_TRANSLATE_NOOP(
+        "faults", "IMU: it restarts again and again; check its supply, plug and cable, then start again"
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: it restarted while its output was looked at; check its supply, plug and cable, then start again",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: it restarted while its new registers were looked at; check its supply, plug and cable, then start again"
+        " and finish or restore them",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: no rest without a gap within {0} s of its restart; check cable, power and port",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
         "IMU: the unit answers to serial number '{0}', not '{1}'; "
         "check the unit in the fixture and the number given",
     ),

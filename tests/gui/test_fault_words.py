@@ -55,6 +55,15 @@ TOLD = [
     "IMU: port usb:A9XYZ: no USB adapter with this serial number is plugged in; plug it in, or correct the port in the"
     " station file; adapters found: none",
     "IMU: the output is no number again and again; switch the unit off and on, check the IMU profile",
+    "IMU: no data any more though it was told to stream; switch it off and on, then check cable, port and the IMU"
+    " profile",
+    "IMU: no data any more, and the unit does not answer either; check its power, cable and port",
+    "IMU: not ready 60 s after its restart; switch it off and on",
+    "IMU: it restarts again and again; check its supply, plug and cable, then start again",
+    "IMU: it restarted while its output was looked at; check its supply, plug and cable, then start again",
+    "IMU: it restarted while its new registers were looked at; check its supply, plug and cable, then start again and"
+    " finish or restore them",
+    "IMU: no rest without a gap within 60 s of its restart; check cable, power and port",
     f"IMU: no answer on socket://127.0.0.1:38315 within 1 s though samples come; check the transmit line and the IMU"
     f" profile; {OLD}",
     "IMU: no answer on socket://127.0.0.1:36813 within 1 s though samples come; check the transmit line and the IMU"

@@ -465,6 +465,34 @@
         <translation>惯组：没有按时收到 {0} s 的数据；请检查链路和采样率</translation>
     </message>
     <message>
+        <source>IMU: no data any more though it was told to stream; switch it off and on, then check cable, port and the IMU profile</source>
+        <translation>惯组：已令其输出，仍无数据；请给产品断电重启，再检查电缆、端口和惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: no data any more, and the unit does not answer either; check its power, cable and port</source>
+        <translation>惯组：数据中断，产品也无应答；请检查其电源、电缆和端口</translation>
+    </message>
+    <message>
+        <source>IMU: not ready {0} s after its restart; switch it off and on</source>
+        <translation>惯组：重启 {0} s 后仍未就绪；请给产品断电重启</translation>
+    </message>
+    <message>
+        <source>IMU: it restarts again and again; check its supply, plug and cable, then start again</source>
+        <translation>惯组：反复重启；请检查其供电、插头和电缆，然后重新开始</translation>
+    </message>
+    <message>
+        <source>IMU: it restarted while its output was looked at; check its supply, plug and cable, then start again</source>
+        <translation>惯组：检查其输出时产品重启；请检查其供电、插头和电缆，然后重新开始</translation>
+    </message>
+    <message>
+        <source>IMU: it restarted while its new registers were looked at; check its supply, plug and cable, then start again and finish or restore them</source>
+        <translation>惯组：检查新写入的寄存器时产品重启；请检查其供电、插头和电缆，然后重新开始，选择写完或恢复</translation>
+    </message>
+    <message>
+        <source>IMU: no rest without a gap within {0} s of its restart; check cable, power and port</source>
+        <translation>惯组：重启后 {0} s 内没有一段不丢数的静止数据；请检查电缆、电源和端口</translation>
+    </message>
+    <message>
         <source>IMU: the unit answers to serial number &apos;{0}&apos;, not &apos;{1}&apos;; check the unit in the fixture and the number given</source>
         <translation>惯组：产品回答的编号是“{0}”，不是“{1}”；请核对夹具上的产品和输入的编号</translation>
     </message>
@@ -1034,6 +1062,10 @@
     <message>
         <source>Checking the output of the restarted unit.</source>
         <translation>正在检查重启后产品的输出。</translation>
+    </message>
+    <message>
+        <source>The unit restarted by itself: its output is looked at again from the beginning.</source>
+        <translation>产品自行重启：从头重新检查其输出。</translation>
     </message>
     <message>
         <source>Outside the limits: the unit keeps its registers.</source>
