@@ -98,7 +98,7 @@ def test_at_rest_its_output_is_taken_anew(floor: Floor, imu: str) -> None:
     assert (entry.closing, entry.cycles) == ("done", 1)
 
 
-@pytest.mark.parametrize("imu", ["bench_mems", "vectornav_vn100"])
+@pytest.mark.parametrize("imu", ["bench_mems", "dsp_modbus"])
 def test_carried_by_hand_its_position_is_asked_for_again(floor: Floor, imu: str) -> None:
     floor.product, floor.table = {**PRODUCT, **BY_HAND, "imu": imu}, "hand_rails"
     floor.site = {"gravity_mps2": 9.79547}
