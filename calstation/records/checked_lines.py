@@ -1,4 +1,5 @@
-"""A file of JSON lines, only ever added to, each with a check of its bytes: read whole, or refused with the line.
+"""A file of JSON lines, only ever added to, each with a check of its bytes and of all before them: read whole, or
+refused with the line, also where one is missing or stands in another's place.
 
 The file appears with its first line on disk, and every line ends with its newline, so a power cut can leave one thing
 only: a torn last line. That one announces nothing that happened and is passed over; the next line takes its place.
@@ -18,7 +19,7 @@ from typing import Any
 
 from calstation.records.atomic import sync_folder
 
-_CHECKED = re.compile(rb'(\{.*), "crc32": "([0-9a-f]{8})"\}', re.DOTALL)
+_CHECKED = re.compile(rb'(\{.*), "chain": "([0-9a-f]{8})"\}', re.DOTALL)
 
 
 class DamagedLineError(Exception):
@@ -60,31 +61,50 @@ def read_lines(path: Path) -> Lines:
     except (FileNotFoundError, NotADirectoryError):
         return Lines()
     *pieces, rest = content.split(b"\n")
-    if not pieces and _parsed(rest) is None:
-        raise DamagedLineError(1, "is no line" if content else "the file is empty")
     lines: list[Line] = []
-    for number, piece in enumerate([*pieces, rest] if _parsed(rest) else pieces, 1):
-        line = _parsed(piece)
-        if line is None:
-            raise DamagedLineError(number, "does not read as it was written")
-        content_, checked = line
-        if lines and lines[-1].checked and not checked:
-            raise DamagedLineError(number, "has lost its check value")
-        lines.append(Line(number, content_, checked))
-    if _CHECKED.search(rest) and _parsed(rest) is None:
+    before = 0
+    for piece in pieces:
+        before = _add(lines, piece, before)
+    if rest and _parsed(rest, before) is not None:
+        _add(lines, rest, before)
+        return Lines(tuple(lines))
+    if not pieces:
+        raise DamagedLineError(1, "is no line" if content else "the file is empty")
+    if _CHECKED.search(rest):
         raise DamagedLineError(len(lines) + 1, "does not read as it was written")
-    return Lines(tuple(lines), torn=bool(rest) and _parsed(rest) is None)
+    return Lines(tuple(lines), torn=bool(rest))
+
+
+def _add(lines: list[Line], piece: bytes, before: int) -> int:
+    """Take one more line; its check, with which that of the next begins."""
+    line = _parsed(piece, before)
+    if line is None:
+        raise DamagedLineError(len(lines) + 1, "does not read as it was written, or one before it is missing")
+    content, checked = line
+    if lines and lines[-1].checked and not checked:
+        raise DamagedLineError(len(lines) + 1, "has lost its check value")
+    lines.append(Line(len(lines) + 1, content, checked))
+    return _check(piece)
 
 
 def append_line(path: Path, content: Mapping[str, Any]) -> None:
     """Add a line, on disk when this returns, in place of a torn one. Raises OSError."""
-    text = json.dumps(content, ensure_ascii=False).encode()[:-1]
-    line = text + b', "crc32": "%08x"}\n' % zlib.crc32(text)
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists():
-        _extend(path, line)
+        _extend(path, content)
     else:
-        _begin(path, line)
+        _begin(path, _line(content, 0))
+
+
+def _line(content: Mapping[str, Any], before: int) -> bytes:
+    text = json.dumps(content, ensure_ascii=False).encode()[:-1]
+    return text + b', "chain": "%08x"}\n' % zlib.crc32(text, before)
+
+
+def _check(piece: bytes) -> int:
+    """What the check of the next line begins with."""
+    found = _CHECKED.fullmatch(piece)
+    return int(found[2], 16) if found else zlib.crc32(piece)
 
 
 def _begin(path: Path, line: bytes) -> None:
@@ -103,17 +123,17 @@ def _begin(path: Path, line: bytes) -> None:
     sync_folder(path.parent.parent)
 
 
-def _extend(path: Path, line: bytes) -> None:
+def _extend(path: Path, content: Mapping[str, Any]) -> None:
     handle = os.open(path, os.O_RDWR | os.O_APPEND | getattr(os, "O_BINARY", 0))
     try:
-        content = path.read_bytes()
-        rest = content[content.rfind(b"\n") + 1 :]
+        *pieces, rest = path.read_bytes().split(b"\n")
+        last = pieces[-1] if pieces else b""
         begin = b""
-        if rest and (_parsed(rest) or _CHECKED.search(rest) or len(rest) == len(content)):
-            begin = b"\n"  # whole but for its end, or damaged, which stays to be seen
+        if rest and (not pieces or _CHECKED.search(rest) or _parsed(rest, _check(last)) is not None):
+            begin, last = b"\n", rest  # whole but for its end, or damaged, which stays to be seen
         elif rest:
-            os.ftruncate(handle, len(content) - len(rest))
-        _write(handle, begin + line)
+            os.ftruncate(handle, os.fstat(handle).st_size - len(rest))
+        _write(handle, begin + _line(content, _check(last)))
         os.fsync(handle)
     finally:
         os.close(handle)
@@ -124,10 +144,10 @@ def _write(handle: int, data: bytes) -> None:
         data = data[os.write(handle, data) :]
 
 
-def _parsed(piece: bytes) -> tuple[dict[str, Any], bool] | None:
-    """What a line says, and whether its check proves it; None where it is none."""
+def _parsed(piece: bytes, before: int) -> tuple[dict[str, Any], bool] | None:
+    """What a line says, and whether its check proves it behind that of the one before; None where it is none."""
     found = _CHECKED.fullmatch(piece)
-    if found and zlib.crc32(found[1]) != int(found[2], 16):
+    if found and zlib.crc32(found[1], before) != int(found[2], 16):
         return None
     try:
         content = json.loads(found[1] + b"}" if found else piece)

@@ -104,7 +104,21 @@ def test_no_byte_can_be_wrong_unseen(tmp_path: Path) -> None:
         for wrong in {whole[place] ^ 1, whole[place] ^ 128, 0, ord("\n")} - {whole[place]}:
             made.path.write_bytes(whole[:place] + bytes([wrong]) + whole[place + 1 :])
             line = whole[:place].count(b"\n") + 1
-            assert told(tmp_path).startswith(f"{made.path}, line {line}: "), (place, wrong)
+            lines = tuple(f"{made.path}, line {number}: " for number in (line, line + 1))
+            assert told(tmp_path).startswith(lines), (place, wrong)
+
+
+@pytest.mark.parametrize(
+    ("order", "line"),
+    [((0, 2), 2), ((0, 1, 1, 2), 3), ((0, 2, 1), 2), ((1, 2), 1), ((0, 1, 2, 2), 4)],
+    ids=["missing", "doubled", "exchanged", "first missing", "last doubled"],
+)
+def test_every_line_has_its_place(tmp_path: Path, order: tuple[int, ...], line: int) -> None:
+    made = begun(tmp_path)
+    lines = made.path.read_bytes().splitlines(keepends=True)
+    assert len(lines) == 3
+    made.path.write_bytes(b"".join(lines[i] for i in order))
+    assert told(tmp_path).startswith(f"{made.path}, line {line}: ")
 
 
 Spoil = Callable[[bytes], bytes]
@@ -166,7 +180,7 @@ def before_checks(path: Path) -> None:
     """Make a journal one of the time when lines had no check."""
     lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     for line in lines:
-        for later in ("crc32", "model", "profile", "product", "map"):
+        for later in ("chain", "model", "profile", "product", "map"):
             line.pop(later, None)
     path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
 
