@@ -19,7 +19,7 @@ from calstation.station.config import DEFAULT_PRODUCT, DEFAULT_STATION
 from calstation.station.engine import Engine
 from calstation.station.handover import deliver_waiting
 from calstation.station.request import RunRequest
-from calstation.station.soak_judge import Judged, judge_run
+from calstation.station.soak_judge import MILD, Judged, judge_run
 
 STAGES = ("rate", "six_position")
 _QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
@@ -46,28 +46,13 @@ DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
 """What a station may have: how often in how many, and what its files then say otherwise."""
 
 STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
-    ("corrupt_frames", 3),
-    ("drop_frames", 3),
-    ("duplicate_frames", 2),
-    ("reorder_frames", 2),
-    ("noise_bytes", 4),
-    ("jump_counter", 65_500),
-    ("silence_imu", 0.4),
+    *MILD,
     ("silence_imu", 600),
-    ("garble_imu", 0.3),
     ("garble_imu", 600),
-    ("saturate_imu", 0.3),
-    ("invalid_imu", 0.3),
     ("freeze_channel", 4),
-    ("reset_imu", None),
     ("hang_up_imu", None),
-    ("mute_table", 2),
     ("mute_table", 30),
-    ("slow_table", 0.3),
-    ("slow_imu", 1.2),
-    ("garble_table", 1),
     ("refuse_table", 4),
-    ("refuse_table", 6),
     ("interlock", 0),
     ("drive_fault", None),
     ("limit_fault", None),
