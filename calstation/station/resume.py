@@ -177,6 +177,7 @@ class Continuation:
         if being_written(path):
             raise ConfigurationError(f"{path}: its run is still going; stop it first")
         finished = _finished(log)
+        _check_carried_on(log)
         if log.meta.imu.serial != request.serial:
             raise ConfigurationError(
                 f"{path}: is a run of unit '{log.meta.imu.serial}', not '{request.serial}'; choose its own log"
@@ -273,6 +274,20 @@ class Continuation:
                 f"{self.log.path}: stage '{solution.stage}' does not solve to what the run had found; was the"
                 f" program or the log changed? {_NEW_RUN}"
             )
+
+
+def _check_carried_on(log: Log) -> None:
+    """Raises ConfigurationError where another run has brought this one to its end: the unit is not as it was."""
+    history = History(log.path.parent)
+    history.refresh()
+    names = {log.path.name}
+    for run in reversed(history.of(log.meta.imu.serial)):
+        if run.resumed_from in names:
+            names.add(run.log.name)
+            if run.outcome in _ENDED:
+                raise ConfigurationError(
+                    f"{log.path}: was carried on in {run.log.name} and has reached its end there; {_NEW_RUN}"
+                )
 
 
 def _check_station(log: Log, here: StationConfig) -> None:
