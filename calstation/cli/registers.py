@@ -9,6 +9,7 @@ from rich.console import Console
 
 from calstation.cli.run import Display, complain, interrupt_stops, run_request
 from calstation.cli.show import check_json, emit_json
+from calstation.cli.typed import said_as_typed
 from calstation.cli.wording import PROOFS
 from calstation.devices.transfer import Step
 from calstation.errors import StoppedError
@@ -90,7 +91,12 @@ def _do(errand: RegisterErrand, what: str, json: str | None, *, yes: bool, debug
     console = Console(stderr=True)
     settled: Settled | None = None
     fault: Fault | None = None
-    with Engine.start(errand) as engine, interrupt_stops(engine), Display(console) as display:
+    with (
+        said_as_typed(errand.request),
+        Engine.start(errand) as engine,
+        interrupt_stops(engine),
+        Display(console) as display,
+    ):
         for event in engine.events():
             display.show(event)
             if isinstance(event, Settled):

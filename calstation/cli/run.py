@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
 from calstation.cli.show import check_json, emit_json, result_table
-from calstation.cli.typed import as_typed, options
+from calstation.cli.typed import as_typed, options, said_as_typed
 from calstation.cli.wording import OUTCOMES, READ_BACK, STATES, word, word_guided, word_step
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.sequencer.control import Command
@@ -54,7 +54,12 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     console = Console(stderr=True)
     verdict: Verdict | None = None
     fault: Fault | None = None
-    with Engine.start(request) as engine, interrupt_stops(engine), Display(console) as display:
+    with (
+        said_as_typed(request),
+        Engine.start(request) as engine,
+        interrupt_stops(engine),
+        Display(console) as display,
+    ):
         for event in engine.events():
             display.show(event)
             if isinstance(event, Verdict):

@@ -2,8 +2,11 @@
 
 import re
 import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from calstation.errors import DeviceFaultError
 from calstation.station.request import RunRequest
 
 _RESET = re.compile(r"calstation table reset")
@@ -27,3 +30,12 @@ def as_typed(text: str, request: RunRequest) -> str:
     runs = "" if request.out == RunRequest.out else f"--out {shlex.quote(str(request.out))}"
     text = _RESET.sub(lambda found: f"{found[0]} {where}".rstrip(), text)
     return _REGISTERS.sub(lambda found: " ".join(filter(None, (found[0], where, runs))), text)
+
+
+@contextmanager
+def said_as_typed(request: RunRequest) -> Iterator[None]:
+    """Device faults that are raised in here are told as `as_typed` has them."""
+    try:
+        yield
+    except DeviceFaultError as error:
+        raise DeviceFaultError(as_typed(str(error), request)) from error

@@ -309,16 +309,7 @@ SENTENCES: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP("faults", "virtual bench: its process has ended; start the run again"),
     QT_TRANSLATE_NOOP("faults", "virtual bench: lost ({0}); start the run again"),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "engine: its process ended unexpectedly{0}; the table's watchdog stops the table; look at the table, "
-        "then start again or resume the run at its last finished stage",
-    ),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "engine: it gives no sign of life any more; the table's watchdog stops the table; look at the table, "
-        "then start again or resume the run at its last finished stage",
-    ),
+    QT_TRANSLATE_NOOP("faults", "{0}: was carried on in {1} and has reached its end there; start a new run"),
     QT_TRANSLATE_NOOP(
         "faults",
         "transfer {0} to unit '{1}': the registers of IMU profile '{2}' mean something else now than then; bring the "

@@ -39,6 +39,7 @@ _MEASURED = {
 """Names of a proof's comparisons (`station.proof`), in words."""
 
 _HEADS = ("table: ", "IMU: ", "engine: ", "virtual bench: ")
+_ENGINE_DEAD = "engine: its process ended unexpectedly"
 _HEAD = re.compile(r"^[^:：]*(: |：)")
 
 
@@ -83,6 +84,23 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         QT_TRANSLATE_NOOP(
             "faults",
             "The table has latched the fault “{0}”; remove its cause, then press “Reset the fault”",
+        ),
+    ),
+    (
+        rf"{_ENGINE_DEAD}(.*?); the table's watchdog .*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "Its process ended unexpectedly{0}; the table's watchdog, where it has one, stops it and stays latched:"
+            " look at the table, press “Reset the fault”, then start again or resume the run at its last finished stage",
+        ),
+    ),
+    (
+        r"engine: it gives no sign of life any more; the table's watchdog .*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "It gives no sign of life any more; the table's watchdog, where it has one, stops it and stays latched:"
+            " look at the table; its fault is to be reset before you start again or resume the run at its last finished"
+            " stage",
         ),
     ),
     (
@@ -210,8 +228,8 @@ def known(text: str) -> bool:
 
 
 def resettable(text: str) -> bool:
-    """Whether the sentence tells of a fault that the table has latched and an operator may reset."""
-    return text.startswith("table: fault '")
+    """Whether the sentence tells of a fault that the table has latched, or may have, and an operator may reset."""
+    return text.startswith(("table: fault '", _ENGINE_DEAD))
 
 
 def _split(cause: str, said: str) -> FaultWords:

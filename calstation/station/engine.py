@@ -42,10 +42,12 @@ _CLOSES_WITHIN = 60.0
 
 _KILLED_WITHIN = 5.0
 
-_MEND = (
-    "the table's watchdog stops the table; look at the table, then start again or resume the run at its"
-    " last finished stage"
+MEND = (
+    "the table's watchdog stops the table and stays latched, where it has one: look at the table, reset its fault"
+    " ('Reset the fault' in the window, or calstation table reset), then start again or resume the run at its last"
+    " finished stage"
 )
+"""What to do about an engine that has died or is frozen."""
 
 INTERNAL = "internal"
 """Kind of a `Fault` that is a mistake of the program; its text is the traceback."""
@@ -196,7 +198,7 @@ class Engine:
         return "" if code is None else f" (exit code {code})"
 
     def _fault(self, what: str) -> Fault:
-        return Fault(DeviceFaultError.__name__, f"engine: {what}; {_MEND}", DeviceFaultError.exit_code)
+        return Fault(DeviceFaultError.__name__, f"engine: {what}; {MEND}", DeviceFaultError.exit_code)
 
 
 def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterErrand) -> None:

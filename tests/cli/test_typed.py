@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from calstation.cli.run import complain
-from calstation.cli.typed import as_typed
+from calstation.cli.typed import as_typed, said_as_typed
 from calstation.devices.interfaces import TableStatus
 from calstation.errors import DeviceFaultError
 from calstation.physics.table import JointLimits
 from calstation.sequencer.events import Fault
 from calstation.sequencer.guard import check_power
+from calstation.station import engine
 from calstation.station.request import OR_AT_REST, RunRequest
 
 HERE = RunRequest("SN-1", Path("line 3.toml"), Path("unit.toml"), out=Path("today"))
@@ -46,6 +47,16 @@ def test_the_reset_of_a_latched_fault_is_of_the_station_that_told_it(
     assert "or calstation table reset --station 'line 3.toml' --product unit.toml; or leave" in said
     assert complain(fault, RunRequest("SN-1"), debug=False) == 3
     assert "or calstation table reset; or leave" in capsys.readouterr().err
+
+
+def test_an_engine_that_died_names_its_station_as_well() -> None:
+    with (
+        pytest.raises(
+            DeviceFaultError, match=r"calstation table reset --station 'line 3\.toml' --product unit\.toml\)"
+        ),
+        said_as_typed(HERE),
+    ):
+        raise DeviceFaultError(f"engine: its process ended unexpectedly; {engine.MEND}")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ import pytest
 from PySide6.QtWidgets import QApplication
 
 from calstation.gui import language
-from calstation.gui.fault_wording import known, word_fault
+from calstation.gui.fault_wording import known, resettable, word_fault
+from calstation.station import engine
 
 OLD = "the unit was restarted and holds its old registers"
 TOLD = [
@@ -49,6 +50,13 @@ TOLD = [
     "the result is of a unit with IMU profile 'bench_mems', product 'A' has 'bench_nav'; choose the result's own"
     " product, 'C'",
     "/runs/SN-1.h5: its run is still going; stop it first",
+    "/runs/SN-1.h5: was carried on in SN-2.h5 and has reached its end there; start a new run",
+    "engine: its process ended unexpectedly (exit code -9); the table's watchdog stops the table and stays latched,"
+    " where it has one: look at the table, reset its fault ('Reset the fault' in the window, or calstation table"
+    " reset), then start again or resume the run at its last finished stage",
+    "engine: it gives no sign of life any more; the table's watchdog stops the table and stays latched, where it has"
+    " one: look at the table, reset its fault ('Reset the fault' in the window, or calstation table reset), then start"
+    " again or resume the run at its last finished stage",
     "/runs/SN-1.h5: began on the virtual bench, but station 'line 3' is hardware now; start a new run",
     "/runs/SN-1.h5: began on station 'line 3', this is 'virtual bench'; give its station file with --station",
     "IMU: port usb:A9XYZ was lost (device reports readiness to read but returned no data); check cable and power",
@@ -101,3 +109,12 @@ def test_a_fault_of_a_rehearsal_is_said_in_chinese(qapp: QApplication, text: str
         language.use("en")
     for words in (said.reason, said.mend):
         assert any("\u4e00" <= letter <= "\u9fff" for letter in words), words
+
+
+def test_what_a_dead_engine_leaves_latched_can_be_reset(qapp: QApplication) -> None:
+    text = f"engine: its process ended unexpectedly (exit code -9); {engine.MEND}"
+    assert resettable(text)
+    assert "“Reset the fault”" in word_fault("DeviceFaultError", text).mend
+    assert not resettable(f"engine: it gives no sign of life any more; {engine.MEND}"), (
+        "it may still own the table"
+    )

@@ -597,12 +597,8 @@
         <translation>虚拟台：连接中断（{0}）；请重新开始</translation>
     </message>
     <message>
-        <source>engine: its process ended unexpectedly{0}; the table&apos;s watchdog stops the table; look at the table, then start again or resume the run at its last finished stage</source>
-        <translation>引擎：它的进程意外结束{0}；转台由自己的看门狗停住；请先看转台，再重新开始，或从最后完成的阶段继续</translation>
-    </message>
-    <message>
-        <source>engine: it gives no sign of life any more; the table&apos;s watchdog stops the table; look at the table, then start again or resume the run at its last finished stage</source>
-        <translation>引擎：不再有任何响应；转台由自己的看门狗停住；请先看转台，再重新开始，或从最后完成的阶段继续</translation>
+        <source>{0}: was carried on in {1} and has reached its end there; start a new run</source>
+        <translation>{0}：已在 {1} 中继续并做完；请重新开始标定</translation>
     </message>
     <message>
         <source>transfer {0} to unit &apos;{1}&apos;: the registers of IMU profile &apos;{2}&apos; mean something else now than then; bring the profile&apos;s earlier version back (page Station)</source>
@@ -679,6 +675,14 @@
     <message>
         <source>The table has latched the fault “{0}”; remove its cause, then press “Reset the fault”</source>
         <translation>转台锁存了故障“{0}”；请排除原因，然后按“复位故障”</translation>
+    </message>
+    <message>
+        <source>Its process ended unexpectedly{0}; the table&apos;s watchdog, where it has one, stops it and stays latched: look at the table, press “Reset the fault”, then start again or resume the run at its last finished stage</source>
+        <translation>程序进程意外结束{0}；转台若有看门狗，会自行停转并锁存故障：请查看转台，按“复位故障”，再重新开始，或从最后完成的阶段之后继续</translation>
+    </message>
+    <message>
+        <source>It gives no sign of life any more; the table&apos;s watchdog, where it has one, stops it and stays latched: look at the table; its fault is to be reset before you start again or resume the run at its last finished stage</source>
+        <translation>程序没有任何响应；转台若有看门狗，会自行停转并锁存故障：请查看转台；先复位其故障，再重新开始，或从最后完成的阶段之后继续</translation>
     </message>
     <message>
         <source>Writing the registers of {0} was interrupted; press Understood, then finish it or take it back</source>
