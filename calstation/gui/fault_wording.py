@@ -91,7 +91,8 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         QT_TRANSLATE_NOOP(
             "faults",
             "Its process ended unexpectedly{0}; the table's watchdog, where it has one, stops it and stays latched:"
-            " look at the table, press “Reset the fault”, then start again or resume the run at its last finished stage",
+            " look at the table, press “Reset the fault”, then start again or resume the run at its last finished"
+            " stage",
         ),
     ),
     (
