@@ -7,7 +7,8 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.show import check_json, emit_json, result_table
-from calstation.cli.wording import RESOLVED, word
+from calstation.cli.wording import NOT_ALL, RESOLVED, word
+from calstation.errors import InsufficientDataError
 from calstation.records.convert import export_csv, import_csv
 from calstation.station.resolve import resolve
 
@@ -15,7 +16,10 @@ from calstation.station.resolve import resolve
 def resolve_command(
     log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
 ) -> int:
-    """Solve `log` again and show the answer; 0 within the limits or without any, 1 outside."""
+    """Solve `log` again and show the answer; 0 within the limits or without any, 1 outside.
+
+    Raises InsufficientDataError, once the others are shown, where a stage of the log lacks data.
+    """
     check_json(json)
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
@@ -36,7 +40,14 @@ def resolve_command(
     if json != "-":
         out = Console(file=sys.stdout)
         result_table(out, resolved.result)
-        out.print(RESOLVED[resolved.result["passed"]], highlight=False)
+        passed = resolved.result["passed"]
+        verdict = NOT_ALL if resolved.lacking and passed is None else RESOLVED[passed]
+        out.print(verdict, highlight=False)
+    if resolved.lacking:
+        named = ",".join(resolved.result["stages"])
+        raise InsufficientDataError(
+            f"{log}: {'; '.join(resolved.lacking)}; solved without it, as --stages {named} does"
+        )
     return 1 if resolved.result["passed"] is False else 0
 
 

@@ -111,6 +111,9 @@ RESOLVED: dict[bool | None, str] = {
     None: "The log names no limits to compare with.",
 }
 
+NOT_ALL = "Not every stage of the log could be solved."
+"""Of a log in which a stage lacks data."""
+
 CHECKS: dict[str, str] = {
     "gravity_at_rest": "force at rest against gravity",
     "improvement_at_rest": "force at rest against gravity, for what it was",

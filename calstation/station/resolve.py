@@ -1,6 +1,6 @@
 """Solves a stored log again: the offline side of the one chain of solvers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,14 @@ from calstation.station.solve import Watch, solve
 
 @dataclass(frozen=True)
 class Resolved:
-    """The result JSON and the stages' remarks, (message id, values)."""
+    """The result JSON and the stages' remarks, (message id, values).
+
+    lacking : what stages that could not be solved lack, a sentence with the mend each
+    """
 
     result: dict[str, Any]
     messages: tuple[tuple[str, dict[str, Any]], ...]
+    lacking: tuple[str, ...] = ()
 
 
 def resolve(
@@ -31,7 +35,8 @@ def resolve(
 ) -> Resolved:
     """Solve a log's stages between two sequence numbers (both included, unwrapped).
 
-    `progress` is told how it gets on. Damaged rows are a gap, and told by the message ``log_damaged``.
+    Without `stages` those of the log that lack data are left out, and the answer can fail but not pass. `progress` is
+    told how it gets on. Damaged rows are a gap, and told by the message ``log_damaged``.
     Raises InputError or ConfigurationError with file, field and mend.
     """
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
@@ -40,7 +45,7 @@ def resolve(
     chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
     facts = log.facts()
     if log.holes and stages is None and first_seq is None and last_seq is None:
-        _check_complete(log, [solution.stage for solution in chain.solutions])
+        _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.lacking])
     solutions = tuple(chain.solutions)
     ending = Ending(
         "resolved",
@@ -55,6 +60,8 @@ def resolve(
     if section is not None and log.results:
         online = log.results[-1].get("parameters", {})
         judgement = judgement.with_more(offline_online(section, parameters_json(solutions), online))
+    if chain.lacking and judgement.passed:
+        judgement = replace(judgement, passed=None)
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
     untold = latitude_untold(log.meta, solutions)
@@ -63,7 +70,9 @@ def resolve(
     if log.holes:
         result["log"]["damaged"] = [{"rows": hole.count, "seq": hole.missing} for hole in log.holes]
         messages.insert(0, ("log_damaged", {"file": path.name, **told(log.holes)}))
-    return Resolved(result, tuple(messages))
+    if chain.lacking:
+        result["lacking"] = dict(chain.lacking)
+    return Resolved(result, tuple(messages), tuple(chain.lacking.values()))
 
 
 def _check_complete(log: Log, solved: list[str]) -> None:

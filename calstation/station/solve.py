@@ -39,7 +39,8 @@ def one_blas_thread() -> Iterator[None]:
 class StageChain:
     """Solves stages one after another, each with the joint posterior of the one before as its prior.
 
-    Everything the solvers are told comes from the log's meta.
+    Everything the solvers are told comes from the log's meta. `solutions` in order; `lacking`: what each stage that was
+    left out lacks, with the mend.
     """
 
     def __init__(self, meta: LogMeta) -> None:
@@ -55,6 +56,7 @@ class StageChain:
         imu = self._context.imu
         self._resting = RestingOutput(imu) if feels_earth(imu) else None
         self.solutions: list[Solution] = []
+        self.lacking: dict[str, str] = {}
 
     def warm(self) -> None:
         """Compile the solvers' kernels, or load them from their cache."""
@@ -114,6 +116,11 @@ class StageChain:
         self.solutions.append(solution)
         return solution
 
+    def leave_out(self, lacks: str) -> None:
+        """Give the stage begun up: the next begins with what was known before it."""
+        self._solver = None
+        self.lacking[self._stage] = lacks
+
 
 def solve(
     blocks: Blocks,
@@ -133,7 +140,7 @@ def solve(
     Raises
     ------
     InsufficientDataError
-        naming the stage and what it lacks.
+        naming the stage and what it lacks: one of those chosen, or of the log where none has its data.
     """
     chain = StageChain(meta)
     with one_blas_thread():
@@ -150,7 +157,7 @@ def _solve_as_recorded(blocks: Blocks, chain: StageChain, source: str | Path, pr
     for block in blocks():
         if block.stage and block.stage != stage:
             if stage:
-                _finish(chain, stage, source, progress, seq)
+                _finish_or_leave_out(chain, stage, source, progress, seq)
             stage = block.stage
             if stage in seen:
                 raise InputError(
@@ -169,7 +176,19 @@ def _solve_as_recorded(blocks: Blocks, chain: StageChain, source: str | Path, pr
             f"{source}: no sample in the chosen range belongs to a stage; widen --from and --to, "
             "or name stages in the column 'stage'"
         )
-    _finish(chain, stage, source, progress, seq)
+    _finish_or_leave_out(chain, stage, source, progress, seq)
+    if not chain.solutions:
+        raise InsufficientDataError(f"{source}: {next(iter(chain.lacking.values()))}")
+
+
+def _finish_or_leave_out(
+    chain: StageChain, stage: str, source: str | Path, progress: Watch | None, seq: int
+) -> None:
+    """A run that was cut short has a last stage without its data; those before it are solved all the same."""
+    try:
+        _finish(chain, stage, source, progress, seq)
+    except InsufficientDataError as exc:
+        chain.leave_out(str(exc).removeprefix(f"{source}: "))
 
 
 def _check_name(stage: str, source: str | Path) -> None:
@@ -240,6 +259,7 @@ def _finish(chain: StageChain, stage: str, source: str | Path, progress: Watch |
     try:
         chain.finish(None if progress is None else lambda done: progress(stage, seq, done))
     except InsufficientDataError as exc:
-        raise InsufficientDataError(f"{source}: stage '{stage}': {exc}") from exc
+        lacks = str(exc).removeprefix(f"{stage}: ")
+        raise InsufficientDataError(f"{source}: stage '{stage}': {lacks}") from exc
     except InputError as exc:
         raise InputError(f"{source}: {exc}") from exc

@@ -51,6 +51,25 @@ def test_a_part_of_the_log_solves(calstation: Callable[..., Done], tmp_path: Pat
     assert (done.json["log"]["first_seq"], done.json["log"]["last_seq"]) == (100, 2900)
 
 
+def test_a_stage_cut_short_is_told_and_those_before_are_solved(
+    calstation: Callable[..., Done], tmp_path: Path
+) -> None:
+    rows = six_position_rows()
+    cut = [
+        ",".join([str(number), f"{(number + 1) / 50:.2f}", *row.split(",")[2:10], "rate", "0"])
+        for number, row in enumerate(rows[:200], start=len(rows))
+    ]
+    log = write_log(tmp_path, [*rows, *cut])
+    done = calstation("resolve", log, "--json", "-")
+    assert done.code == 2
+    assert (done.json["stages"], list(done.json["lacking"])) == (["six_position"], ["rate"])
+    assert "stage 'rate': no whole turn about +x" in done.err
+    assert done.err.rstrip().endswith("solved without it, as --stages six_position does")
+    done = calstation("resolve", log)
+    assert "Not every stage of the log could be solved." in done.out
+    assert calstation("resolve", log, "--stages", "six_position").code == 0
+
+
 def test_debug_shows_where(calstation: Callable[..., Done], tmp_path: Path) -> None:
     done = calstation("resolve", tmp_path / "none.csv", "--debug")
     assert done.code == 2

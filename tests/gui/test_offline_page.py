@@ -40,7 +40,7 @@ from calstation.records.raw_log import RawLogWriter
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
 from calstation.station.request import RunRequest
-from calstation.station.resolve import resolve
+from calstation.station.resolve import Resolved, resolve
 from calstation.station.run import execute
 from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log
@@ -333,7 +333,7 @@ def test_a_sigma_beyond_its_limit_marks_the_sigma_alone(qtbot: QtBot) -> None:
     qtbot.addWidget(shown)
     before = {**result, "outcome": "failed", "stages": ["rate"]}
     shown.show_log(SimpleNamespace(stored=before, facts=SimpleNamespace(**log)))  # type: ignore[arg-type]
-    shown.show_solved(SimpleNamespace(result={**result, "stages": ["rate"]}, messages=()))  # type: ignore[arg-type]
+    shown.show_solved(Resolved({**result, "stages": ["rate"]}, ()))
     states = [
         [shown.model.index(line, column).data(Qt.ItemDataRole.UserRole) for column in (3, 4)]
         for line in (0, 1)

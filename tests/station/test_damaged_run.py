@@ -78,10 +78,14 @@ def test_only_a_stage_that_lacks_data_then_is_refused(log: Damaged) -> None:
     rate = np.flatnonzero(log.stages == "rate")
     for row in rate[:: len(rate) // 25]:
         log.hurt(int(row), 2)
-    with pytest.raises(InsufficientDataError, match=r"stage 'rate': rate: no whole turn .*gaps"):
-        resolve(log.path)
-    solved = resolve(log.path, ("six_position",))
-    assert solved.result["stages"] == ["six_position"]
+    with pytest.raises(InsufficientDataError, match=r"stage 'rate': no whole turn .*gaps"):
+        resolve(log.path, ("rate",))
+    solved = resolve(log.path)
+    assert (solved.result["stages"], list(solved.result["lacking"])) == (["six_position"], ["rate"])
+    assert solved.lacking[0].startswith("stage 'rate': no whole turn")
+    assert solved.result["passed"] is not True
+    alone = resolve(log.path, ("six_position",)).result
+    assert solved.result["parameters"] == alone["parameters"]
     assert solved.messages[0][0] == "log_damaged"
     assert str(solved.messages[0][1]["where"]).endswith(", …")
 

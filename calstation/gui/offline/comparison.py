@@ -7,6 +7,7 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui import theme
+from calstation.gui.offline.log_wording import word_log_error
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.gui.wording import KINDS, word_message, word_stage, word_state
@@ -186,6 +187,8 @@ class Comparison(QWidget):
             self.difference_badge.show_state(*self._difference())
 
     def _verdict(self, result: Mapping[str, Any]) -> tuple[str, str]:
+        if result["passed"] is None and result.get("lacking"):
+            return "caution", self.tr("Solved as far as the data go; not every stage is")
         if result["passed"] is None:
             return "none", self.tr("Solved; the log names no limits to compare with")
         if result["passed"]:
@@ -223,6 +226,7 @@ class Comparison(QWidget):
                     len(self._lost), len(result["parameters"])
                 )
             )
+        notes += [word_log_error(sentence) for sentence in self._solved.lacking]
         return notes + [word_message(key, values) for key, values in self._solved.messages]
 
 

@@ -68,22 +68,21 @@ _SAME: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP(
         "logs",
-        "stage '{0}': {1}: no rest of at least 1 s in {2} s of samples to align on; "
+        "stage '{0}': no rest of at least 1 s in {1} s of samples to align on; "
         "include the rest before the first turn",
     ),
     QT_TRANSLATE_NOOP(
         "logs",
-        "stage '{0}': six_position: no rest of {1} s or more with {2} upward ({3} rests found); "
-        "include all six faces",
+        "stage '{0}': no rest of {1} s or more with {2} upward ({3} rests found); include all six faces",
     ),
     QT_TRANSLATE_NOOP(
         "logs",
-        "stage '{0}': rate: no whole turn about {1} between two rests ({2} turns found); "
+        "stage '{0}': no whole turn about {1} between two rests ({2} turns found); "
         "include both ways about every axis with the rests before and after",
     ),
     QT_TRANSLATE_NOOP(
         "logs",
-        "stage '{0}': rate: no whole turn about {1} between two rests ({2} turns found, "
+        "stage '{0}': no whole turn about {1} between two rests ({2} turns found, "
         "{3} gaps or spoilt stretches, each of which costs its turn); "
         "include both ways about every axis with the rests before and after",
     ),

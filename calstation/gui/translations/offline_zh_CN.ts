@@ -56,6 +56,10 @@
         <translation>尚未解算</translation>
     </message>
     <message>
+        <source>Solved as far as the data go; not every stage is</source>
+        <translation>已按现有数据解算，并非每个阶段都能解算</translation>
+    </message>
+    <message>
         <source>Solved; the log names no limits to compare with</source>
         <translation>已解算；记录中没有可比较的限差</translation>
     </message>
@@ -500,19 +504,19 @@
         <translation>阶段“{0}”：解算发散（{1}），请检查 site.azimuth_deg、[table] 中的轴向和 [prior] 中的标准差</translation>
     </message>
     <message>
-        <source>stage &apos;{0}&apos;: {1}: no rest of at least 1 s in {2} s of samples to align on; include the rest before the first turn</source>
-        <translation>阶段“{0}”：{2} s 的采样中没有至少 1 s 的静止段可供对准，请把第一次转动之前的静止段包括进来</translation>
+        <source>stage &apos;{0}&apos;: no rest of at least 1 s in {1} s of samples to align on; include the rest before the first turn</source>
+        <translation>阶段“{0}”：{1} s 的采样中没有至少 1 s 的静止段可供对准，请把第一次转动之前的静止段包括进来</translation>
     </message>
     <message>
-        <source>stage &apos;{0}&apos;: six_position: no rest of {1} s or more with {2} upward ({3} rests found); include all six faces</source>
+        <source>stage &apos;{0}&apos;: no rest of {1} s or more with {2} upward ({3} rests found); include all six faces</source>
         <translation>阶段“{0}”：{2} 朝上时没有 {1} s 以上的静止段（共找到 {3} 个静止段），请包括全部六个面</translation>
     </message>
     <message>
-        <source>stage &apos;{0}&apos;: rate: no whole turn about {1} between two rests ({2} turns found); include both ways about every axis with the rests before and after</source>
+        <source>stage &apos;{0}&apos;: no whole turn about {1} between two rests ({2} turns found); include both ways about every axis with the rests before and after</source>
         <translation>阶段“{0}”：两个静止段之间没有绕 {1} 的整圈转动（共找到 {2} 次转动），请包括各轴的正反转动及其前后的静止段</translation>
     </message>
     <message>
-        <source>stage &apos;{0}&apos;: rate: no whole turn about {1} between two rests ({2} turns found, {3} gaps or spoilt stretches, each of which costs its turn); include both ways about every axis with the rests before and after</source>
+        <source>stage &apos;{0}&apos;: no whole turn about {1} between two rests ({2} turns found, {3} gaps or spoilt stretches, each of which costs its turn); include both ways about every axis with the rests before and after</source>
         <translation>阶段“{0}”：两个静止段之间没有绕 {1} 的整圈转动（共找到 {2} 次转动；{3} 处中断或无效段，各使所在的转动作废），请包括各轴的正反转动及其前后的静止段</translation>
     </message>
     <message>
