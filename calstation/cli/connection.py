@@ -31,7 +31,10 @@ _KINDS = {
     "imus": "an IMU profile",
     "products": "a product",
 }
-_MENDS = {"fault": "Remove its cause, then reset it: calstation table reset"}
+_MENDS = {
+    "fault": "Remove its cause, then reset it: calstation table reset",
+    "fault_untold": "Read the table's display, remove the cause, then reset it: calstation table reset",
+}
 """What the window does with a button."""
 
 

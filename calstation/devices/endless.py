@@ -32,10 +32,10 @@ def check_endless(
         if not abs(rate) <= most * (1.0 + 1e-9):
             raise ConfigurationError(
                 f"table: rate {math.degrees(rate):g} °/s of the {name} axis is above the profile's"
-                f" {math.degrees(most):g} °/s"
+                f" {math.degrees(most):g} °/s; lower it"
             )
     if not 0.0 < acceleration <= min(limits.acceleration) * (1.0 + 1e-9):
         raise ConfigurationError(
             f"table: acceleration {math.degrees(acceleration):g} °/s² is outside the profile's 0 to"
-            f" {math.degrees(min(limits.acceleration)):g} °/s²"
+            f" {math.degrees(min(limits.acceleration)):g} °/s²; correct it"
         )

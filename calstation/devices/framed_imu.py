@@ -13,13 +13,23 @@ from calstation.devices.registered_imu import RegisteredImu
 from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.errors import DeviceFaultError
 
-_ERRORS = {
+ERRORS = {
     "1": "unknown command",
     "2": "no such register",
     "3": "flash busy",
     "4": "it cannot do it in its present state",
     "5": "the value is refused",
 }
+"""Usual codes of the errors in replies."""
+
+MENDS = {
+    "1": "compare [commands] of the IMU profile with the unit's manual",
+    "2": "check the addresses of the registers in the IMU profile",
+    "3": "wait until it is done, then start again",
+    "4": "switch the unit off and on, then start again",
+    "5": "check type, scale and range of the registers in the IMU profile",
+}
+"""What to do about them."""
 _ATTEMPTS = 3
 _VALUES_PER_TRANSFER = 32
 _PAYLOAD = 255
@@ -52,7 +62,10 @@ class FramedImu(RegisteredImu):
         head = struct.pack(self._format("HB"), address, count)
         answer = self._ask("read_words", head, head)
         if len(answer) != len(head) + 2 * count:
-            raise DeviceFaultError(f"table: registers from {address} answer with a wrong length")
+            raise DeviceFaultError(
+                f"table: registers {address}-{address + count - 1} cannot be read: the answer has another length;"
+                " compare op read_words of the IMU profile with the unit's manual"
+            )
         return list(struct.unpack(self._format(f"{count}H"), answer[len(head) :]))
 
     def write_words(self, address: int, values: list[int], repeat: bool) -> None:
@@ -96,7 +109,10 @@ class FramedImu(RegisteredImu):
             head = struct.pack(self._format("HB"), entry.place(begin), count)
             answer = self._ask("read", head, head)
             if len(answer) != len(head) + kind.width * count:
-                raise DeviceFaultError(f"IMU: register {entry.place(begin)} answers with a wrong length")
+                raise DeviceFaultError(
+                    f"IMU: register {entry.place(begin)} answers with {len(answer)} bytes, not"
+                    f" {len(head) + kind.width * count}; check its type and parameters in the IMU profile"
+                )
             body = answer[len(head) :]
             numbers += [
                 kind.unpack(body[k : k + kind.width], order, entry.word_order)
@@ -112,7 +128,8 @@ class FramedImu(RegisteredImu):
             body = b"".join(kind.pack(value, order, entry.word_order) for value in part)
             if self._ask("write", head + body, head) != head:
                 raise DeviceFaultError(
-                    f"IMU: register {entry.place(begin)} was not taken; nothing was committed"
+                    f"IMU: register {entry.place(begin)} was not taken, nothing was committed; look at the unit's"
+                    " supply and write protection, then check this register in the IMU profile"
                 )
 
     def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int]]:
@@ -147,14 +164,19 @@ class FramedImu(RegisteredImu):
                     yield self._question("read", head, head)
 
     def _question(self, name: str, payload: bytes, begins: bytes) -> Question[bytes]:
-        ops, meanings = {**OPS, **self._commands.ops}, self._commands.errors or _ERRORS
+        ops, meanings = {**OPS, **self._commands.ops}, self._commands.errors or ERRORS
         op = ops[name]
 
         def take(reply: Reply) -> bytes | None:
             if reply.op == ops["error"]:
                 code = reply.payload[0] if reply.payload else 0
-                text = f"IMU: command {op} was refused: {meanings.get(str(code), f'code {code}')}"
-                raise ImuBusyError(text) if code in self._commands.busy_codes else ImuRefusalError(text)
+                reason = meanings.get(str(code), f"code {code}")
+                busy = code in self._commands.busy_codes
+                # A unit's own codes mean what its manual says.
+                mends = {} if self._commands.errors else MENDS
+                mend = MENDS["3"] if busy else mends.get(str(code), "look this error up in the unit's manual")
+                text = f"IMU: command '{name}' was refused: {reason}; {mend}"
+                raise ImuBusyError(text, reason) if busy else ImuRefusalError(text, reason)
             return reply.payload if reply.op == op and reply.payload.startswith(begins) else None
 
         request = command_frame(self._commands, self._profile.frame, op, payload)

@@ -12,6 +12,10 @@ LOCAL_CONTROL = "local control"
 """A table's `fault` that is none: it is switched to its own panel and obeys nobody else."""
 
 
+UNTOLD = "cause not told"
+"""A table's `fault` where it says that there is one and not which."""
+
+
 class OtherModelError(DeviceFaultError):
     """Not the device that the profile is for answers: `found` instead of `expected`."""
 

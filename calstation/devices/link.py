@@ -23,7 +23,11 @@ _READ_SIZE = 65536
 
 
 class PortLostError(DeviceFaultError):
-    """An open port has gone: a pulled plug, a device that hung up."""
+    """An open port has gone, a pulled plug or a device that hung up; `reason` says no more than that."""
+
+    def __init__(self, text: str, reason: str = "the port was lost") -> None:
+        super().__init__(text)
+        self.reason = reason
 
 
 class SerialSettings(StrictModel):
@@ -116,7 +120,8 @@ class SerialLink:
 
     def _lost(self, exc: BaseException) -> PortLostError:
         return PortLostError(
-            f"{self.name}: port {self.port} was lost ({_reason(exc)}); check cable and power"
+            f"{self.name}: port {self.port} was lost ({_reason(exc)}); check cable and power",
+            f"the port was lost: {_reason(exc)}",
         )
 
 

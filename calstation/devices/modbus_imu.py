@@ -21,6 +21,19 @@ _ATTEMPTS = 3
 _MOST = 120
 """Registers in one transfer."""
 
+MENDS = {
+    1: "compare [modbus] of the IMU profile with the unit's manual",
+    **dict.fromkeys(
+        (2, 3),
+        "look at its supply (a unit that restarts forgets its page), then check the registers in the IMU profile",
+    ),
+    4: "switch the unit off and on, then start again",
+    **dict.fromkeys(NOT_YET, "wait until it is done, then start again"),
+    8: "switch the unit off and on, replace it where that does not help",
+    **dict.fromkeys((10, 11), "check the gateway and modbus.unit of the IMU profile"),
+}
+"""What to do about Modbus exceptions of a unit, by their codes."""
+
 
 class ModbusImu(RegisteredImu):
     """The IMU of a profile on a link.
@@ -174,8 +187,8 @@ class ModbusImu(RegisteredImu):
 class ModbusBusyError(ImuBusyError):
     """Modbus exception 5 or 6; `code` is its number."""
 
-    def __init__(self, text: str, code: int) -> None:
-        super().__init__(text)
+    def __init__(self, text: str, reason: str, code: int) -> None:
+        super().__init__(text, reason)
         self.code = code
 
 
@@ -185,11 +198,10 @@ def _question(request: RtuRequest) -> Question[bytes]:
     def take(reply: Reply) -> bytes | None:
         if reply.op == request.function | REFUSED:
             code = reply.payload[0]
-            text = (
-                f"IMU: register {request.address} is refused: {MEANINGS.get(code, f'exception {code}')}"
-                f" (Modbus exception {code})"
-            )
-            raise ModbusBusyError(text, code) if code in NOT_YET else ImuRefusalError(text)
+            reason = f"{MEANINGS.get(code, f'exception {code}')} (Modbus exception {code})"
+            mend = MENDS.get(code, "look this exception up in the unit's manual")
+            text = f"IMU: register {request.address} is refused: {reason}; {mend}"
+            raise ModbusBusyError(text, reason, code) if code in NOT_YET else ImuRefusalError(text, reason)
         mine = reply.op == request.function and reply.payload.startswith(request.begins)
         return reply.payload if mine else None
 

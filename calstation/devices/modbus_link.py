@@ -28,11 +28,12 @@ ACKNOWLEDGED = 5
 NOT_YET = (ACKNOWLEDGED, 6)
 """Exceptions of a device that is only late."""
 
-_MENDS = {
+MENDS = {
     **dict.fromkeys((1, 2, 3), "check the table profile's registers"),
     **dict.fromkeys(NOT_YET, "wait until it is done, then start again"),
     **dict.fromkeys((10, 11), "check the gateway and the unit number"),
 }
+"""What to do about Modbus exceptions of a table, by their codes."""
 
 _AGAIN_AFTER = 0.05
 """Host time until a device that is busy is asked again, s."""
@@ -46,17 +47,24 @@ class ModbusRefusalError(DeviceFaultError):
 
     def __init__(self, what: str, code: int, unit: int) -> None:
         meaning = MEANINGS.get(code, f"exception {code}")
-        mend = _MENDS.get(code, "look at the drive's display")
+        mend = MENDS.get(code, "look at the drive's display")
         super().__init__(f"table: {what}: {meaning} (Modbus exception {code}); {mend}")
         self.code = code
         self.unit = unit
 
 
 class NoAnswerError(DeviceFaultError):
-    """The device does not answer, though it was asked as often as it may be; `unit` is who was asked."""
+    """The device does not answer, though it was asked as often as it may be.
 
-    def __init__(self, text: str, unit: int) -> None:
+    Attributes
+    ----------
+    reason : what came instead of an answer
+    unit : who was asked
+    """
+
+    def __init__(self, text: str, reason: str, unit: int) -> None:
         super().__init__(text)
+        self.reason = reason
         self.unit = unit
 
 
@@ -152,14 +160,16 @@ class ModbusLink:
             try:
                 self._ready()
                 return transfer(attempt > 0)
-            except (UnansweredError, NoAnswerError, PortLostError, _GoneError) as exc:
+            except (NoAnswerError, PortLostError) as exc:  # the greeting's is told as this one's
+                reason = exc.reason
+            except (UnansweredError, _GoneError) as exc:
                 reason = str(exc)
             except RefusedError as exc:
                 if exc.code not in NOT_YET or attempt + 1 == attempts:
                     raise ModbusRefusalError(what, exc.code, unit) from exc
                 time.sleep(_AGAIN_AFTER)
         raise NoAnswerError(
-            f"table: {what} on {self._port} ({reason}); check cable, power and unit number", unit
+            f"table: {what} on {self._port} ({reason}); check cable, power and unit number", reason, unit
         )
 
     def _ready(self) -> None:

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from calstation.devices.endless import check_endless
-from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableIdentity, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableIdentity, TableStatus
 from calstation.devices.table_map import JOINTS, RATE_COMMAND, ModbusRegister
 from calstation.devices.table_profile import TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
@@ -219,7 +219,7 @@ class RegisterTable:
         codes = [int(value[name]) for name in self._map.names("fault")]
         if any(self._flags("fault", value)) or any(codes):
             code = next((code for code in codes if code), 0)
-            return self._profile.faults.get(str(code), f"code {code}")
+            return self._profile.faults.get(str(code), f"code {code}") if code else UNTOLD
         if not all(self._flags("remote", value)):
             return LOCAL_CONTROL
         # A drive that is off may show anything in this bit (CiA 402-2, table 30).

@@ -5,7 +5,7 @@ The system's port has one owner, the IMU's driver; the table's registers are rea
 
 from calstation.devices.framed_imu import FramedImu
 from calstation.devices.register_table import RegisterTable
-from calstation.devices.streamed_imu import ImuRefusalError, StreamedImu
+from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.table_profile import TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
 
@@ -28,21 +28,27 @@ class ImuWords:
         try:
             return self._imu.read_words(address, count)
         except ImuRefusalError as exc:
-            raise DeviceFaultError(
-                f"table: registers {address}-{address + count - 1} cannot be read: {exc}"
-            ) from exc
+            what = f"registers {address}-{address + count - 1} cannot be read"
+            raise _explained(what, exc) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True) -> None:
         """Write registers; a lost transfer is repeated only where `repeat`. Raises DeviceFaultError."""
         try:
             self._imu.write_words(address, values, repeat)
         except ImuRefusalError as exc:
-            raise DeviceFaultError(f"table: register {address} cannot be written: {exc}") from exc
+            raise _explained(f"register {address} cannot be written", exc) from exc
 
     def close(self) -> None:
         """Hang up, where nobody else has the port."""
         if self._owned:
             self._imu.close()
+
+
+def _explained(what: str, refusal: ImuRefusalError) -> DeviceFaultError:
+    """The system's refusal as one of its axes."""
+    busy = isinstance(refusal, ImuBusyError)
+    mend = "wait until it is done, then start again" if busy else "check the table profile's registers"
+    return DeviceFaultError(f"table: {what}: {refusal.reason}; {mend}")
 
 
 class SharedTable(RegisterTable):

@@ -32,7 +32,11 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class ImuRefusalError(DeviceFaultError):
-    """The unit understands and refuses a command."""
+    """The unit understands and refuses a command; `reason` is what it says, "" where that is all the message."""
+
+    def __init__(self, text: str, reason: str = "") -> None:
+        super().__init__(text)
+        self.reason = reason
 
 
 class ImuBusyError(ImuRefusalError):
@@ -300,7 +304,10 @@ class StreamedImu(ABC):
         except DeviceFaultError as exc:
             self._failure = exc
         except Exception as exc:  # noqa: BLE001 - a reader that dies silently would look like a unit without data
-            failure = DeviceFaultError(f"IMU: reading {self._link.port} failed ({type(exc).__name__}: {exc})")
+            failure = DeviceFaultError(
+                f"IMU: reading {self._link.port} failed ({type(exc).__name__}: {exc}); start again, and send this text"
+                " to whoever looks after calstation where it comes back"
+            )
             failure.__cause__ = exc
             self._failure = failure
 

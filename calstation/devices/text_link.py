@@ -264,7 +264,10 @@ class TextLink:
                     continue
                 other = said
                 if self._refused and self._refused.search(said):
-                    raise TextRefusalError(f"table: '{line}' is refused with '{quoted_text(said)}'")
+                    raise TextRefusalError(
+                        f"table: '{line}' is refused with '{quoted_text(said)}'; look at the table's display, then"
+                        " compare this line of the table profile with the controller's manual"
+                    )
                 if answer is None or answer.search(said):
                     return said
         if answer is not None or other is None:

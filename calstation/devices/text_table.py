@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from calstation.devices.endless import check_endless
-from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableIdentity, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableIdentity, TableStatus
 from calstation.devices.link import SerialSettings
 from calstation.devices.quoting import quoted_text
 from calstation.devices.table_map import JOINTS
@@ -191,7 +191,7 @@ class TextTable:
                 for groups in answers.get(name, ())
                 if groups.get("fault") not in (None, "0")
             ]
-            return self._profile.faults.get(codes[0], f"code {codes[0]}") if codes else "fault"
+            return self._profile.faults.get(codes[0], f"code {codes[0]}") if codes else UNTOLD
         if not self._all("remote", answers, otherwise=True):
             return LOCAL_CONTROL
         return None

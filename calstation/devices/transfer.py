@@ -227,5 +227,6 @@ def _compare(
     for name in registers.differing(wanted, found):
         raise DeviceFaultError(
             f"IMU: register {registers.address(name)} ({name}) reads back {found.get(name, float('nan')):.9g}"
-            f" instead of {wanted[name]:.9g} {when}"
+            f" instead of {wanted[name]:.9g} {when}; look at the unit's supply and write protection, then check type,"
+            " orders and tolerance of this register in the IMU profile"
         )

@@ -20,7 +20,7 @@ _LONGEST = 512
 """Bytes of a reply."""
 _MODEL, _SERIAL, _FIRMWARE = 1, 3, 4
 """Registers that tell who answers."""
-_ERRORS = {
+ERRORS = {
     0x01: "hard fault, the unit restarts",
     0x02: "serial buffer overflow",
     0x03: "invalid checksum",
@@ -36,6 +36,19 @@ _ERRORS = {
     0xFF: "error buffer overflow",
 }
 """VN-100 User Manual UM001, section 3.8."""
+
+MENDS = {
+    **dict.fromkeys(
+        (0x01, 0x0A), "look at its supply, switch it off and on; replace it where that does not help"
+    ),
+    **dict.fromkeys((0x02, 0x0B, 0x0C, 0xFF), "raise its baud, or have it send less"),
+    0x03: "check the cable, and vectornav.check of the IMU profile",
+    **dict.fromkeys(
+        range(0x04, 0x09), "compare this line with the unit's manual, and correct the IMU profile"
+    ),
+    0x09: "look at the unit's write protection",
+}
+"""What to do about them."""
 
 
 class LineReply:
@@ -119,7 +132,8 @@ class VectorNavImu(RegisteredImu):
             numbers = []
         if len(numbers) != len(entry.names):
             raise DeviceFaultError(
-                f"IMU: register {entry.address} answers '{','.join(fields)}', not {len(entry.names)} numbers"
+                f"IMU: register {entry.address} answers '{','.join(fields)}', not {len(entry.names)} numbers; compare"
+                " it with the unit's manual, and correct address or parameters in the IMU profile"
             )
         return numbers
 
@@ -145,7 +159,8 @@ class VectorNavImu(RegisteredImu):
         def take(reply: Reply) -> list[str] | None:
             fields = reply.payload.decode("ascii", "replace").split(",")
             if fields[0] == "VNERR":
-                raise ImuRefusalError(f"IMU: '{words}' was refused: {_meaning(fields[1:])}")
+                reason, mend = _meaning(fields[1:])
+                raise ImuRefusalError(f"IMU: '{words}' was refused: {reason}; {mend}", reason)
             if fields[0] != begins[0] or not _same_register(fields[1:2], begins[1:]):
                 return None
             return fields[len(begins) :]
@@ -159,11 +174,12 @@ def _same_register(told: list[str], asked: list[str]) -> bool:
     return not asked or (bool(told) and told[0].lstrip("0") == asked[0].lstrip("0"))
 
 
-def _meaning(fields: list[str]) -> str:
-    """An error's code is hexadecimal."""
+def _meaning(fields: list[str]) -> tuple[str, str]:
+    """What an error's hexadecimal code says, and what to do about it."""
     text = fields[0] if fields else ""
+    unknown = "look this error up in the unit's manual"
     try:
         code = int(text, 16)
     except ValueError:
-        return f"code '{text}'"
-    return _ERRORS.get(code, f"code {text}")
+        return f"code '{text}'", unknown
+    return ERRORS.get(code, f"code {text}"), MENDS.get(code, unknown)

@@ -26,7 +26,6 @@ SENTENCES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP(
         "faults", "table: port {0} cannot be opened; check cable, power and the port in the station file"
     ),
-    QT_TRANSLATE_NOOP("faults", "table: {0} on {1} ({2}); check cable, power and unit number"),
     QT_TRANSLATE_NOOP(
         "faults",
         "table: it and the IMU are exchanged, its port {0} is the IMU's; exchange table.port and imu.port in the"
@@ -158,7 +157,6 @@ SENTENCES: tuple[str, ...] = (
         "IMU: a turn of {0}° of the {1} axis measures {2}° about it; check axes, mounting and gyro_lsb",
     ),
     QT_TRANSLATE_NOOP("faults", "IMU: port {0} cannot be opened ({1}); {2}"),
-    QT_TRANSLATE_NOOP("faults", "IMU: reading {0} failed ({1})"),
     QT_TRANSLATE_NOOP(
         "faults", "IMU: no answer on {0} within {1} s, not a byte came; check power, cable and port"
     ),
@@ -168,7 +166,6 @@ SENTENCES: tuple[str, ...] = (
         "check baud, parity, stop bits and the IMU profile",
     ),
     QT_TRANSLATE_NOOP("faults", "IMU: {0} = {1} does not fit register {2} ({3} to {4}); nothing was written"),
-    QT_TRANSLATE_NOOP("faults", "IMU: register {0} was not taken; nothing was committed"),
     QT_TRANSLATE_NOOP(
         "faults", "IMU: the unit refused to commit its registers; power it off and on, try again"
     ),
@@ -183,23 +180,6 @@ SENTENCES: tuple[str, ...] = (
         " table",
     ),
     QT_TRANSLATE_NOOP("faults", "table: port {0} was lost ({1}); check cable and power"),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "table: {0}: the device cannot do it in its present state (Modbus exception 4); look at the drive's "
-        "display",
-    ),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "table: {0}: the device is busy (Modbus exception 6); wait until it is done, then start again",
-    ),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "table: {0}: no such register (Modbus exception 2); check the table profile's registers",
-    ),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "table: {0}: the value is refused (Modbus exception 3); check the table profile's registers",
-    ),
     QT_TRANSLATE_NOOP(
         "faults",
         "table: '{0}' is not answered on {1} within {2} s; check cable, power, baud and the table profile",
@@ -240,21 +220,6 @@ SENTENCES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP(
         "faults",
         "IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile",
-    ),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile;"
-        " the unit was restarted and holds its old registers",
-    ),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile;"
-        " the unit holds new registers, not yet proved: calstation registers finish (or restore) {2}",
-    ),
-    QT_TRANSLATE_NOOP(
-        "faults",
-        "IMU: register {0} ({1}) reads back {2} instead of {3} before the commit; the unit was restarted and "
-        "holds its old registers",
     ),
     QT_TRANSLATE_NOOP(
         "faults",
@@ -306,6 +271,86 @@ SENTENCES: tuple[str, ...] = (
         "faults",
         "{0}: site.gravity_mps2 = {1} does not belong to latitude {2}° and height {3} m, where normal gravity is {4};"
         " correct gravity, latitude or height",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: registers {0}-{1} cannot be read on {2} ({3}); check cable, power and unit number",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: register {0} cannot be written on {1} ({2}); check cable, power and unit number",
+    ),
+    QT_TRANSLATE_NOOP("faults", "table: registers {0}-{1} cannot be read: {2}; {3}"),
+    QT_TRANSLATE_NOOP("faults", "table: register {0} cannot be written: {1}; {2}"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: registers.{0} ({1}) holds no number; check its address, type and word_order in the table profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: '{0}' is refused with '{1}'; look at the table's display, then compare this line of the table profile"
+        " with the controller's manual",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: '{0}' answers on {1} where '{2}' did; nothing was told to it; check which adapter is plugged in where",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "table: '{0}' is answered with '{1}', which queries.{2} of the profile does not expect; correct its answer",
+    ),
+    QT_TRANSLATE_NOOP("faults", "table: '{0}' is no number; correct the query's answer in the table profile"),
+    QT_TRANSLATE_NOOP("faults", "table: '{0}' is no number of base {1}; correct the flags"),
+    QT_TRANSLATE_NOOP("faults", "IMU: register {0} is refused: {1}; {2}"),
+    QT_TRANSLATE_NOOP("faults", "IMU: command '{0}' was refused: {1}; {2}"),
+    QT_TRANSLATE_NOOP("faults", "IMU: '{0}' was refused: {1}; {2}"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: register {0} answers '{1}', not {2} numbers; compare it with the unit's manual, and correct address or"
+        " parameters in the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: register {0} answers with {1} bytes, not {2}; check its type and parameters in the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: register {0} was not taken, nothing was committed; look at the unit's supply and write protection, then"
+        " check this register in the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: register {0} ({1}) reads back {2} instead of {3} {4}; look at the unit's supply and write protection,"
+        " then check type, orders and tolerance of this register in the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: reading {0} failed ({1}); start again, and send this text to whoever looks after calstation where it"
+        " comes back",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the unit's accelerometer matrix is not lower triangular, so it is not from this program and cannot be"
+        " calibrated upon; restore the unit's factory settings first",
+    ),
+    QT_TRANSLATE_NOOP("faults", "IMU: identity '{0}' is not 'model;serial;firmware'; choose another profile"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the {0} was not done within {1} s; leave its power on until it is, then start again",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the unit's flash is still busy {0} s after its commit; leave its power on until it is done, then start"
+        " again",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: {0} takes no value, so a restart could not be told; look at the unit's write protection",
+    ),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "IMU: the unit answers but has not restarted within {0} s of its reset, so what its flash holds is not known;"
+        " switch its power off and on, then start again",
     ),
     QT_TRANSLATE_NOOP("faults", "virtual bench: its process has ended; start the run again"),
     QT_TRANSLATE_NOOP("faults", "virtual bench: lost ({0}); start the run again"),

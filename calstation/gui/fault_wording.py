@@ -6,11 +6,13 @@ known is shown as it is.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.gui.fault_phrases import PHRASES
 from calstation.gui.fault_sentences import SENTENCES
 from calstation.station.marked import QT_TRANSLATE_NOOP
 from calstation.station.request import OR_AT_REST
@@ -105,6 +107,14 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         ),
     ),
     (
+        r"table: fault, it tells no cause;.*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The table has latched a fault and does not tell its cause; read its display, look at cover, limits and"
+            " drives, remove the cause, then press “Reset the fault”",
+        ),
+    ),
+    (
         r"IMU: a transfer to unit '(.*?)' was interrupted \(.*",
         QT_TRANSLATE_NOOP(
             "faults",
@@ -188,6 +198,33 @@ _REWORDED: tuple[tuple[str, str], ...] = (
 )
 """Sentences that a window says otherwise than a terminal: in plainer words, or with a mend that is a button."""
 
+_BEHIND: tuple[tuple[str, str], ...] = (
+    (
+        r"; the unit was restarted and holds its old registers",
+        QT_TRANSLATE_NOOP("faults", "The unit was restarted and holds its old registers."),
+    ),
+    (
+        r"; the unit holds new registers, not yet proved: calstation registers finish \(or restore\) .*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The unit holds its new registers, not yet proved: press Understood, then finish or take them back.",
+        ),
+    ),
+    (
+        r"; the unit holds neither old nor new registers: calstation registers finish \(or restore\) .*",
+        QT_TRANSLATE_NOOP(
+            "faults",
+            "The unit holds neither its old nor its new registers: press Understood, then finish or take them back.",
+        ),
+    ),
+    (
+        r"; what the unit's flash holds will be seen at the next start",
+        QT_TRANSLATE_NOOP("faults", "What the unit's flash holds will be seen at the next start."),
+    ),
+    (re.escape(OR_AT_REST), QT_TRANSLATE_NOOP("faults", "Or choose “Write, table at rest”.")),
+)
+"""What may stand behind a sentence: what the unit holds after it, or another way."""
+
 
 @dataclass(frozen=True)
 class FaultWords:
@@ -208,21 +245,24 @@ def word_fault(kind: str, text: str) -> FaultWords:
     """The words of a `Fault` of this kind and text; of a mistake of the program only its last line is shown."""
     if kind == "internal":
         return _internal(text)
-    if text.endswith(OR_AT_REST):
-        words = word_fault(kind, text.removesuffix(OR_AT_REST))
-        beside = QCoreApplication.translate("faults", "Or choose “Write, table at rest”.")
-        return replace(words, mend=f"{words.mend} {beside}".strip())
+    text, behind = _parted(text)
+    if behind:
+        words = word_fault(kind, text)
+        return replace(words, mend=f"{words.mend} {QCoreApplication.translate('faults', behind)}".strip())
     cause = _cause(kind, text)
     for pattern, sentence in _REWORDED:
         if found := re.fullmatch(pattern, text, re.DOTALL):
-            return _split(cause, QCoreApplication.translate("faults", sentence).format(*found.groups()))
+            return _split(
+                cause, QCoreApplication.translate("faults", sentence).format(*map(phrase, found.groups()))
+            )
     said = _HEAD.sub("", _translated(text), count=1) if text.startswith(_HEADS) else _translated(text)
     return _split(cause, said)
 
 
 def known(text: str) -> bool:
     """Whether the sentence can be said in every language."""
-    text = text.removesuffix(OR_AT_REST)
+    while (parted := _parted(text))[1]:
+        text = parted[0]
     return any(pattern.fullmatch(text) for pattern, _ in _patterns()) or any(
         re.fullmatch(pattern, text, re.DOTALL) for pattern, _ in _REWORDED
     )
@@ -230,7 +270,7 @@ def known(text: str) -> bool:
 
 def resettable(text: str) -> bool:
     """Whether the sentence tells of a fault that the table has latched, or may have, and an operator may reset."""
-    return text.startswith(("table: fault '", _ENGINE_DEAD))
+    return text.startswith(("table: fault '", "table: fault, ", _ENGINE_DEAD))
 
 
 def _split(cause: str, said: str) -> FaultWords:
@@ -259,10 +299,27 @@ def _place(cause: str) -> str:
     return QCoreApplication.translate("faults", _CAUSES[cause])
 
 
+def _parted(text: str) -> tuple[str, str]:
+    """A sentence without the last of what may stand behind it, and that; "" where nothing does."""
+    for pattern, behind in _BEHIND:
+        if found := re.search(f"{pattern}$", text, re.DOTALL):
+            return text[: found.start()], behind
+    return text, ""
+
+
 @cache
 def _patterns() -> tuple[tuple[re.Pattern[str], str], ...]:
+    return _compiled(SENTENCES)
+
+
+@cache
+def _phrases() -> tuple[tuple[re.Pattern[str], str], ...]:
+    return _compiled(PHRASES)
+
+
+def _compiled(sentences: Sequence[str]) -> tuple[tuple[re.Pattern[str], str], ...]:
     made = []
-    for sentence in SENTENCES:
+    for sentence in sentences:
         parts = re.split(r"\{\d\}", sentence)
         made.append((re.compile("(.*?)".join(re.escape(part) for part in parts), re.DOTALL), sentence))
     return tuple(made)
@@ -272,13 +329,18 @@ def _translated(text: str) -> str:
     for pattern, sentence in _patterns():
         found = pattern.fullmatch(text)
         if found:
-            return QCoreApplication.translate("faults", sentence).format(*map(_measured, found.groups()))
+            return QCoreApplication.translate("faults", sentence).format(*map(phrase, found.groups()))
     return text
 
 
-def _measured(value: str) -> str:
-    """What a proof compared, in words; any other value as it is."""
-    return QCoreApplication.translate("faults", _MEASURED[value]) if value in _MEASURED else value
+def phrase(value: str) -> str:
+    """A value of a sentence in the language in force: what a proof compared, or a phrase; any other as it is."""
+    if value in _MEASURED:
+        return QCoreApplication.translate("faults", _MEASURED[value])
+    for pattern, words in _phrases():
+        if found := pattern.fullmatch(value):
+            return QCoreApplication.translate("faults", words).format(*map(phrase, found.groups()))
+    return value
 
 
 def _sentence(text: str) -> str:

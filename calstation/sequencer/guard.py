@@ -2,7 +2,7 @@
 
 import math
 
-from calstation.devices.interfaces import LOCAL_CONTROL, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, TableStatus
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.motion import Move
 from calstation.physics.table import JointLimits
@@ -17,16 +17,24 @@ def check_power(status: TableStatus) -> None:
             "table: it is under local control; switch it to remote control, then start again"
         )
     if status.fault is not None:
-        raise DeviceFaultError(
-            f"table: fault '{status.fault}' is latched; remove its cause, then reset it: 'Reset the fault' in the"
-            " window, or calstation table reset"
-        )
+        raise latched(status.fault, " is latched")
     if not status.interlock_closed:
         raise DeviceFaultError("table: the interlock is open; close the cover and start again")
     if not status.watchdog > 0.0:
         raise DeviceFaultError(
             "table: the watchdog is off (0); set its timeout in the drive, e.g. 1000 ms, before any run"
         )
+
+
+def latched(fault: str, how: str = "") -> DeviceFaultError:
+    """What is said of a fault that the table has latched."""
+    reset = "reset it: 'Reset the fault' in the window, or calstation table reset"
+    if fault == UNTOLD:
+        return DeviceFaultError(
+            "table: fault, it tells no cause; read its display, look at cover, limits and drives, remove the cause,"
+            f" then {reset}"
+        )
+    return DeviceFaultError(f"table: fault '{fault}'{how}; remove its cause, then {reset}")
 
 
 def check_motion(status: TableStatus) -> None:

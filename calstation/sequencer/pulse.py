@@ -12,6 +12,7 @@ from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition, Flow
 from calstation.sequencer.control import Control, PauseRequested, SpoiltStep, StopRequested
 from calstation.sequencer.events import SampleStats, TableMoved, Trace
+from calstation.sequencer.guard import latched
 from calstation.sequencer.ports import Clock, Emit
 
 NO_DATA = 1.0
@@ -145,10 +146,7 @@ class Pulse:
                 "table: it was switched to local control; switch it back, then start again"
             )
         if self.status.fault is not None:
-            raise DeviceFaultError(
-                f"table: fault '{self.status.fault}'; remove its cause, then reset it: 'Reset the fault' in the window,"
-                " or calstation table reset"
-            )
+            raise latched(self.status.fault)
         if self.powered and not self.status.interlock_closed:
             raise DeviceFaultError("table: the interlock was opened; close the cover and start again")
         if self.powered and not self.status.enabled:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calstation.devices.checks import check_bytes
-from calstation.devices.interfaces import LOCAL_CONTROL, OtherModelError, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableStatus
 from calstation.devices.link import PortLostError, SerialSettings
 from calstation.devices.modbus_link import ModbusRefusalError, NoAnswerError
 from calstation.devices.modbus_table import ModbusTable
@@ -92,6 +92,8 @@ def _standing(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
         yield Finding("watchdog_off", "wrong")
     if status.fault == LOCAL_CONTROL:
         yield Finding("local_control", "look")
+    elif status.fault == UNTOLD:
+        yield Finding("fault_untold", "look")
     elif status.fault is not None:
         yield Finding("fault", "look", {"fault": status.fault})
     yield Finding("interlock", "ok") if status.interlock_closed else Finding("interlock_open", "look")

@@ -156,6 +156,12 @@ TABLE = {
         QT_TRANSLATE_NOOP("station_finding", "The fault “{fault}” is latched."),
         QT_TRANSLATE_NOOP("station_finding", "Remove its cause, then press “Reset the fault”."),
     ),
+    "fault_untold": (
+        QT_TRANSLATE_NOOP("station_finding", "A fault is latched, and the table does not tell its cause."),
+        QT_TRANSLATE_NOOP(
+            "station_finding", "Read the table's display, remove the cause, then press “Reset the fault”."
+        ),
+    ),
     "local_control": (
         QT_TRANSLATE_NOOP("station_finding", "The table is under local control."),
         QT_TRANSLATE_NOOP("station_finding", "Switch it to remote control at its panel."),

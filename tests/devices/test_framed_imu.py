@@ -13,7 +13,7 @@ from test_frames import reply_frame, stream_frame
 
 from calstation.devices.framed_imu import FramedImu
 from calstation.devices.imu_profile import ImuProfile, load_imu_profile
-from calstation.devices.streamed_imu import ImuBusyError
+from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.errors import DeviceFaultError
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")
@@ -277,10 +277,21 @@ def test_a_late_refusal_is_not_that_of_the_next_command() -> None:
         assert link.finished
 
 
-def test_an_error_reply_is_told_by_its_meaning() -> None:
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (1, r"unknown command; compare \[commands\] of the IMU profile"),
+        (2, "no such register; check the addresses of the registers"),
+        (3, "flash busy; wait until it is done"),
+        (4, "it cannot do it in its present state; switch the unit off and on"),
+        (5, "the value is refused; check type, scale and range"),
+        (77, "code 77; look this error up in the unit's manual"),
+    ],
+)
+def test_an_error_reply_is_told_by_its_meaning_and_with_its_mend(code: int, told: str) -> None:
     with (
-        driver([(request(4), reply_frame(0xFF, b"\x03"))]) as (imu, _),
-        pytest.raises(DeviceFaultError, match="command 4 was refused: flash busy"),
+        driver([(request(4), reply_frame(0xFF, bytes([code])))]) as (imu, _),
+        pytest.raises(ImuRefusalError, match=f"command 'commit' was refused: {told}"),
     ):
         imu.commit()
 

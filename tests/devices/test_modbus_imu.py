@@ -197,9 +197,19 @@ def test_a_commit_that_never_ends_is_told_and_one_that_is_lost_never_repeated() 
 
 
 @pytest.mark.parametrize(
-    ("code", "told"), [(2, "no such register"), (6, "the device is busy"), (99, "exception 99")]
+    ("code", "told"),
+    [
+        (1, "the function is not supported .*; compare .modbus. of the IMU profile"),
+        (2, "no such register .*; look at its supply .a unit that restarts forgets its page., then check"),
+        (3, "the value is refused .*; look at its supply"),
+        (4, "the device cannot do it in its present state .*; switch the unit off and on"),
+        (6, "the device is busy .*; wait until it is done"),
+        (8, "memory parity error .*; switch the unit off and on, replace it"),
+        (11, "no answer behind the gateway .*; check the gateway and modbus.unit"),
+        (99, "exception 99 .*; look this exception up in the unit's manual"),
+    ],
 )
-def test_an_exception_is_told_by_its_meaning(code: int, told: str) -> None:
+def test_an_exception_is_told_by_its_meaning_and_with_its_mend(code: int, told: str) -> None:
     with (
         driver([(IDENTITY[0][0], rtu(1, 0x83, code))]) as (imu, _),
         pytest.raises(ImuRefusalError, match=f"register 0 is refused: {told}"),

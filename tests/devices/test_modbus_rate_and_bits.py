@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from test_modbus_table import image, long, quick, read, table, write
 
+from calstation.devices.interfaces import UNTOLD
 from calstation.devices.table_profile import TableProfile
 from calstation.errors import ConfigurationError
 
@@ -72,7 +73,7 @@ def test_a_profile_without_the_command_says_so() -> None:
         (0x1427, 0, "local control"),
         (0x1E27, 0, "limit"),
         (0x1C27, 0, "local control"),
-        (0x1628, 0, "code 0"),
+        (0x1628, 0, UNTOLD),
         (0x1E27, 4, "drive"),
     ],
 )

@@ -219,6 +219,22 @@ def test_a_table_that_went_silent_or_away_is_told() -> None:
     driver.close()
 
 
+def test_a_table_that_falls_silent_is_told_once_in_one_sentence() -> None:
+    """Opened anew it is asked who it is first: what goes unanswered then is told as what was asked for."""
+    model, serial = (
+        read(address, struct.unpack(">8H", text.ljust(16, b"\0")))
+        for address, text in ((0, b"bench-table"), (8, b"T-1"))
+    )
+    request, silent = read(17, image()[17:64])[0], (model[0], None)
+    with table([model, serial, (request, None), silent, silent]) as (driver, server):
+        driver.identify()
+        with pytest.raises(DeviceFaultError) as caught:
+            driver.status()
+    assert str(caught.value) == (
+        f"table: registers 17-63 cannot be read on {server.port} (no answer); check cable, power and unit number"
+    )
+
+
 def test_an_answer_of_the_wrong_length_is_not_taken() -> None:
     request = read(17, image()[17:64])[0]
     short = read(17, image()[17:60])[1]

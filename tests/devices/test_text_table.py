@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.interfaces import OtherModelError
+from calstation.devices.interfaces import UNTOLD, OtherModelError
 from calstation.devices.table_profile import TableProfile, load_table_profile
 from calstation.devices.text_link import Checked, Plain, Prompted, TextRefusalError
 from calstation.devices.text_table import TextTable
@@ -220,7 +220,9 @@ def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], told: st
 def test_atl_a_refusal_is_told_and_not_repeated() -> None:
     with (
         table([(b"1SRV1\r\n", b"ERROR 7\r\n>")], profile("aerosmith_atl")) as (driver, _),
-        pytest.raises(TextRefusalError, match="'1SRV1' is refused with 'ERROR 7'"),
+        pytest.raises(
+            TextRefusalError, match="'1SRV1' is refused with 'ERROR 7'; look at the table's display"
+        ),
     ):
         driver.enable()
 
@@ -372,7 +374,7 @@ def test_acl_a_fault_and_an_axis_that_turns() -> None:
     answers[b":Read:Rate? 1\n"] = b"-5.5\n"
     with table(list(answers.items()), profile("acutronic_acl")) as (driver, _):
         status = driver.status()
-        assert (status.fault, status.enabled, status.moving) == ("fault", False, True)
+        assert (status.fault, status.enabled, status.moving) == (UNTOLD, False, True)
 
 
 # $MN -------------------------------------------------------------------------------------------------------------

@@ -165,13 +165,15 @@ def test_a_commit_is_never_repeated() -> None:
 @pytest.mark.parametrize(
     ("reply", "told"),
     [
-        ("VNERR,03", "invalid checksum"),
-        ("VNERR,08", "invalid register"),
-        ("VNERR,0C", "insufficient baud rate"),
-        ("VNERR,FF", "error buffer overflow"),
-        ("VNERR,77", "code 77"),
-        ("VNERR,", "code ''"),
-        ("VNERR", "code ''"),
+        ("VNERR,01", "hard fault, the unit restarts; look at its supply"),
+        ("VNERR,03", "invalid checksum; check the cable, and vectornav.check"),
+        ("VNERR,08", "invalid register; compare this line with the unit's manual"),
+        ("VNERR,09", "unauthorized access; look at the unit's write protection"),
+        ("VNERR,0C", "insufficient baud rate; raise its baud"),
+        ("VNERR,FF", "error buffer overflow; raise its baud"),
+        ("VNERR,77", "code 77; look this error up in the unit's manual"),
+        ("VNERR,", "code ''; look this error up in the unit's manual"),
+        ("VNERR", "code ''; look this error up in the unit's manual"),
     ],
 )
 def test_an_error_is_told_by_its_meaning(reply: str, told: str) -> None:
@@ -186,7 +188,7 @@ def test_an_error_is_told_by_its_meaning(reply: str, told: str) -> None:
 def test_an_answer_that_is_none_is_told(reply: str) -> None:
     with (
         driver([pair("VNRRG,25", reply)]) as (imu, _),
-        pytest.raises(DeviceFaultError, match=r"register 25 answers '.*', not 12 numbers"),
+        pytest.raises(DeviceFaultError, match=r"register 25 answers '.*', not 12 numbers; compare it"),
     ):
         imu.read_registers()
 

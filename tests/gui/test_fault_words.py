@@ -1,10 +1,15 @@
 """Faults as they were told in rehearsals can be said in Chinese, reason and mend."""
 
+import re
+
 import pytest
 from PySide6.QtWidgets import QApplication
 
+from calstation.devices import framed_imu, modbus_imu, modbus_link, vectornav_imu
+from calstation.devices.interfaces import UNTOLD
 from calstation.gui import language
-from calstation.gui.fault_wording import known, resettable, word_fault
+from calstation.gui.fault_wording import known, phrase, resettable, word_fault
+from calstation.sequencer.guard import latched
 from calstation.station import engine
 
 OLD = "the unit was restarted and holds its old registers"
@@ -76,7 +81,38 @@ TOLD = [
     f" profile; {OLD}",
     "IMU: no answer on socket://127.0.0.1:36813 within 1 s though samples come; check the transmit line and the IMU"
     " profile; the unit holds new registers, not yet proved: calstation registers finish (or restore) SN-000042",
-    f"IMU: register 3 (gyro_scale_x) reads back 0 instead of 5.53673053e-05 before the commit; {OLD}",
+    f"IMU: register 3 (gyro_scale_x) reads back 0 instead of 5.53673053e-05 before the commit; look at the unit's"
+    f" supply and write protection, then check type, orders and tolerance of this register in the IMU profile; {OLD}",
+    "IMU: register 3 (gyro_scale_x) reads back 0 instead of 1 after the restart; look at the unit's supply and write"
+    " protection, then check type, orders and tolerance of this register in the IMU profile; the unit holds neither old"
+    " nor new registers: calstation registers finish (or restore) SN-000042",
+    "IMU: register 118 is refused: no such register (Modbus exception 2); look at its supply (a unit that restarts"
+    f" forgets its page), then check the registers in the IMU profile; {OLD}",
+    "IMU: command 'write' was refused: the value is refused; check type, scale and range of the registers in the IMU"
+    " profile; what the unit's flash holds will be seen at the next start",
+    "IMU: 'VNWRG,84,1,0' was refused: not enough parameters; compare this line with the unit's manual, and correct the"
+    " IMU profile",
+    "IMU: register 25 answers '1,2', not 12 numbers; compare it with the unit's manual, and correct address or"
+    " parameters in the IMU profile",
+    "IMU: register 3 answers with 5 bytes, not 15; check its type and parameters in the IMU profile",
+    "IMU: register 3 was not taken, nothing was committed; look at the unit's supply and write protection, then check"
+    " this register in the IMU profile",
+    "IMU: the commit was not done within 5 s; leave its power on until it is, then start again",
+    "IMU: page 1 register 100-117 takes no value, so a restart could not be told; look at the unit's write protection",
+    "IMU: reading /dev/ttyUSB0 failed (KeyError: 3); start again, and send this text to whoever looks after calstation"
+    " where it comes back",
+    "table: fault, it tells no cause; read its display, look at cover, limits and drives, remove the cause, then reset"
+    " it: 'Reset the fault' in the window, or calstation table reset",
+    "table: register 22 of unit 2 cannot be written: the device is busy (Modbus exception 6); wait until it is done,"
+    " then start again",
+    "table: register 22 of unit 2 cannot be written on /dev/ttyUSB0 (the port was lost: no power); check cable, power"
+    " and unit number",
+    "table: registers 0-7 cannot be read: the answer has another length; compare op read_words of the IMU profile with"
+    " the unit's manual",
+    "table: '1SRV1' is refused with 'ERROR 7'; look at the table's display, then compare this line of the table profile"
+    " with the controller's manual",
+    "table: 'AERO 4000,SN78' answers on tcp://10.0.0.4:7 where 'AERO 4000,SN77' did; nothing was told to it; check"
+    " which adapter is plugged in where",
     "IMU: with its new registers earth_rate_up measures 4.61028e-05 rad/s, expected 4.10404e-05 within 4.1e-07; its old"
     " registers were put back; look whether the table was disturbed, whether latitude and gravity in the station file"
     " are right, and whether the IMU profile's registers mean what the unit makes of them; then run again",
@@ -97,6 +133,37 @@ TOLD = [
     " 400 m; make sure of them and of gravity, then confirm the place on the station page or add 'pc-1: -34.25 108.9"
     " 400.0 9.79547' to site.confirmed_on",
 ]
+
+
+CODES = [
+    *(f"{meaning} (Modbus exception {code})" for code, meaning in modbus_link.MEANINGS.items()),
+    *modbus_link.MENDS.values(),
+    *modbus_imu.MENDS.values(),
+    *framed_imu.ERRORS.values(),
+    *framed_imu.MENDS.values(),
+    *vectornav_imu.ERRORS.values(),
+    *vectornav_imu.MENDS.values(),
+    UNTOLD,
+]
+
+
+@pytest.mark.parametrize("words", CODES)
+def test_what_a_code_means_and_its_mend_are_said_in_chinese(qapp: QApplication, words: str) -> None:
+    language.use("zh_CN")
+    try:
+        assert not any(
+            "a" <= letter <= "z"
+            for letter in re.sub(r"Modbus|IMU|\w+\.\w+|\[\w+\]|type|scale|range", "", phrase(words))
+        )
+    finally:
+        language.use("en")
+
+
+@pytest.mark.parametrize("fault", ["drive", UNTOLD])
+def test_a_latched_fault_may_be_reset_from_the_window(fault: str) -> None:
+    assert resettable(str(latched(fault)))
+    assert resettable(str(latched(fault, " is latched")))
+    assert "Reset the fault" in word_fault("DeviceFaultError", str(latched(fault))).mend
 
 
 @pytest.mark.parametrize("text", TOLD)

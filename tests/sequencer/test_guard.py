@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from calstation.devices.interfaces import UNTOLD
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.motion import Move
 from calstation.physics.table import JointLimits
@@ -27,7 +28,8 @@ def test_a_proper_move_is_allowed() -> None:
     [
         ({"watchdog": 0.0}, "watchdog"),
         ({"interlock_closed": False}, "interlock"),
-        ({"fault": "drive"}, "fault 'drive'"),
+        ({"fault": "drive"}, "table: fault 'drive' is latched; remove its cause, then reset it"),
+        ({"fault": UNTOLD}, "table: fault, it tells no cause; read its display, .*, then reset it"),
     ],
 )
 def test_power_is_refused(changes: dict[str, object], word: str) -> None:

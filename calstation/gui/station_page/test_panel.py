@@ -29,6 +29,8 @@ from calstation.station.connection_test import Order, try_imu, try_table
 from calstation.station.finding import Finding, Report
 
 _KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad"}
+_LATCHED = ("fault", "fault_untold")
+"""Findings behind which the table is reset."""
 
 
 class _Line(QWidget):
@@ -238,7 +240,7 @@ class TestPanel(QFrame):
             self._list.insertWidget(self._list.count() - 1, _Line(finding))
         self._show_running(False)
         # Last: the focus that the row of the job gives up must not land on it.
-        self.reset.offer(self._device == "table" and report.find("fault") is not None)
+        self.reset.offer(self._device == "table" and any(map(report.find, _LATCHED)))
 
     def _failed(self, sentence: str) -> None:
         self._error = sentence

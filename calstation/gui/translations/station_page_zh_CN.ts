@@ -1210,6 +1210,14 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>请排除原因，然后按“复位故障”。</translation>
     </message>
     <message>
+        <source>A fault is latched, and the table does not tell its cause.</source>
+        <translation>有故障锁存，但转台没有说明原因。</translation>
+    </message>
+    <message>
+        <source>Read the table&apos;s display, remove the cause, then press “Reset the fault”.</source>
+        <translation>请查看转台的显示，排除原因，然后按“复位故障”。</translation>
+    </message>
+    <message>
         <source>The table is under local control.</source>
         <translation>转台处于本地控制。</translation>
     </message>

@@ -389,10 +389,6 @@
         <translation>转台：端口 {0} 打不开；请检查电缆、电源和工位文件中的端口</translation>
     </message>
     <message>
-        <source>table: {0} on {1} ({2}); check cable, power and unit number</source>
-        <translation>转台：{1} 上通信出错（{0}，{2}）；请检查电缆、电源和站号</translation>
-    </message>
-    <message>
         <source>table: it and the IMU are exchanged, its port {0} is the IMU&apos;s; exchange table.port and imu.port in the station file</source>
         <translation>转台：转台与 IMU 的端口填反了，{0} 接的是 IMU；请在工位文件中对调 table.port 和 imu.port</translation>
     </message>
@@ -537,10 +533,6 @@
         <translation>惯组：端口 {0} 打不开（{1}）；{2}</translation>
     </message>
     <message>
-        <source>IMU: reading {0} failed ({1})</source>
-        <translation>惯组：读取 {0} 失败（{1}）；请检查电缆和端口</translation>
-    </message>
-    <message>
         <source>IMU: no answer on {0} within {1} s, not a byte came; check power, cable and port</source>
         <translation>惯组：{0} 在 {1} s 内没有应答，一个字节也没收到；请检查电源、电缆和端口</translation>
     </message>
@@ -551,10 +543,6 @@
     <message>
         <source>IMU: {0} = {1} does not fit register {2} ({3} to {4}); nothing was written</source>
         <translation>惯组：{0} = {1} 超出寄存器 {2} 的范围（{3} 到 {4}）；没有写入任何内容</translation>
-    </message>
-    <message>
-        <source>IMU: register {0} was not taken; nothing was committed</source>
-        <translation>惯组：寄存器 {0} 没有写进去；没有保存任何内容</translation>
     </message>
     <message>
         <source>IMU: the unit refused to commit its registers; power it off and on, try again</source>
@@ -587,6 +575,102 @@
     <message>
         <source>{0}: site.gravity_mps2 = {1} does not belong to latitude {2}° and height {3} m, where normal gravity is {4}; correct gravity, latitude or height</source>
         <translation>{0}：site.gravity_mps2 = {1} 与纬度 {2}°、高度 {3} m 不符，该处正常重力为 {4}；请改正重力、纬度或高度</translation>
+    </message>
+    <message>
+        <source>table: registers {0}-{1} cannot be read on {2} ({3}); check cable, power and unit number</source>
+        <translation>转台：{2} 上读不到寄存器 {0}-{1}（{3}）；请检查电缆、电源和站号</translation>
+    </message>
+    <message>
+        <source>table: register {0} cannot be written on {1} ({2}); check cable, power and unit number</source>
+        <translation>转台：{1} 上写不进寄存器 {0}（{2}）；请检查电缆、电源和站号</translation>
+    </message>
+    <message>
+        <source>table: registers {0}-{1} cannot be read: {2}; {3}</source>
+        <translation>转台：读不到寄存器 {0}-{1}：{2}；{3}</translation>
+    </message>
+    <message>
+        <source>table: register {0} cannot be written: {1}; {2}</source>
+        <translation>转台：写不进寄存器 {0}：{1}；{2}</translation>
+    </message>
+    <message>
+        <source>table: registers.{0} ({1}) holds no number; check its address, type and word_order in the table profile</source>
+        <translation>转台：registers.{0}（{1}）中不是有效数值；请检查转台配置中它的 address、type 和 word_order</translation>
+    </message>
+    <message>
+        <source>table: &apos;{0}&apos; is refused with &apos;{1}&apos;; look at the table&apos;s display, then compare this line of the table profile with the controller&apos;s manual</source>
+        <translation>转台：命令“{0}”被拒绝，回复为“{1}”；请查看转台的显示，再对照控制器手册核对转台配置中的这一行</translation>
+    </message>
+    <message>
+        <source>table: &apos;{0}&apos; answers on {1} where &apos;{2}&apos; did; nothing was told to it; check which adapter is plugged in where</source>
+        <translation>转台：{1} 上现在应答的是“{0}”，之前是“{2}”；没有向它发送任何命令，请检查各个转接器插在哪里</translation>
+    </message>
+    <message>
+        <source>table: &apos;{0}&apos; is answered with &apos;{1}&apos;, which queries.{2} of the profile does not expect; correct its answer</source>
+        <translation>转台：查询“{0}”的应答“{1}”不符合转台配置中的 queries.{2}；请改正它的 answer</translation>
+    </message>
+    <message>
+        <source>table: &apos;{0}&apos; is no number; correct the query&apos;s answer in the table profile</source>
+        <translation>转台：应答“{0}”不是数值；请改正转台配置中该查询的 answer</translation>
+    </message>
+    <message>
+        <source>table: &apos;{0}&apos; is no number of base {1}; correct the flags</source>
+        <translation>转台：“{0}”不是 {1} 进制数；请改正转台配置中的 flags</translation>
+    </message>
+    <message>
+        <source>IMU: register {0} is refused: {1}; {2}</source>
+        <translation>惯组：寄存器 {0} 拒绝访问：{1}；{2}</translation>
+    </message>
+    <message>
+        <source>IMU: command &apos;{0}&apos; was refused: {1}; {2}</source>
+        <translation>惯组：命令“{0}”被拒绝：{1}；{2}</translation>
+    </message>
+    <message>
+        <source>IMU: &apos;{0}&apos; was refused: {1}; {2}</source>
+        <translation>惯组：命令“{0}”被拒绝：{1}；{2}</translation>
+    </message>
+    <message>
+        <source>IMU: register {0} answers &apos;{1}&apos;, not {2} numbers; compare it with the unit&apos;s manual, and correct address or parameters in the IMU profile</source>
+        <translation>惯组：寄存器 {0} 的应答“{1}”不是 {2} 个数；请对照产品手册，改正惯组配置中的 address 或 parameters</translation>
+    </message>
+    <message>
+        <source>IMU: register {0} answers with {1} bytes, not {2}; check its type and parameters in the IMU profile</source>
+        <translation>惯组：寄存器 {0} 的应答有 {1} 字节，应为 {2} 字节；请检查惯组配置中它的 type 和 parameters</translation>
+    </message>
+    <message>
+        <source>IMU: register {0} was not taken, nothing was committed; look at the unit&apos;s supply and write protection, then check this register in the IMU profile</source>
+        <translation>惯组：寄存器 {0} 未被接受，没有固化任何内容；请检查产品的供电和写保护，再检查惯组配置中的这个寄存器</translation>
+    </message>
+    <message>
+        <source>IMU: register {0} ({1}) reads back {2} instead of {3} {4}; look at the unit&apos;s supply and write protection, then check type, orders and tolerance of this register in the IMU profile</source>
+        <translation>惯组：{4}寄存器 {0}（{1}）回读为 {2}，应为 {3}；请检查产品的供电和写保护，再检查惯组配置中这个寄存器的 type、字节顺序、字顺序和 tolerance</translation>
+    </message>
+    <message>
+        <source>IMU: reading {0} failed ({1}); start again, and send this text to whoever looks after calstation where it comes back</source>
+        <translation>惯组：读取 {0} 失败（{1}）；请重新开始，若再次出现，请把这段文字发给 calstation 的维护人员</translation>
+    </message>
+    <message>
+        <source>IMU: the unit&apos;s accelerometer matrix is not lower triangular, so it is not from this program and cannot be calibrated upon; restore the unit&apos;s factory settings first</source>
+        <translation>惯组：产品的加表矩阵不是下三角阵，不是本程序写入的，不能在它的基础上标定；请先恢复产品的出厂设置</translation>
+    </message>
+    <message>
+        <source>IMU: identity &apos;{0}&apos; is not &apos;model;serial;firmware&apos;; choose another profile</source>
+        <translation>惯组：标识“{0}”不是“model;serial;firmware”的形式；请另选惯组配置</translation>
+    </message>
+    <message>
+        <source>IMU: the {0} was not done within {1} s; leave its power on until it is, then start again</source>
+        <translation>惯组：{0}在 {1} s 内没有完成；请保持通电直到完成，再重新开始</translation>
+    </message>
+    <message>
+        <source>IMU: the unit&apos;s flash is still busy {0} s after its commit; leave its power on until it is done, then start again</source>
+        <translation>惯组：固化开始 {0} s 后闪存仍忙；请保持通电直到完成，再重新开始</translation>
+    </message>
+    <message>
+        <source>IMU: {0} takes no value, so a restart could not be told; look at the unit&apos;s write protection</source>
+        <translation>惯组：{0} 写不进数值，无法判断产品是否重启；请检查产品的写保护</translation>
+    </message>
+    <message>
+        <source>IMU: the unit answers but has not restarted within {0} s of its reset, so what its flash holds is not known; switch its power off and on, then start again</source>
+        <translation>惯组：产品有应答，但复位后 {0} s 内没有重启，闪存中的内容不明；请断电再上电，然后重新开始</translation>
     </message>
     <message>
         <source>virtual bench: its process has ended; start the run again</source>
@@ -685,6 +769,10 @@
         <translation>程序没有任何响应；转台若有看门狗，会自行停转并锁存故障：请查看转台；先复位其故障，再重新开始，或从最后完成的阶段之后继续</translation>
     </message>
     <message>
+        <source>The table has latched a fault and does not tell its cause; read its display, look at cover, limits and drives, remove the cause, then press “Reset the fault”</source>
+        <translation>转台锁存了故障，但没有说明原因；请查看转台的显示，检查防护罩、限位和驱动器，排除原因后按“复位故障”</translation>
+    </message>
+    <message>
         <source>Writing the registers of {0} was interrupted; press Understood, then finish it or take it back</source>
         <translation>向 {0} 写寄存器时中断；请按“知道了”，然后选择写完或恢复</translation>
     </message>
@@ -729,6 +817,22 @@
         <translation>该次标定开始时与工位“{0}”现在的类型不同（一个是虚拟台，一个是实物）；请重新开始标定</translation>
     </message>
     <message>
+        <source>The unit was restarted and holds its old registers.</source>
+        <translation>产品已重启，寄存器仍为旧值。</translation>
+    </message>
+    <message>
+        <source>The unit holds its new registers, not yet proved: press Understood, then finish or take them back.</source>
+        <translation>产品的寄存器已是新值，尚未验证：请按“知道了”，然后选择写完或恢复。</translation>
+    </message>
+    <message>
+        <source>The unit holds neither its old nor its new registers: press Understood, then finish or take them back.</source>
+        <translation>产品的寄存器既不是旧值也不是新值：请按“知道了”，然后选择写完或恢复。</translation>
+    </message>
+    <message>
+        <source>What the unit&apos;s flash holds will be seen at the next start.</source>
+        <translation>产品闪存中的内容将在下次启动时查明。</translation>
+    </message>
+    <message>
         <source>Or choose “Write, table at rest”.</source>
         <translation>或者选择“写入，转台不动”。</translation>
     </message>
@@ -759,22 +863,6 @@
     <message>
         <source>table: port {0} was lost ({1}); check cable and power</source>
         <translation>转台：端口 {0} 断开（{1}）；请检查电缆和电源</translation>
-    </message>
-    <message>
-        <source>table: {0}: the device cannot do it in its present state (Modbus exception 4); look at the drive&apos;s display</source>
-        <translation>转台：当前状态下无法执行（{0}，Modbus 异常 4）；请查看驱动器显示</translation>
-    </message>
-    <message>
-        <source>table: {0}: the device is busy (Modbus exception 6); wait until it is done, then start again</source>
-        <translation>转台：设备忙（{0}，Modbus 异常 6）；请等它完成后重新开始</translation>
-    </message>
-    <message>
-        <source>table: {0}: no such register (Modbus exception 2); check the table profile&apos;s registers</source>
-        <translation>转台：没有这个寄存器（{0}，Modbus 异常 2）；请检查转台配置中的寄存器</translation>
-    </message>
-    <message>
-        <source>table: {0}: the value is refused (Modbus exception 3); check the table profile&apos;s registers</source>
-        <translation>转台：数值被拒绝（{0}，Modbus 异常 3）；请检查转台配置中的寄存器</translation>
     </message>
     <message>
         <source>table: &apos;{0}&apos; is not answered on {1} within {2} s; check cable, power, baud and the table profile</source>
@@ -817,18 +905,6 @@
         <translation>惯组：有数据，但 {0} 在 {1} s 内没有应答；请检查发送线和惯组配置</translation>
     </message>
     <message>
-        <source>IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile; the unit was restarted and holds its old registers</source>
-        <translation>惯组：有数据，但 {0} 在 {1} s 内没有应答，产品已重启，寄存器仍为旧值；请检查发送线和惯组配置</translation>
-    </message>
-    <message>
-        <source>IMU: no answer on {0} within {1} s though samples come; check the transmit line and the IMU profile; the unit holds new registers, not yet proved: calstation registers finish (or restore) {2}</source>
-        <translation>惯组：有数据，但 {0} 在 {1} s 内没有应答，{2} 的寄存器已是新值、尚未验证；请检查发送线和惯组配置，再完成写入或恢复旧值</translation>
-    </message>
-    <message>
-        <source>IMU: register {0} ({1}) reads back {2} instead of {3} before the commit; the unit was restarted and holds its old registers</source>
-        <translation>惯组：固化前寄存器 {0}（{1}）回读为 {2}，应为 {3}；产品已重启，寄存器仍为旧值</translation>
-    </message>
-    <message>
         <source>IMU: with its new registers {0} measures {1}, expected {2} within {3}; its old registers were put back; look whether the table was disturbed, whether latitude and gravity in the station file are right, and whether the IMU profile&apos;s registers mean what the unit makes of them; then run again</source>
         <translation>惯组：写入新寄存器后 {0} 实测 {1}，应为 {2}，允差 {3}，旧寄存器已恢复；请检查转台是否受扰、工位文件中的纬度和重力是否正确、惯组配置中寄存器的含义是否与产品一致，然后重新标定</translation>
     </message>
@@ -839,6 +915,258 @@
     <message>
         <source>{0}: the log cannot be written any more ({1}); make room on its disk, or bring its folder back, then resume the run</source>
         <translation>{0}：无法继续写入（{1}）；请腾出磁盘空间或恢复其文件夹，再继续本次标定</translation>
+    </message>
+    <message>
+        <source>{0} (Modbus exception {1})</source>
+        <translation>{0}（Modbus 异常 {1}）</translation>
+    </message>
+    <message>
+        <source>{0} of unit {1}</source>
+        <translation>{0}（从站 {1}）</translation>
+    </message>
+    <message>
+        <source>page {0} register {1}</source>
+        <translation>第 {0} 页寄存器 {1}</translation>
+    </message>
+    <message>
+        <source>register {0}</source>
+        <translation>寄存器 {0}</translation>
+    </message>
+    <message>
+        <source>commit</source>
+        <translation>固化</translation>
+    </message>
+    <message>
+        <source>reset</source>
+        <translation>复位</translation>
+    </message>
+    <message>
+        <source>before the commit</source>
+        <translation>固化前</translation>
+    </message>
+    <message>
+        <source>after the restart</source>
+        <translation>重启后</translation>
+    </message>
+    <message>
+        <source>code {0}</source>
+        <translation>代码 {0}</translation>
+    </message>
+    <message>
+        <source>exception {0}</source>
+        <translation>异常 {0}</translation>
+    </message>
+    <message>
+        <source>no answer</source>
+        <translation>没有应答</translation>
+    </message>
+    <message>
+        <source>what is answered is another request</source>
+        <translation>应答的是另一个请求</translation>
+    </message>
+    <message>
+        <source>an answer of the wrong length</source>
+        <translation>应答长度不对</translation>
+    </message>
+    <message>
+        <source>the answer has another length</source>
+        <translation>应答的长度不符</translation>
+    </message>
+    <message>
+        <source>the link is gone</source>
+        <translation>链路已断开</translation>
+    </message>
+    <message>
+        <source>the port was lost: {0}</source>
+        <translation>端口丢失：{0}</translation>
+    </message>
+    <message>
+        <source>cause not told</source>
+        <translation>原因未说明</translation>
+    </message>
+    <message>
+        <source>quick stop</source>
+        <translation>快速停止</translation>
+    </message>
+    <message>
+        <source>the function is not supported</source>
+        <translation>不支持该功能码</translation>
+    </message>
+    <message>
+        <source>no such register</source>
+        <translation>没有这个寄存器</translation>
+    </message>
+    <message>
+        <source>the value is refused</source>
+        <translation>数值被拒绝</translation>
+    </message>
+    <message>
+        <source>the device cannot do it in its present state</source>
+        <translation>设备在当前状态下无法执行</translation>
+    </message>
+    <message>
+        <source>acknowledged, not done yet</source>
+        <translation>已接受，尚未完成</translation>
+    </message>
+    <message>
+        <source>the device is busy</source>
+        <translation>设备忙</translation>
+    </message>
+    <message>
+        <source>memory parity error</source>
+        <translation>存储器奇偶校验错误</translation>
+    </message>
+    <message>
+        <source>gateway path unavailable</source>
+        <translation>网关路径不可用</translation>
+    </message>
+    <message>
+        <source>no answer behind the gateway</source>
+        <translation>网关后面没有应答</translation>
+    </message>
+    <message>
+        <source>check the table profile&apos;s registers</source>
+        <translation>请检查转台配置中的寄存器</translation>
+    </message>
+    <message>
+        <source>wait until it is done, then start again</source>
+        <translation>请等它完成后重新开始</translation>
+    </message>
+    <message>
+        <source>check the gateway and the unit number</source>
+        <translation>请检查网关和站号</translation>
+    </message>
+    <message>
+        <source>look at the drive&apos;s display</source>
+        <translation>请查看驱动器的显示</translation>
+    </message>
+    <message>
+        <source>compare op read_words of the IMU profile with the unit&apos;s manual</source>
+        <translation>请对照产品手册核对惯组配置中的 read_words</translation>
+    </message>
+    <message>
+        <source>compare [modbus] of the IMU profile with the unit&apos;s manual</source>
+        <translation>请对照产品手册核对惯组配置中的 [modbus]</translation>
+    </message>
+    <message>
+        <source>look at its supply (a unit that restarts forgets its page), then check the registers in the IMU profile</source>
+        <translation>请检查供电（产品重启后会丢失所选的页），再检查惯组配置中的寄存器</translation>
+    </message>
+    <message>
+        <source>switch the unit off and on, then start again</source>
+        <translation>请把产品断电再上电，然后重新开始</translation>
+    </message>
+    <message>
+        <source>switch the unit off and on, replace it where that does not help</source>
+        <translation>请把产品断电再上电，仍不行则更换产品</translation>
+    </message>
+    <message>
+        <source>check the gateway and modbus.unit of the IMU profile</source>
+        <translation>请检查网关和惯组配置中的 modbus.unit</translation>
+    </message>
+    <message>
+        <source>look this exception up in the unit&apos;s manual</source>
+        <translation>请在产品手册中查这个异常码</translation>
+    </message>
+    <message>
+        <source>unknown command</source>
+        <translation>未知命令</translation>
+    </message>
+    <message>
+        <source>flash busy</source>
+        <translation>闪存忙</translation>
+    </message>
+    <message>
+        <source>it cannot do it in its present state</source>
+        <translation>当前状态下无法执行</translation>
+    </message>
+    <message>
+        <source>compare [commands] of the IMU profile with the unit&apos;s manual</source>
+        <translation>请对照产品手册核对惯组配置中的 [commands]</translation>
+    </message>
+    <message>
+        <source>check the addresses of the registers in the IMU profile</source>
+        <translation>请检查惯组配置中寄存器的地址</translation>
+    </message>
+    <message>
+        <source>check type, scale and range of the registers in the IMU profile</source>
+        <translation>请检查惯组配置中寄存器的 type、scale 和 range</translation>
+    </message>
+    <message>
+        <source>look this error up in the unit&apos;s manual</source>
+        <translation>请在产品手册中查这个错误码</translation>
+    </message>
+    <message>
+        <source>hard fault, the unit restarts</source>
+        <translation>硬件错误，产品将重启</translation>
+    </message>
+    <message>
+        <source>serial buffer overflow</source>
+        <translation>串口缓冲区溢出</translation>
+    </message>
+    <message>
+        <source>invalid checksum</source>
+        <translation>校验错误</translation>
+    </message>
+    <message>
+        <source>invalid command</source>
+        <translation>无效命令</translation>
+    </message>
+    <message>
+        <source>not enough parameters</source>
+        <translation>参数不足</translation>
+    </message>
+    <message>
+        <source>too many parameters</source>
+        <translation>参数过多</translation>
+    </message>
+    <message>
+        <source>invalid parameter</source>
+        <translation>无效参数</translation>
+    </message>
+    <message>
+        <source>invalid register</source>
+        <translation>无效寄存器</translation>
+    </message>
+    <message>
+        <source>unauthorized access</source>
+        <translation>无权访问</translation>
+    </message>
+    <message>
+        <source>watchdog reset</source>
+        <translation>看门狗复位</translation>
+    </message>
+    <message>
+        <source>output buffer overflow</source>
+        <translation>输出缓冲区溢出</translation>
+    </message>
+    <message>
+        <source>insufficient baud rate</source>
+        <translation>波特率不足</translation>
+    </message>
+    <message>
+        <source>error buffer overflow</source>
+        <translation>错误缓冲区溢出</translation>
+    </message>
+    <message>
+        <source>look at its supply, switch it off and on; replace it where that does not help</source>
+        <translation>请检查供电，断电再上电，仍不行则更换产品</translation>
+    </message>
+    <message>
+        <source>raise its baud, or have it send less</source>
+        <translation>请提高波特率，或减少产品发送的内容</translation>
+    </message>
+    <message>
+        <source>check the cable, and vectornav.check of the IMU profile</source>
+        <translation>请检查电缆和惯组配置中的 vectornav.check</translation>
+    </message>
+    <message>
+        <source>compare this line with the unit&apos;s manual, and correct the IMU profile</source>
+        <translation>请对照产品手册核对这一行，并改正惯组配置</translation>
+    </message>
+    <message>
+        <source>look at the unit&apos;s write protection</source>
+        <translation>请检查产品的写保护</translation>
     </message>
 </context>
 <context>

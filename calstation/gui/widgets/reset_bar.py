@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVB
 from calstation.errors import CalstationError
 from calstation.gui import theme
 from calstation.gui.context import AppContext
-from calstation.gui.fault_wording import word_fault
+from calstation.gui.fault_wording import phrase, word_fault
 from calstation.gui.widgets.badge import StateIcon
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.station.connection_test import Order
@@ -154,5 +154,9 @@ class ResetBar(QWidget):
                 "“{latched}” was reset, but “{left}” is there now: its cause is still there. Remove it first."
             ),
         }[result.outcome]
-        values = {"latched": result.latched, "left": result.left, "words": result.words}
+        values = {
+            "latched": phrase(result.latched or ""),
+            "left": phrase(result.left or ""),
+            "words": word_fault("DeviceFaultError", result.words).reason,
+        }
         return ("good" if result.clear else "bad"), sentence.format(**values)
