@@ -65,6 +65,30 @@ def test_the_virtual_benchs_table_is_right() -> None:
     assert (travel.values["low"], travel.values["high"]) == (-1080.0, 1080.0)
 
 
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (4, ("The fault “drive” is latched.", "Remove its cause, then press “Reset the fault”.")),
+        (
+            0,
+            (
+                "A fault is latched, and the table does not tell its cause.",
+                "Read the table's display, remove the cause, then press “Reset the fault”.",
+            ),
+        ),
+    ],
+)
+def test_a_latched_fault_is_told_with_its_cause_where_the_table_tells_one(
+    code: int, told: tuple[str, str]
+) -> None:
+    fake = FakeTable({})
+    fake.words[17], fake.words[18] = 1 << 9 | 1 << 3, code
+    with server(fake.answer) as place:
+        report = table(port=f"tcp://{place}", timeout_s=5.0)
+    assert report.state == "look"
+    assert told in [word_finding(finding) for finding in report.findings]
+
+
 def test_the_virtual_benchs_imu_is_right() -> None:
     report = try_imu(tell, order(bench={"seed": 1}))
     assert report.state == "ok"
