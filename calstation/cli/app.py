@@ -3,6 +3,7 @@
 import io
 import sys
 import traceback
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -30,6 +31,27 @@ JsonOption = Annotated[
 ]
 
 
+def _given(kind: str) -> Callable[[Path | None], Path | None]:
+    """An option's file by its path or its name. Raises ConfigurationError."""
+
+    def look_up(path: Path | None) -> Path | None:
+        from calstation.station.library import given
+
+        return None if path is None else given(kind, path)
+
+    return look_up
+
+
+StationOption = Annotated[
+    Path | None,
+    typer.Option(help="Station file or its name; default: the virtual bench.", callback=_given("stations")),
+]
+ProductOption = Annotated[
+    Path | None,
+    typer.Option(help="Product file or its name; default: nav_a.", callback=_given("products")),
+]
+
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         sys.stdout.write(f"calstation {__version__}\n")
@@ -49,8 +71,8 @@ def _program(
 def run(
     context: typer.Context,
     stages: StagesOption = None,
-    station: Annotated[Path | None, typer.Option(help="Station file; default: the virtual bench.")] = None,
-    product: Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")] = None,
+    station: StationOption = None,
+    product: ProductOption = None,
     serial: Annotated[str | None, typer.Option(help="Serial number of the unit in the fixture.")] = None,
     speed: Annotated[
         float | None, typer.Option(help="Virtual bench: multiple of real time, 0 as fast as it goes.")
@@ -181,8 +203,8 @@ def soak(
 @app.command(name="test")
 def try_link(
     device: Annotated[str, typer.Argument(metavar="DEVICE", help="table or imu.")],
-    station: Annotated[Path | None, typer.Option(help="Station file; default: the virtual bench.")] = None,
-    product: Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")] = None,
+    station: StationOption = None,
+    product: ProductOption = None,
     json: JsonOption = None,
 ) -> None:
     """Test a link: open it, ask who is there, listen. Nothing moves; exit code 3 where a run would not start."""
@@ -193,7 +215,9 @@ def try_link(
 
 @app.command()
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Station, table, IMU or product file.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.toml", help="Station, table, IMU or product file, or its name.")
+    ],
     json: JsonOption = None,
 ) -> None:
     """Show all that is wrong in a file, with lines and mends; exit code 2 where something is."""
@@ -209,8 +233,6 @@ registers = typer.Typer(
 app.add_typer(registers, name="registers")
 
 SerialArgument = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the unit.")]
-StationOption = Annotated[Path | None, typer.Option(help="Station file; default: the virtual bench.")]
-ProductOption = Annotated[Path | None, typer.Option(help="Product file; default: nav_a.")]
 RunsOption = Annotated[
     Path, typer.Option("--out", help="Folder of the runs; a virtual unit's journal is there.")
 ]

@@ -9,6 +9,7 @@ from rich.console import Console
 from calstation.cli.show import check_json, emit_json
 from calstation.cli.typed import as_typed
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.station import library
 from calstation.station.config import load_station
 from calstation.station.connection_test import Order, setup_of, try_imu, try_table
 from calstation.station.finding import Finding, Report
@@ -69,6 +70,7 @@ def try_command(device: str, station: Path | None, product: Path | None, json: s
 def check_command(path: Path, json: str | None) -> int:
     """Show all that is wrong in a station, table, IMU or product file; the code of a wrong configuration then."""
     check_json(json)
+    path = library.anywhere(path)
     text = read_text(path)
     kind = kind_of(path, text)
     problems = check(kind, text)

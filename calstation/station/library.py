@@ -6,6 +6,9 @@ from pathlib import Path
 
 from calstation.errors import ConfigurationError
 
+KINDS = ("stations", "tables", "imus", "products")
+"""Folders of files."""
+
 
 def site_folder() -> Path:
     """The site's own folder: $CALSTATION_HOME, else the platform's place for configuration."""
@@ -34,6 +37,34 @@ def find(kind: str, name: str) -> Path:
             return path
     known = ", ".join(names(kind)) or "none"
     raise ConfigurationError(f"{kind[:-1]} profile '{name}' does not exist; choose from: {known}")
+
+
+def given(kind: str, path: Path) -> Path:
+    """The file that a person means by a path, or by the name that a file of the site or a shipped one has.
+
+    Raises ConfigurationError naming the files that exist where it is neither.
+    """
+    if path.is_file() or path.suffix == ".toml" or path.parent != Path():
+        return path
+    known = names(kind)
+    if path.name not in known:
+        raise ConfigurationError(
+            f"{kind[:-1]} '{path}' does not exist; give a file's path, or a name of: {', '.join(known)}"
+        )
+    return find(kind, path.name)
+
+
+def anywhere(path: Path) -> Path:
+    """The same where the kind is not known: a path, or a name that only one kind has. Raises ConfigurationError."""
+    if path.is_file() or path.suffix == ".toml" or path.parent != Path():
+        return path
+    kinds = [kind for kind in KINDS if path.name in names(kind)]
+    if len(kinds) > 1:
+        raise ConfigurationError(
+            f"'{path}' is the name of files in {' and '.join(kinds)}; give the file's path, e.g."
+            f" {find(kinds[0], path.name)}"
+        )
+    return find(kinds[0], path.name) if kinds else path
 
 
 def names(kind: str) -> list[str]:

@@ -154,3 +154,25 @@ def test_the_table_of_a_station_is_judged_for_a_product_that_is_named(calstation
     done = calstation("test", "table", "--product", by_hand)
     assert done.code == 3
     assert "is driven, but stages of “" in done.out
+
+
+def test_a_file_of_the_site_is_given_by_its_name(
+    calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    for kind, name, data in (
+        ("stations", "rtu", {**STATION, "bench": {"speed": -1.0}}),
+        ("stations", "both", STATION),
+        ("products", "both", {}),
+    ):
+        (tmp_path / kind).mkdir(exist_ok=True)
+        (tmp_path / kind / f"{name}.toml").write_text(tomli_w.dumps(data), encoding="utf-8")
+    done = calstation("check", "rtu")
+    assert (done.code, f"{tmp_path / 'stations' / 'rtu.toml'}:" in done.out) == (2, True)
+    assert "rtu.toml [bench]: speed" in calstation("run", "--station", "rtu", "--out", tmp_path).err
+    assert calstation("check", "cia402_drives").code == 0
+    assert "'both' is the name of files in stations and products; give" in calstation("check", "both").err
+    for option, kind in (("--station", "station"), ("--product", "product")):
+        done = calstation("test", "table", option, "unit7")
+        assert done.code == 2
+        assert f"{kind} 'unit7' does not exist; give a file's path, or a name of: " in done.err
