@@ -8,10 +8,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from calstation.bench.config import BenchConfig
 from calstation.bench.process import serve
+from calstation.configuration import validate
+from calstation.errors import ConfigurationError
 
 
 def read_config(text: str) -> dict[str, Any]:
@@ -34,11 +34,9 @@ def main() -> int:
     parser.add_argument("--config", default="{}", help="JSON text, or a .json or .toml file")
     argument = parser.parse_args().config
     try:
-        config = BenchConfig.model_validate(read_config(argument))
-    except ValidationError as exc:
-        first = exc.errors()[0]
-        field = ".".join(str(part) for part in first["loc"])
-        print(f"bench configuration: {field}: {first['msg']}", file=sys.stderr)
+        config = validate(BenchConfig, read_config(argument), "bench configuration")
+    except ConfigurationError as exc:
+        print(exc, file=sys.stderr)
         return 2
     except (OSError, ValueError) as exc:
         print(f"bench configuration: {exc}", file=sys.stderr)

@@ -71,7 +71,8 @@ class PlannedFault(StrictModel):
     @classmethod
     def _known(cls, kind: str) -> str:
         if kind not in KINDS:
-            raise ValueError(f"'{kind}' is no fault{suggestion(kind, KINDS) or '; remove it'}")
+            mend = suggestion(kind, KINDS) or f"; choose from: {', '.join(KINDS)}"
+            raise ValueError(f"'{kind}' is no fault{mend}")
         return kind
 
     @model_validator(mode="after")

@@ -122,6 +122,7 @@ def test_a_killed_window_is_a_safe_stop(floor: Floor) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        ('[[fault]]\nkind = "nonsense"', "'nonsense' is no fault; choose from: interlock, drive_fault, "),
         ('[[fault]]\nkind = "drop_frame"', "'drop_frame' is no fault; did you mean 'drop_frames'?"),
         ('[[fault]]\nkind = "wrong_unit"\nstage = "rate"', "is so from the start; remove stage"),
         ('[[fault]]\nkind = "disk_full"', "needs a stage; add it"),

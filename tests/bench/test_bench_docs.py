@@ -1,0 +1,39 @@
+"""docs/bench.md and docs/faults.md tell every setting, order and kind of fault."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+from calstation.bench.config import BenchConfig, OrderName
+from calstation.station.fault_plan import HOST, KINDS, SET_UP
+
+DOCS = Path(__file__).parents[2] / "docs"
+BENCH, FAULTS = ((DOCS / name).read_text(encoding="utf-8") for name in ("bench.md", "faults.md"))
+
+
+def rows(text: str) -> str:
+    """The lines of its tables."""
+    return "\n".join(line for line in text.splitlines() if line.startswith("|"))
+
+
+def test_every_setting_and_order_is_told() -> None:
+    told = set(re.findall(r"`(\w+)`", rows(BENCH)))
+    assert set(BenchConfig.model_fields) <= told
+    assert set(get_args(OrderName)) <= told
+
+
+def test_every_kind_of_fault_is_told_and_marked() -> None:
+    table = rows(FAULTS.split("## One by one")[1])
+    marks = dict(re.findall(r"`(\w+)`([¹²]?)", table))
+    assert set(KINDS) <= set(marks)
+    for kind in KINDS:
+        assert marks[kind] == ("¹" if kind in SET_UP else "²" if kind in HOST else ""), kind
+
+
+def test_a_misspelt_setting_is_told_with_the_right_one() -> None:
+    command = [sys.executable, "-m", "calstation.bench", "--config", '{"bench_grade": "mems"}']
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "bench configuration: bench_grade is unknown; did you mean 'grade'?\n"
