@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 
 from calstation.cli.show import check_json, emit_json, result_table
 from calstation.cli.typed import as_typed, options, said_as_typed
-from calstation.cli.wording import OUTCOMES, READ_BACK, STATES, word, word_guided, word_step
+from calstation.cli.wording import OUTCOMES, READ_BACK, REASONS, STATES, word, word_guided, word_step
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
@@ -130,6 +130,9 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
         result_table(console, verdict.result)
     blind = (verdict.result.get("registers") or {}).get("proved_on") == "read_back"
     said = READ_BACK if blind and verdict.outcome == "passed" else OUTCOMES[verdict.outcome]
+    if verdict.outcome == "stopped":
+        by = verdict.result.get("stop_reason") or "operator"
+        said = f"{said} by the operator" if by == "operator" else f"{said}: {REASONS.get(by, by)}"
     console.print(f"{verdict.result['unit']['serial']}: {said}", highlight=False, soft_wrap=True)
     lines = [("log", verdict.log), ("result", verdict.result_file)]
     if verdict.result["advice"] == "resume":

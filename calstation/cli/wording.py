@@ -100,7 +100,7 @@ READ_BACK = "PASSED: inside every limit, registers written and read back; the un
 OUTCOMES: dict[str, str] = {
     "passed": "PASSED: inside every limit, registers written and verified",
     "failed": "FAILED: outside the limits",
-    "stopped": "STOPPED by the operator",
+    "stopped": "STOPPED",
     "fault": "FAULT",
     "incomplete": "INCOMPLETE",
 }

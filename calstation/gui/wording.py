@@ -167,8 +167,10 @@ _REASONS = {
     "saturated": QT_TRANSLATE_NOOP("wording", "output saturated"),
     "invalid": QT_TRANSLATE_NOOP("wording", "output is no number"),
     "signal": QT_TRANSLATE_NOOP("wording", "the computer asked the program to end"),
-    "listener_lost": QT_TRANSLATE_NOOP("wording", "the window was closed"),
-    "listener_silent": QT_TRANSLATE_NOOP("wording", "the window did not answer any more"),
+    "listener_lost": QT_TRANSLATE_NOOP("wording", "the window or terminal that watched the run is gone"),
+    "listener_silent": QT_TRANSLATE_NOOP(
+        "wording", "the window or terminal that watched the run does not answer"
+    ),
 }
 
 _VALUES = {

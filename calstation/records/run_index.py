@@ -34,7 +34,7 @@ from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.records.raw_log import SUFFIX
 
-_VERSION = 3
+_VERSION = 4
 """Of the tables; an index of another version is made again."""
 
 FILE = "history.sqlite"
@@ -52,10 +52,11 @@ class RunRecord:
 
     Attributes
     ----------
-    started_utc : ISO 8601; outcome : passed, failed, stopped, fault or incomplete; duration : s of station time
+    started_utc : ISO 8601; outcome : passed, failed, stopped, fault or incomplete; duration : s of samples
     log : raw log; result : result JSON, None where there is none
     stages : those that were solved
-    error : what ended a faulty run; resumed_from : name of the log that this run continued, None for a fresh one
+    error : what ended a faulty run, or who or what
+        stopped a stopped one; resumed_from : name of the log that this run continued, None for a fresh one
     closed : somebody decided that it is not to be resumed
     """
 

@@ -201,7 +201,7 @@ def _from_result(
         log=folder / f"{name}{SUFFIX}",
         result=beside,
         duration=_finite(result.get("duration_s")),
-        error=_words(result.get("error")),
+        error=_words(result.get("error") or result.get("stop_reason")),
         resumed_from=_words(result.get("resumed_from")),
         closed="closed_utc" in result,
     )

@@ -63,13 +63,11 @@ def close_incomplete(path: Path, operator: str | None = None) -> Path:
 def _settle(log: Log) -> None:
     prior = StageChain(log.meta).prior
     facts = log.facts()
-    seconds = max(0, facts.last_seq - facts.first_seq + 1) / log.meta.imu.sample_rate_hz
     finished = solved_stages(log.events)
     ending = Ending(
         "incomplete",
         str(log.path),
         facts,
-        seconds,
         advice="resume" if finished else "repeat",
         finished_stages=finished,
     )

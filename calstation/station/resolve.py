@@ -51,7 +51,6 @@ def resolve(
         "resolved",
         str(path),
         facts,
-        duration=(facts.last_seq - facts.first_seq + 1) / log.meta.imu.sample_rate_hz,
         first_seq=first_seq,
         last_seq=last_seq,
     )

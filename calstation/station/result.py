@@ -63,7 +63,7 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
 
 @dataclass(frozen=True)
 class Ending:
-    """What a result says about how it came to be: `outcome`, log, registers and time.
+    """What a result says about how it came to be: `outcome`, log and registers.
 
     log_file : path as text; first_seq, last_seq : range solved, None for all of the log
     stop_reason : who or what stopped a stopped run; advice : what to do next, see `station.advice`
@@ -73,7 +73,6 @@ class Ending:
     outcome: str
     log_file: str
     facts: LogFacts
-    duration: float
     first_seq: int | None = None
     last_seq: int | None = None
     registers: Mapping[str, Any] | None = None
@@ -86,7 +85,7 @@ class Ending:
 def build_result(
     meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
 ) -> dict[str, Any]:
-    """The contract's result, JSON-ready; every value SI."""
+    """The contract's result, JSON-ready; every value SI. Its duration is that of the log's samples."""
     run, facts = meta.run, ending.facts
     result: dict[str, Any] = {
         "schema": SCHEMA,
@@ -122,7 +121,7 @@ def build_result(
         },
         "software": {"version": __version__},
         "started_utc": run.started_utc if run else None,
-        "duration_s": ending.duration,
+        "duration_s": facts.samples / meta.imu.sample_rate_hz,
     }
     more = {
         "error": ending.error,

@@ -194,10 +194,10 @@ def _connect(place: _Place, injector: FaultInjector, hands: VirtualHands) -> Non
         meta = place.meta(None)
         run = _Run(place, meta, place.log(meta), StageChain(meta))
         if isinstance(error, StopRequested):
-            _close(run, Ended(State.STOPPED, ()), 0.0)
+            _close(run, Ended(State.STOPPED, ()))
             return
         run.tell(Fault(type(error).__name__, str(error), error.exit_code))
-        _close(run, Ended(State.FAULT, (), error), 0.0)
+        _close(run, Ended(State.FAULT, (), error))
 
 
 def _in_force(imu: Imu, setup: Setup) -> dict[str, float]:
@@ -212,16 +212,15 @@ def _in_force(imu: Imu, setup: Setup) -> dict[str, float]:
 
 
 def _run(run: _Run, devices: Devices) -> None:
-    begin = devices.clock.now()
     try:
         ended = _sequence(run, devices)
     except Exception as mistake:
         error = CalstationError(f"{type(mistake).__name__}: {mistake}")
         with suppress(OSError, RuntimeError, CalstationError):  # what failed may be the log itself
             ended = Ended(State.FAULT, tuple(run.chain.solutions), error)
-            _close(run, ended, _elapsed(devices, begin))
+            _close(run, ended)
         raise
-    _close(run, ended, _elapsed(devices, begin))
+    _close(run, ended)
 
 
 def _sequence(run: _Run, devices: Devices) -> Ended:
@@ -276,15 +275,7 @@ def _drive(run: _Run, devices: Devices) -> Ended:
     return sequencer.run()
 
 
-def _elapsed(devices: Devices, begin: float) -> float:
-    """Station time since `begin`, s; 0 where its clock has died."""
-    try:
-        return devices.clock.now() - begin
-    except CalstationError:
-        return 0.0
-
-
-def _close(run: _Run, ended: Ended, duration: float) -> None:
+def _close(run: _Run, ended: Ended) -> None:
     """Write the result into the log and beside it; emit the verdict."""
     place, log, serial = run.place, run.log, run.meta.imu.serial
     outcome = _OUTCOMES[ended.state]
@@ -295,7 +286,6 @@ def _close(run: _Run, ended: Ended, duration: float) -> None:
         outcome,
         str(log.path),
         log.facts(),
-        duration,
         registers=run.registers or None,
         error=None if ended.error is None else str(ended.error),
         stop_reason=place.control.stop_reason if outcome == "stopped" else None,

@@ -29,9 +29,12 @@ def test_a_stopped_run_is_carried_on(
     assert before.outcome == "stopped", before.result.get("error")
     where = ("--station", place.station, "--product", place.product)
     _show_verdict(before, None, replace(place.request(), station=Path("my line.toml")))
-    assert (
-        f"--resume {before.log} --station 'my line.toml' --product {place.product}" in capsys.readouterr().out
-    )
+    said = capsys.readouterr().out
+    assert f"--resume {before.log} --station 'my line.toml' --product {place.product}" in said
+    assert "STOPPED by the operator" in said
+    lost = replace(before, result={**before.result, "stop_reason": "listener_lost"})
+    _show_verdict(lost, None, place.request())
+    assert "STOPPED: the window or terminal that watched the run is gone" in capsys.readouterr().out
     done = calstation("run", *where, "--resume", before.log, "--json", "-")
     assert done.code == 0, done.err
     assert done.json["resumed_from"] == Path(before.log).name

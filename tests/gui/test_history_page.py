@@ -285,6 +285,22 @@ def test_where_there_is_little_room_the_stages_keep_theirs(
         assert table.columnWidth(7) >= 200
 
 
+@pytest.mark.parametrize(
+    ("by", "words"),
+    [
+        ("operator", "The run was stopped by the operator."),
+        ("listener_lost", "Stopped safely: the window or terminal that watched the run is gone."),
+    ],
+)
+def test_who_stopped_a_run_is_said(
+    page: HistoryPage, folder: Path, qtbot: QtBot, by: str, words: str
+) -> None:
+    write_run(folder, "SN-000004", "stopped", timedelta(minutes=3), stop_reason=by)
+    shown(page, qtbot)
+    look_at(page, 0, qtbot)
+    assert page.details.reason_label.text().startswith(words)
+
+
 def test_an_incomplete_run_is_resumed_or_closed(
     page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
 ) -> None:

@@ -1,5 +1,6 @@
 """The engine's process: told from outside, killed from outside, left alone."""
 
+import csv
 import json
 import os
 import signal
@@ -16,6 +17,7 @@ from calstation.records.log import open_log
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Fault, StageStarted, StateChanged, StepStarted, Verdict
 from calstation.station.engine import Engine
+from calstation.station.handover import CSV_NAME
 from calstation.station.incomplete import settle_incomplete
 from tests.station.conftest import Place
 
@@ -171,7 +173,14 @@ def test_a_dead_or_frozen_listener_is_a_safe_stop(place: Place, fate: str, reaso
     listener.wait()
     listener.stdout.close()
     (result,) = results
-    assert json.loads(result.read_text(encoding="utf-8"))["outcome"] == "stopped"
+    found = json.loads(result.read_text(encoding="utf-8"))
+    assert (found["outcome"], found["stop_reason"]) == ("stopped", reason)
+    handed = place.folder / "handover" / CSV_NAME
+    while not (handed.is_file() and handed.stat().st_size) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    with handed.open(encoding="utf-8", newline="") as stream:
+        (row,) = csv.DictReader(stream)
+    assert (row["outcome"], row["error"]) == ("stopped", reason), "not an operator's stop"
     log = open_log(result.with_suffix(".h5"))
     states = [event["state"] for event in log.events if event["event"] == StateChanged.__name__]
     assert states[-2:] == ["stopping", "stopped"]

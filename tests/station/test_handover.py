@@ -87,6 +87,15 @@ def test_a_result_is_copied_and_one_line_added(factory: Factory) -> None:
     assert left == {"SN-1_a.json", "SN-2_b.json", CSV_NAME, ".handover.lock"}
 
 
+def test_a_run_that_did_not_reach_its_end_says_how_far_it_came_and_who_stopped_it(factory: Factory) -> None:
+    factory.result("SN-1_a", "incomplete", stages=[], finished_stages=["rate"])
+    factory.result("SN-2_b", "stopped", stages=["rate"], stop_reason="listener_lost")
+    factory.hand_over()
+    dead, stopped = factory.rows()
+    assert (dead["stages"], dead["error"]) == ("rate", "")
+    assert (stopped["stages"], stopped["error"]) == ("rate", "listener_lost")
+
+
 def test_every_line_of_the_document_is_a_column() -> None:
     text = (Path(__file__).parents[2] / "docs" / "handover.md").read_text("utf-8")
     for column in [*COLUMNS, "result"]:

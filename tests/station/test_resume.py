@@ -166,6 +166,8 @@ def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(place: 
     incomplete = json.loads(log.with_suffix(".json").read_text("utf-8"))
     assert (incomplete["outcome"], incomplete["advice"]) == ("incomplete", "resume")
     assert incomplete["finished_stages"] == ["rate", "six_position"]
+    for told, path in ((incomplete, log), (result, Path(verdict.log))):
+        assert told["duration_s"] == open_log(path).facts().samples / 200.0, "the same thing of every run"
     again = resolve(Path(verdict.log)).result
     assert again["parameters"] == result["parameters"]
     assert again["consistency"] == result["consistency"]

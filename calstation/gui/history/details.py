@@ -22,7 +22,7 @@ from calstation.gui.history.trend import Trend
 from calstation.gui.operator import advice
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.elided import ElidedLabel
-from calstation.gui.wording import KINDS, word_state, word_time
+from calstation.gui.wording import KINDS, word_message, word_state, word_time
 from calstation.physics.units import aligned
 from calstation.records.run_index import IndexedRun, RunRecord
 
@@ -171,7 +171,7 @@ class RunDetails(QFrame):
                 return self.tr("Outside its limits:")
             return advice.reason(str(self._result["outcome"]), self._result)
         said = {
-            "stopped": self.tr("The run was stopped by the operator."),
+            "stopped": self._stopped(run.error),
             "incomplete": self.tr("The run did not reach its end."),
         }.get(run.outcome, "")
         if self._standing[2]:
@@ -179,6 +179,11 @@ class RunDetails(QFrame):
         elif run.closed:
             said += "\n" + self.tr("It was closed and is not to be resumed.")
         return said
+
+    def _stopped(self, by: str | None) -> str:
+        if by in (None, "", "operator"):
+            return self.tr("The run was stopped by the operator.")
+        return word_message("stopped_because", {"reason": by})
 
     def _fill_facts(self, run: RunRecord) -> None:
         _empty(self._facts)

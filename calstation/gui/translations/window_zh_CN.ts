@@ -1456,12 +1456,12 @@
         <translation>计算机要求程序结束</translation>
     </message>
     <message>
-        <source>the window was closed</source>
-        <translation>窗口被关闭</translation>
+        <source>the window or terminal that watched the run is gone</source>
+        <translation>监视标定的窗口或终端已消失</translation>
     </message>
     <message>
-        <source>the window did not answer any more</source>
-        <translation>窗口不再响应</translation>
+        <source>the window or terminal that watched the run does not answer</source>
+        <translation>监视标定的窗口或终端没有响应</translation>
     </message>
     <message>
         <source>its old registers</source>
