@@ -227,7 +227,7 @@ def check(
 
 
 registers = typer.Typer(
-    help="Registers written into units: list transfers, finish an interrupted one, restore earlier values.",
+    help="Registers of units: read them, list what was written, finish an interrupted write, restore earlier values.",
     no_args_is_help=True,
 )
 app.add_typer(registers, name="registers")
@@ -248,10 +248,24 @@ def list_(
     out: RunsOption = Path("runs"),
     json: JsonOption = None,
 ) -> None:
-    """Show what was written into units, when and by whom, and what is still open."""
+    """Show what was written into units, when and by whom, and what is still open; --json has the whole sets."""
     from calstation.cli.registers import list_command
 
     raise typer.Exit(list_command(out, serial, json))
+
+
+@registers.command()
+def read(
+    serial: SerialArgument,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: RunsOption = Path("runs"),
+    json: JsonOption = None,
+) -> None:
+    """Show what a unit's registers hold now. Nothing moves, nothing is written."""
+    from calstation.cli.registers import read_command, unit_request
+
+    raise typer.Exit(read_command(unit_request(serial, station, product, out), json))
 
 
 @registers.command()

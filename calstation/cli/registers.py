@@ -1,23 +1,25 @@
-"""`registers`: what was written into units, and interrupted transfers finished or taken back."""
+"""`registers`: what a unit holds, what was written into units, interrupted transfers finished or taken back."""
 
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.table import Table
 
 from calstation.cli.run import Display, complain, interrupt_stops, run_request
 from calstation.cli.show import check_json, emit_json
 from calstation.cli.typed import said_as_typed
 from calstation.cli.wording import PROOFS
 from calstation.devices.transfer import Step
-from calstation.errors import StoppedError
+from calstation.errors import DeviceFaultError, StoppedError
 from calstation.physics.units import display
 from calstation.sequencer.events import Fault, Settled
 from calstation.station.config import load_station
 from calstation.station.engine import Engine
-from calstation.station.hand_registers import UnitRegisters
+from calstation.station.hand_registers import UnitRegisters, read_unit
 from calstation.station.library import site_folder
 from calstation.station.register_errand import turning
 from calstation.station.register_journal import Kind, Transfer
@@ -60,6 +62,42 @@ def list_command(runs: Path, serial: str | None, json: str | None) -> int:
     for unit in known:
         for line in _lines(unit):
             console.print(line, highlight=False, markup=False, soft_wrap=True)
+    return 0
+
+
+def read_command(request: RunRequest, json: str | None) -> int:
+    """Show what a unit holds now; nothing moves, nothing is written."""
+    check_json(json)
+    unit = read_unit(_untold, request, request.out)
+    if unit.serial != request.serial:
+        raise DeviceFaultError(
+            f"IMU: unit '{unit.serial}' is in the fixture, not '{request.serial}'; give its own serial number,"
+            " or change the unit"
+        )
+    emit_json(unit.to_json(), json)
+    if json == "-":
+        return 0
+    console = Console(file=sys.stdout)
+    place = "virtual bench" if unit.virtual else "hardware"
+    console.print(
+        f"unit {unit.serial}, {unit.model}, firmware {unit.firmware} ({place});"
+        f" flash cycles known here: {unit.commits}",
+        highlight=False,
+        markup=False,
+        soft_wrap=True,
+    )
+    if not unit.registers:
+        console.print("its IMU profile names no registers", highlight=False)
+        return 0
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1))
+    for heading in ("register", "parameter", "value", "unit", "stored as"):
+        table.add_column(
+            heading, justify="right" if heading in ("register", "value") else "left", no_wrap=True
+        )
+    for row in unit.registers:
+        value, name = display(row.parameter, row.value)
+        table.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
+    console.print(table)
     return 0
 
 
@@ -146,6 +184,10 @@ def _show(settled: Settled, json: str | None) -> None:
         Console(file=sys.stdout).print(
             f"{settled.serial}: {_CLOSED[settled.closing]}{proof}", highlight=False, soft_wrap=True
         )
+
+
+def _untold(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """It takes seconds."""
 
 
 def _lines(unit: UnitTransfers) -> Iterator[str]:

@@ -1,11 +1,13 @@
 """Registers by hand on the bench's own IMU: read, set beside a result, written, journaled."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from calstation.cli.app import run_app
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.station import library
 from calstation.station.compose import compose
@@ -55,6 +57,32 @@ def test_what_is_written_is_what_the_unit_then_holds(unit: Place) -> None:
     assert (entry.by, entry.why, entry.source, entry.closing) == ("tester", "hand", "x.h5", "done")
     assert entry.old == before.values
     assert entry.new == after.values
+
+
+def test_what_a_unit_holds_can_be_read_in_a_terminal(unit: Place, capsys: pytest.CaptureFixture[str]) -> None:
+    Errands(unit.request()).write({"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}, at_rest=True)
+    flash = (unit.folder / "flash.bin").read_bytes()
+    where = [
+        "--station",
+        str(unit.station),
+        "--product",
+        str(unit.product),
+        "--out",
+        str(unit.folder / "runs"),
+    ]
+    assert run_app(["registers", "read", SERIAL, *where]) == 0
+    said = capsys.readouterr().out
+    assert f"unit {SERIAL}, bench-imu" in said
+    assert "(virtual bench); flash cycles known here: 1" in said
+    rows = {line.split()[1]: line.split() for line in said.splitlines() if "_" in line}
+    assert rows["accel_scale_y"] == ["19", "accel_scale_y", "300.0000", "ppm", "399D4952"]
+    assert run_app(["registers", "read", SERIAL, *where, "--json", "-"]) == 0
+    found = UnitRegisters.of(json.loads(capsys.readouterr().out))
+    assert found.values["gyro_bias_x"] == np.float32(1e-6)
+    assert (unit.folder / "flash.bin").read_bytes() == flash, "nothing was written"
+    unit.write(serial=SERIAL)
+    assert run_app(["registers", "read", "SN-000043", *where]) == 3
+    assert f"unit '{SERIAL}' is in the fixture, not 'SN-000043'" in capsys.readouterr().err
 
 
 def test_another_unit_than_meant_is_refused(unit: Place) -> None:
