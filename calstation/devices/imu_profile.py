@@ -251,6 +251,15 @@ class ImuProfile(StrictModel):
     without_register: list[str] = Field(default_factory=list)
     prior: dict[str, PriorSigma] = Field(default_factory=dict)
 
+    @field_validator("model")
+    @classmethod
+    def _says_something(cls, model: str) -> str:
+        if not model.strip():
+            raise ValueError(
+                "is blank, so it tells no unit from another; write what its own model name contains"
+            )
+        return model
+
     @field_validator("frame")
     @classmethod
     def _sample(cls, frame: FrameSection) -> FrameSection:

@@ -138,6 +138,15 @@ class TableProfile(StrictModel):
             raise EntryError("says that there is no fault, so its meaning is never told; remove it", "0")
         return faults
 
+    @field_validator("model")
+    @classmethod
+    def _says_something(cls, model: str) -> str:
+        if not model.strip():
+            raise ValueError(
+                "is blank, so it tells no table from another; write what its own model name contains"
+            )
+        return model
+
     @model_validator(mode="after")
     def _whole(self) -> "TableProfile":
         if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:

@@ -255,7 +255,7 @@ def word_fault(kind: str, text: str) -> FaultWords:
             return _split(
                 cause, QCoreApplication.translate("faults", sentence).format(*map(phrase, found.groups()))
             )
-    said = _HEAD.sub("", _translated(text), count=1) if text.startswith(_HEADS) else _translated(text)
+    said = _HEAD.sub("", translated(text), count=1) if text.startswith(_HEADS) else translated(text)
     return _split(cause, said)
 
 
@@ -325,7 +325,8 @@ def _compiled(sentences: Sequence[str]) -> tuple[tuple[re.Pattern[str], str], ..
     return tuple(made)
 
 
-def _translated(text: str) -> str:
+def translated(text: str) -> str:
+    """The whole sentence, cause and mend with it, in the language in force where it is known."""
     for pattern, sentence in _patterns():
         found = pattern.fullmatch(text)
         if found:

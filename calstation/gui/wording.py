@@ -5,6 +5,7 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.gui.fault_wording import translated
 from calstation.station.marked import QT_TRANSLATE_NOOP
 
 _CONTEXT = "wording"
@@ -277,6 +278,8 @@ def word_message(key: str, values: Mapping[str, Any]) -> str:
         shown["stages"] = ", ".join(word_stage(str(stage)) for stage in shown["stages"])
     if "stage" in shown:
         shown["stage"] = word_stage(str(shown["stage"]))
+    if key == "safe_stop_incomplete":
+        shown["text"] = translated(shown["text"])
     return _say(_MESSAGES[key]).format(**shown)
 
 

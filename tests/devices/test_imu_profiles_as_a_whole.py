@@ -99,6 +99,7 @@ def test_one_command_register_may_take_several_values(tmp_path: Path) -> None:
     ("name", "changes", "words"),
     [
         (NAV, {"model": ""}, "model is empty; add"),
+        (NAV, {"model": " "}, "model: is blank, so it tells no unit from another"),
         (NAV, {"registers/5/address": 65535}, "register 65535-65537 runs past address 65535"),
         (
             NAV,

@@ -49,6 +49,7 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
     ("changes", "words"),
     [
         ({"model": ""}, "model is empty"),
+        ({"model": " "}, "model: is blank, so it tells no table from another"),
         ({"status_bits/fault": 2}, "status_bits.fault and status_bits.enabled are the same bit 2"),
         ({"status_bits/fault": {"always": True}}, "status_bits.fault: always = true is for homed"),
         ({"status_bits/homed": {"always": False}}, "status_bits.homed: always = true is for homed"),

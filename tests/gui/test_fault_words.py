@@ -9,6 +9,7 @@ from calstation.devices import framed_imu, modbus_imu, modbus_link, vectornav_im
 from calstation.devices.interfaces import UNTOLD
 from calstation.gui import language
 from calstation.gui.fault_wording import known, phrase, resettable, word_fault
+from calstation.gui.wording import word_message
 from calstation.sequencer.guard import latched
 from calstation.station import engine
 
@@ -185,3 +186,14 @@ def test_what_a_dead_engine_leaves_latched_can_be_reset(qapp: QApplication) -> N
     assert not resettable(f"engine: it gives no sign of life any more; {engine.MEND}"), (
         "it may still own the table"
     )
+
+
+def test_what_a_safe_stop_could_not_do_is_said_in_chinese(qapp: QApplication) -> None:
+    text = "table: register 22 cannot be written on tcp://10.0.0.4:502 (no answer); check cable, power and unit number"
+    assert word_message("safe_stop_incomplete", {"text": text}).endswith(text)
+    language.use("zh_CN")
+    try:
+        said = word_message("safe_stop_incomplete", {"text": text})
+    finally:
+        language.use("en")
+    assert said.endswith("转台：tcp://10.0.0.4:502 上写不进寄存器 22（没有应答）；请检查电缆、电源和站号")
