@@ -279,7 +279,7 @@ def word_message(key: str, values: Mapping[str, Any]) -> str:
     if "stage" in shown:
         shown["stage"] = word_stage(str(shown["stage"]))
     if key == "safe_stop_incomplete":
-        shown["text"] = translated(shown["text"])
+        shown["text"] = translated(str(shown["text"]))
     return _say(_MESSAGES[key]).format(**shown)
 
 
