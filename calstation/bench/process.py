@@ -24,8 +24,13 @@ from calstation.physics.motion import Dwell, Move, Step
 TICK = 0.005
 #: Device time produced at once: keeps an advance of hours from holding its samples in memory, s.
 SLICE = 0.5
-
-
+#: The same where time follows the host's: between two, whoever asks is answered, s.
+PACED_SLICE = 0.1
+#: Host time that is made up for at most; a computer that cannot keep the pace lets device time pass slower, s.
+BEHIND = 1.0
+#: Turns of the event loop in which a request that waits on the table's line is heard: the computer may have been late,
+#: not who asks, so the watchdog looks behind them.
+_HEARD = 3
 #: Device time that a table is given to come to rest when nobody lets time pass any more, s.
 COASTING = 2.0
 
@@ -103,12 +108,18 @@ class BenchProcess:
 
     async def _tick(self) -> None:
         """Watchdog on host time; device time too where it follows the host's."""
-        begun = time.monotonic()
+        speed, last, due = self._config.speed, time.monotonic(), 0.0
         while True:
-            await asyncio.sleep(TICK)
+            await asyncio.sleep(0.0 if due > PACED_SLICE else TICK)
+            for _ in range(_HEARD):
+                await asyncio.sleep(0)
             self._bench.watch()
-            if self._config.speed > 0.0:
-                await self._reach((time.monotonic() - begun) * self._config.speed)
+            if speed > 0.0:
+                passed, last = time.monotonic() - last, time.monotonic()
+                due = min(due + passed * speed, BEHIND * speed)
+                before = self._bench.now
+                await self._reach(before + min(due, PACED_SLICE))
+                due -= self._bench.now - before
                 async with self._moved:
                     self._moved.notify_all()
 

@@ -161,6 +161,17 @@ def test_time_follows_the_host_where_a_speed_is_told(start_bench):
         assert last["samples"] == pytest.approx(last["now"] * 200.0, abs=1.01)
 
 
+def test_a_pace_that_no_computer_keeps_leaves_nobody_without_an_answer(start_bench):
+    with start_bench(speed=1e5) as bench:
+        client = connect(bench)
+        for word in (0x06, 0x07, 0x0F):
+            assert write(client, 16, word) == 0
+        begun = bench.ask(now=None)["now"]
+        while bench.ask(now=None)["now"] < begun + 30.0:
+            assert not read(client, 18)[0], "the watchdog counts the host's time, and is fed in it"
+        client.close()
+
+
 def test_an_unintelligible_request_is_answered_with_an_error(start_bench):
     with start_bench() as bench:
         assert "error" in bench.ask(order="sing")
