@@ -1429,7 +1429,7 @@
     </message>
     <message>
         <source>{stage} does not fit together, and no rest of this run tells the latitude that it believes: make sure of site.latitude_deg = {latitude:g} in the station file; a run with six_position tells it.</source>
-        <translation>{stage}数据不自洽，且本次标定的静止段均无法测出其所用的纬度：请核实台站文件中的 site.latitude_deg = {latitude:g}；含六位置的标定可测出纬度。</translation>
+        <translation>{stage}数据不自洽，且本次标定的静止段均无法测出其所用的纬度：请核实工位文件中的 site.latitude_deg = {latitude:g}；含六位置的标定可测出纬度。</translation>
     </message>
     <message>
         <source>Stopped safely: {reason}.</source>
