@@ -686,7 +686,7 @@
     </message>
     <message>
         <source>transfer {0} to unit &apos;{1}&apos;: the registers of IMU profile &apos;{2}&apos; mean something else now than then; bring the profile&apos;s earlier version back (page Station)</source>
-        <translation>产品 {1} 的写入 {0}：惯组配置“{2}”的寄存器含义与当时不同；请在“台站”页恢复该配置的旧版本</translation>
+        <translation>产品 {1} 的写入 {0}：惯组配置“{2}”的寄存器含义与当时不同；请在“工位”页恢复该配置的旧版本</translation>
     </message>
     <message>
         <source>IMU: transfer {0} was to a &apos;{1}&apos; of serial number &apos;{2}&apos;, but a &apos;{3}&apos; answers; put that unit into the fixture</source>
