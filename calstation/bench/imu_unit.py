@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calstation.bench.flash import REGISTERS, Flash, PowerCut
+from calstation.bench.flash import Flash, PowerCut
 from calstation.bench.imu_frames import (
     READY,
     REPLY_SYNC,
@@ -23,6 +23,9 @@ from calstation.physics.arrays import FloatArray
 
 MODEL = "bench-imu"
 FIRMWARE = "1.0.0"
+
+REGISTERS = 30
+"""Calibration registers, float32."""
 
 # Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27: the
 # sensors' errors, measured = (I + M) true + b, force with K force² besides, which the corrected stream takes off.
@@ -56,6 +59,7 @@ class ImuUnit:
     scale : of a count of the sensors, rad/s and m/s², shape (6,); increments : a count is one, over the sample
     corrected : the stream is behind the registers as it was told; behind : it always is
     counter : of the next sample
+    flash : what survives its power
     fails_writing, fails_committing : bytes after which the power breaks down for a moment while registers are
         written, or flash is burnt; None for a sound supply
     """
@@ -74,8 +78,7 @@ class ImuUnit:
         self._serial = serial
         self._ready_time = ready_time
         self._ambient, self._warm_up, self._warm_up_time = ambient, warm_up, warm_up_time
-        self.flash_file = flash_file
-        self._flash = Flash(flash_banks, flash_file)
+        self.flash = Flash(self.flash_bytes, flash_banks, flash_file)
         self.axes: TableRegisters | None = None
         self.scale: FloatArray = np.ones(6)
         self.increments = True
@@ -89,14 +92,35 @@ class ImuUnit:
     @property
     def flash_cycles(self) -> int:
         """Times that the flash was burnt."""
-        return self._flash.cycles
+        return self.flash.cycles
+
+    @property
+    def flash_bytes(self) -> int:
+        """Of what its flash holds."""
+        return 4 * REGISTERS
 
     def _start(self, time: float) -> None:
-        self.registers = self._flash.load()
+        self.registers = np.zeros(REGISTERS, np.float32)
+        held = self.flash.load()
+        if held is not None:
+            self._take(held)
         self._started = time
         self.counter = 0
         self.corrected = False
         self._requantiser = Requantiser()
+
+    def _take(self, held: bytes) -> None:
+        """Registers as its flash holds them."""
+        self.registers = np.frombuffer(held, "<f4").astype(np.float32)
+
+    def _given(self) -> bytes:
+        """Registers as its flash is to hold them."""
+        return self.registers.astype("<f4").tobytes()
+
+    def _burn(self) -> None:
+        """All registers to flash. Raises PowerCut."""
+        power_for, self.fails_committing = self.fails_committing, None
+        self.flash.burn(self._given(), power_for)
 
     def temperature(self, time: float) -> float:
         """Sensor temperature, °C."""
@@ -223,8 +247,7 @@ class ImuUnit:
         if self._burning(time):
             return FLASH_BUSY
         self._busy_until, self._refusals = time + FLASH_TIME, FLASH_REFUSALS
-        power_for, self.fails_committing = self.fails_committing, None
-        self._flash.burn(self.registers, power_for)
+        self._burn()
         return struct.pack("<BI", 0, self.flash_cycles)
 
     def _reset(self, payload: bytes, time: float) -> bytes | int:

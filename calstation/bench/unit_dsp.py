@@ -14,7 +14,6 @@ diagonal, force = C (measured − bias − quadratic · force²) with levers add
 
 import struct
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -58,19 +57,25 @@ def crc16_modbus(data: bytes) -> bytes:
 class DspUnit(ImuUnit):
     """See the module."""
 
+    @property
+    def flash_bytes(self) -> int:
+        """See `ImuUnit.flash_bytes`."""
+        return 2 * sum(count for _, count in PAGES.values())
+
     def _start(self, time: float) -> None:
+        self._words = {page: [0] * count for page, (_, count) in PAGES.items()}
         super()._start(time)
-        file = self._flash_words_file()
-        saved = file.read_bytes() if file is not None and file.exists() else getattr(self, "_saved", b"")
-        total = sum(count for _, count in PAGES.values())
-        if len(saved) != 2 * total:
-            saved = bytes(2 * total)
-        words = list(struct.unpack(f"<{total}H", saved))
-        self._words: dict[int, list[int]] = {}
-        for page, (_, count) in PAGES.items():
-            self._words[page], words = words[:count], words[count:]
         self._page = 0
         self._busy = 0
+
+    def _take(self, held: bytes) -> None:
+        words = list(struct.unpack(f"<{len(held) // 2}H", held))
+        for page, (_, count) in PAGES.items():
+            self._words[page], words = words[:count], words[count:]
+
+    def _given(self) -> bytes:
+        words = [word for page in PAGES for word in self._words[page]]
+        return struct.pack(f"<{len(words)}H", *words)
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
         """See `ImuUnit.conversation`."""
@@ -183,20 +188,6 @@ class DspUnit(ImuUnit):
             quadratic=np.array([_float(accels[18 + 2 * k], accels[19 + 2 * k]) for k in range(3)]),
             levers=np.array([5e-5 * _signed(accels[24 + k], 16) for k in range(3)]),
         )
-
-    def _burn(self) -> None:
-        """All words to flash; cut short, the old ones stay."""
-        power_for, self.fails_committing = self.fails_committing, None
-        words = [word for page in PAGES for word in self._words[page]]
-        self._flash.cycles += 1
-        if power_for is not None:
-            raise PowerCut
-        self._saved = struct.pack(f"<{len(words)}H", *words)
-        if (file := self._flash_words_file()) is not None:
-            file.write_bytes(self._saved)
-
-    def _flash_words_file(self) -> Path | None:
-        return None if self.flash_file is None else self.flash_file.with_suffix(".words")
 
 
 def _float(high: int, low: int) -> float:

@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calstation.bench.flash import REGISTERS, PowerCut
-from calstation.bench.imu_unit import BOOT_TIME, ImuUnit
+from calstation.bench.flash import PowerCut
+from calstation.bench.imu_unit import BOOT_TIME, REGISTERS, ImuUnit
 from calstation.bench.stream_truth import StreamOutput
 from calstation.bench.unit_correction import Correction
 from calstation.physics.arrays import FloatArray
@@ -131,9 +131,8 @@ class VectorNavUnit(ImuUnit):
     def _obey(self, words: list[str], time: float) -> str | int:
         command, *rest = words
         if command == "VNWNV":
-            power_for, self.fails_committing = self.fails_committing, None
             self.registers[REGISTERS - 1] = float(self.streaming)
-            self._flash.burn(self.registers, power_for)
+            self._burn()
             return "VNWNV"
         if command == "VNRST":
             self.restart(time)

@@ -3,25 +3,51 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from calstation.bench.flash import IMAGE_BYTES
-from calstation.bench.imu_frames import CommandParser, crc16
-from calstation.bench.imu_unit import COMMIT, ImuUnit
+from calstation.bench.imu_frames import crc16
+from calstation.bench.imu_unit import ImuUnit
+from calstation.bench.unit_dsp import DspUnit
+from calstation.bench.unit_vectornav import VectorNavUnit
 from calstation.devices.framed_imu import FramedImu
-from calstation.devices.frames import FrameDecoder
 from calstation.devices.imu_profile import ImuProfile, load_imu_profile
 from calstation.devices.link import PortLostError
+from calstation.devices.modbus_imu import ModbusImu
+from calstation.devices.registered_imu import RegisteredImu
 from calstation.devices.registers import RegisterMap
 from calstation.devices.streamed_imu import Question
+from calstation.devices.vectornav_imu import VectorNavImu
 from calstation.station import library
 
 T = TypeVar("T")
 
 SERIAL = "SN-000042"
 NAMES = ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z", "accel_bias_x", "accel_bias_y", "accel_bias_z")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a unit is, who speaks with it, and its shipped profile with the section of its commands.
+
+    names : parameters whose registers it has, () for all of the profile
+    """
+
+    unit: type[ImuUnit]
+    driver: type[RegisteredImu]
+    profile: str
+    section: str
+    names: tuple[str, ...] = ()
+
+
+FRAMED = Kind(ImuUnit, FramedImu, "bench_nav", "commands", NAMES)
+KINDS = {
+    "framed": FRAMED,
+    "VN-100": Kind(VectorNavUnit, VectorNavImu, "vectornav_vn100", "vectornav"),
+    "DSP by Modbus, paged": Kind(DspUnit, ModbusImu, "dsp_modbus", "modbus"),
+}
 
 
 class Dark(BaseException):
@@ -53,23 +79,25 @@ class Wire:
     port, name = "memory", "IMU"
 
     def __init__(self, unit: ImuUnit, supply: Supply) -> None:
-        self._unit, self._supply = unit, supply
-        self._parser = CommandParser()
+        self._supply = supply
+        self._hear = unit.conversation()
         self._waiting = bytearray()
         self._time = 0.0
         self._ready = threading.Event()
+        burn, whole = unit.flash.burn, unit.flash.image_bytes
+
+        def burn_while_powered(content: bytes, power_for: int | None = None) -> None:
+            given = supply.take(whole)
+            burn(content, given if given < whole else power_for)
+
+        unit.flash.burn = burn_while_powered  # type: ignore[method-assign]
 
     def write(self, data: bytes) -> None:
         """Commands, carried out as far as there is power."""
         self._check()
         given = self._supply.take(len(data))
-        for op, payload in self._parser.feed(data[:given]):
-            if op == COMMIT:
-                left = self._supply.take(IMAGE_BYTES)
-                if left < IMAGE_BYTES:
-                    self._unit.fails_committing = left
-            self._time += 1.0  # so that its flash is never busy
-            answer = self._unit.answer(op, payload, self._time)
+        self._time += 1.0  # so that its flash is never busy
+        for answer in self._hear(data[:given], self._time):
             self._waiting += answer[: self._supply.take(len(answer))]
             self._ready.set()
         self._check()
@@ -93,77 +121,84 @@ class Wire:
 
 
 @cache
-def profile(timeout_s: float = 0.5) -> ImuProfile:
-    """The bench's navigation profile with the registers of both biases alone."""
-    shipped = load_imu_profile(library.shipped_folder() / "imus" / "bench_nav.toml")
-    entries = [entry for entry in shipped.registers if entry.parameters[0] in NAMES]
-    assert shipped.commands is not None
-    commands = shipped.commands.model_copy(update={"timeout_s": timeout_s, "commit_timeout_s": timeout_s})
-    return shipped.model_copy(update={"registers": entries, "commands": commands})
+def profile(timeout_s: float = 0.5, kind: Kind = FRAMED) -> ImuProfile:
+    """The shipped profile with the kind's registers."""
+    shipped = load_imu_profile(library.shipped_folder() / "imus" / f"{kind.profile}.toml")
+    entries = [entry for entry in shipped.registers if not kind.names or entry.parameters[0] in kind.names]
+    times = {"timeout_s": timeout_s, "commit_timeout_s": timeout_s}
+    section = getattr(shipped, kind.section).model_copy(update=times)
+    return shipped.model_copy(update={"registers": entries, kind.section: section})
 
 
-MAP = RegisterMap(tuple(profile().registers))
+@cache
+def registers(kind: Kind = FRAMED) -> RegisterMap:
+    """Of a kind's profile."""
+    return RegisterMap(tuple(profile(kind=kind).registers))
 
 
-class DirectImu(FramedImu):
-    """The driver without its thread: every command is answered, or lost, before the next."""
+MAP = registers()
 
-    def __init__(self, wire: Wire, used: ImuProfile) -> None:
-        assert used.commands is not None
-        self._wire, self._profile, self._commands = wire, used, used.commands
-        self._registers = RegisterMap(tuple(used.registers))
-        self._commit_timeout = self._burns_until = 0.0
-        self._reset_timeout, self._streaming = used.commands.reset_timeout_s, False
-        self._failure = None
 
-    def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
-        try:
-            self._wire.write(question.request)
-            for reply in FrameDecoder(self._profile.frame, self._commands).feed(self._wire.read(0.0)).replies:
-                taken = question.take(reply)
-                if taken is not None:
-                    return taken
-        except PortLostError as error:
-            self._failure = error
-            raise
-        raise PortLostError("IMU: no answer")
+@cache
+def direct(driver: type[RegisteredImu]) -> type[RegisteredImu]:
+    """A driver without its thread: every command is answered, or lost, before the next."""
 
-    def close(self) -> None: ...
+    class Direct(driver):  # type: ignore[misc, valid-type]
+        def _serve(self) -> None: ...
+
+        def exchange(self, question: Question[T], **told: Any) -> T:
+            try:
+                self._link.write(question.request)
+                for reply in self._decoder.feed(self._link.read(0.0)).replies:
+                    taken = question.take(reply)
+                    if taken is not None:
+                        return taken
+            except PortLostError as error:
+                self._failure = error
+                raise
+            raise PortLostError("IMU: no answer")
+
+    return Direct
 
 
 class Unit:
     """A unit that keeps its flash in a file; every `powered` is a power-up with a driver on its wire."""
 
-    def __init__(self, flash: Path, banks: int = 2) -> None:
-        self._flash, self._banks = flash, banks
+    def __init__(self, flash: Path, banks: int = 2, kind: Kind = FRAMED) -> None:
+        self._flash, self._banks, self._kind = flash, banks, kind
         crc16(b"")  # compiled here and not while an answer is waited for
 
     @contextmanager
-    def powered(self, supply: Supply | None = None, timeout_s: float = 0.5) -> Iterator[FramedImu]:
+    def powered(self, supply: Supply | None = None, timeout_s: float = 0.5) -> Iterator[RegisteredImu]:
         """The driver on the running unit."""
-        self.unit = self._boot()
-        imu = FramedImu(Wire(self.unit, supply or Supply()), profile(timeout_s))  # type: ignore[arg-type]
-        try:
+        with self._driven(self._kind.driver, supply or Supply(), timeout_s) as imu:
             yield imu
-        finally:
-            imu.close()
 
     @contextmanager
-    def directly(self, supply: Supply) -> Iterator[FramedImu]:
+    def directly(self, supply: Supply) -> Iterator[RegisteredImu]:
         """The same without the driver's thread, for thousands of power-ups."""
-        self.unit = self._boot()
-        yield DirectImu(Wire(self.unit, supply), profile())
+        with self._driven(direct(self._kind.driver), supply, 0.5) as imu:
+            yield imu
 
     @property
     def flash(self) -> dict[str, float]:
         """What it would wake up with, by parameter."""
-        values = self._boot().registers
-        return dict(zip(NAMES, [*values[:3].tolist(), *values[12:15].tolist()], strict=True))
+        with self.directly(Supply()) as imu:
+            return imu.read_registers()
 
     @property
     def cycles(self) -> int:
         """Times that its flash was burnt."""
         return self._boot().flash_cycles
 
+    @contextmanager
+    def _driven(self, driver: Any, supply: Supply, timeout_s: float) -> Iterator[RegisteredImu]:
+        unit = self.unit = self._boot()
+        imu: RegisteredImu = driver(Wire(unit, supply), profile(timeout_s, self._kind))
+        try:
+            yield imu
+        finally:
+            imu.close()
+
     def _boot(self) -> ImuUnit:
-        return ImuUnit(SERIAL, flash_file=self._flash, flash_banks=self._banks)
+        return self._kind.unit(SERIAL, flash_file=self._flash, flash_banks=self._banks)
