@@ -17,6 +17,7 @@ from calstation.sequencer.events import StepStarted
 from calstation.station import library
 from calstation.station.config import DEFAULT_PRODUCT, DEFAULT_STATION
 from calstation.station.engine import Engine
+from calstation.station.fault_plan import LOOKS
 from calstation.station.handover import deliver_waiting
 from calstation.station.request import RunRequest
 from calstation.station.soak_judge import MILD, Judged, judge_run
@@ -80,6 +81,9 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("window_killed", None),
 )
 """Kinds that are so from the start, strike when their moment comes, or come from the listener."""
+
+_IN_LOOKS = ("reset_imu", "drop_frames")
+"""Kinds of the former that also strike while the unit is looked at, around the transfer of its registers."""
 
 _FROM_LISTENER = ("operator_stop", "window_killed")
 _HANGS_AFTER = 300.0
@@ -304,8 +308,8 @@ def _product(name: str) -> dict[str, Any]:
 def _fault(kind: str, value: float | None, stages: tuple[str, ...], drawn: random.Random) -> dict[str, Any]:
     entry: dict[str, Any] = {"kind": kind} if value is None else {"kind": kind, "value": float(value)}
     if (kind, value) in STAGE_FAULTS:
-        entry["stage"] = drawn.choice(stages)
-        if drawn.random() < 0.5:
+        entry["stage"] = drawn.choice((*stages, *LOOKS) if kind in _IN_LOOKS else stages)
+        if entry["stage"] not in LOOKS and drawn.random() < 0.5:
             entry["step"] = drawn.randrange(6)
         entry["time_s"] = drawn.uniform(0.0, _LATEST if "step" not in entry else 3.0)
     return entry
