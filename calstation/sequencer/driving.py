@@ -1,5 +1,6 @@
 """Table and unit in one hand: prepared, moved and looked at; every way out leaves the table at rest, axes off."""
 
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -94,6 +95,7 @@ class Driving:
         self._on_show = on_show
         self._path: ProofPath | None = None
         self._reference: FreshData | None = None
+        self._left = threading.Event()
         self.acquisition = Acquisition(
             imu,
             task.imu,
@@ -159,8 +161,8 @@ class Driving:
             self.pulse,
             self.acquisition,
             self._clock,
-            self._control,
             self.aside,
+            self._hear_aside,
             lambda identity: check_unit(identity, task.preflight.serial),
         )
         self.runner = StepRunner(
@@ -285,13 +287,23 @@ class Driving:
 
     def aside(self, work: Callable[[], Any]) -> Any:
         """Do what must not be interrupted, the table's watchdog fed meanwhile; whatever happens, it is done then."""
+        self._left.clear()
         with ThreadPoolExecutor(1, "aside") as worker:
             job = worker.submit(work)
-            while not job.done():
-                self._clock.idle(LOOK)
-                self.pulse.keep_alive()
-                self._control.take()
+            try:
+                while not job.done():
+                    self._clock.idle(LOOK)
+                    self.pulse.keep_alive()
+                    self._control.take()
+            except BaseException:
+                self._left.set()
+                raise
             return job.result()
+
+    def _hear_aside(self) -> None:
+        """For a work aside that may be broken off: raises StopRequested where nobody wants its end any more."""
+        if self._control.stopping or self._left.is_set():
+            raise StopRequested
 
     def finish(self) -> None:
         """To the load angle, axes off."""

@@ -7,7 +7,6 @@ from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, Other
 from calstation.devices.link import PortLostError
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition
-from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.ports import Clock
 from calstation.sequencer.pulse import NO_DATA, Pulse
 
@@ -28,6 +27,7 @@ class UnitStream:
     Parameters
     ----------
     aside : does what takes its time, the table's watchdog fed meanwhile
+    hear : raises in it where nobody waits for its end any more
     check : refuses another unit than the one that is meant; raises DeviceFaultError
     """
 
@@ -37,16 +37,16 @@ class UnitStream:
         pulse: Pulse,
         acquisition: Acquisition,
         clock: Clock,
-        control: Control,
         aside: Callable[[Callable[[], Any]], Any],
+        hear: Callable[[], None],
         check: Callable[[ImuIdentity], None],
     ) -> None:
         self._imu = imu
         self._pulse = pulse
         self._acquisition = acquisition
         self._clock = clock
-        self._control = control
         self._aside = aside
+        self._hear = hear
         self._check = check
         self._corrected = False
         self._breaks = self._restarts = 0
@@ -82,21 +82,21 @@ class UnitStream:
         )
 
     def _wake(self) -> None:
-        def hear() -> None:
-            if self._control.stopping:
-                raise StopRequested
+        corrected, silent = self._corrected, self._pulse.silent
 
-        corrected = self._corrected
-        try:
-            identity = self._aside(lambda: self._imu.wake(hear, corrected=corrected))
-        except (PortLostError, OtherModelError, NoFramesError):
-            raise
-        except DeviceFaultError as error:
-            if not self._pulse.silent:
+        def wake() -> ImuIdentity | None:
+            try:
+                return self._imu.wake(self._hear, corrected=corrected)
+            except (PortLostError, OtherModelError, NoFramesError):
                 raise
-            raise DeviceFaultError(
-                "IMU: no data any more, and the unit does not answer either; check its power, cable and port"
-            ) from error
+            except DeviceFaultError as error:
+                if not silent:
+                    raise
+                raise DeviceFaultError(
+                    "IMU: no data any more, and the unit does not answer either; check its power, cable and port"
+                ) from error
+
+        identity = self._aside(wake)
         if identity is not None:
             self._check(identity)
 

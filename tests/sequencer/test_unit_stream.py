@@ -194,3 +194,19 @@ def test_a_stop_does_not_wait_for_a_unit_that_does_not_answer() -> None:
     behind(scene, StageStarted, 1.0, scene.imu.restart)
     assert scene.run().state is State.STOPPED
     assert scene.table.told[-2:] == ["stop", "disable"]
+
+
+def test_a_table_that_fails_meanwhile_does_not_wait_for_it_either() -> None:
+    scene = Scene()
+    scene.imu.mute = True
+
+    def wake(hear: Callable[[], None], *, corrected: bool = False) -> None:
+        scene.table.dead = True
+        while True:
+            hear()
+
+    scene.imu.wake = wake  # type: ignore[method-assign, assignment]
+    behind(scene, StageStarted, 1.0, scene.imu.restart)
+    ended = scene.run()
+    assert ended.state is State.FAULT
+    assert "table: no answer" in str(ended.error)
