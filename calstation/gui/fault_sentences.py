@@ -95,8 +95,7 @@ SENTENCES: tuple[str, ...] = (
     ),
     QT_TRANSLATE_NOOP(
         "faults",
-        "IMU: no data any more though it was told to stream; switch it off and on, then check cable, port and the IMU"
-        " profile",
+        "IMU: no data any more though it was told to stream; switch it off and on, then check cable, power and port",
     ),
     QT_TRANSLATE_NOOP(
         "faults",

@@ -127,7 +127,7 @@ class UnitStream:
             self._pulse.patient = patient
         if asked:
             raise DeviceFaultError(
-                "IMU: no data any more though it was told to stream; switch it off and on, then check cable, port and"
-                " the IMU profile"
+                "IMU: no data any more though it was told to stream; switch it off and on, then check cable, power and"
+                " port"
             )
         return False

@@ -69,8 +69,7 @@ TOLD = [
     "IMU: port usb:A9XYZ: no USB adapter with this serial number is plugged in; plug it in, or correct the port in the"
     " station file; adapters found: none",
     "IMU: the output is no number again and again; switch the unit off and on, check the IMU profile",
-    "IMU: no data any more though it was told to stream; switch it off and on, then check cable, port and the IMU"
-    " profile",
+    "IMU: no data any more though it was told to stream; switch it off and on, then check cable, power and port",
     "IMU: no data any more, and the unit does not answer either; check its power, cable and port",
     "IMU: not ready 60 s after its restart; switch it off and on",
     "IMU: it restarts again and again; check its supply, plug and cable, then start again",

@@ -461,10 +461,6 @@
         <translation>惯组：没有按时收到 {0} s 的数据；请检查链路和采样率</translation>
     </message>
     <message>
-        <source>IMU: no data any more though it was told to stream; switch it off and on, then check cable, port and the IMU profile</source>
-        <translation>惯组：已令其输出，仍无数据；请给产品断电重启，再检查电缆、端口和惯组配置</translation>
-    </message>
-    <message>
         <source>IMU: no data any more, and the unit does not answer either; check its power, cable and port</source>
         <translation>惯组：数据中断，产品也无应答；请检查其电源、电缆和端口</translation>
     </message>
@@ -855,6 +851,10 @@
     <message>
         <source>table: it was switched to local control; switch it back, then start again</source>
         <translation>转台：被切换到本地控制；请切换回远程控制，然后重新开始</translation>
+    </message>
+    <message>
+        <source>IMU: no data any more though it was told to stream; switch it off and on, then check cable, power and port</source>
+        <translation>惯组：已令其输出，仍无数据；请给产品断电重启，再检查电缆、电源和端口</translation>
     </message>
     <message>
         <source>table: stands {0}° away from outer {1}°, inner {2}°; look for an obstacle, at encoder and drive, then home the table</source>
