@@ -195,4 +195,4 @@ def test_what_a_safe_stop_could_not_do_is_said_in_chinese(qapp: QApplication) ->
         said = word_message("safe_stop_incomplete", {"text": text})
     finally:
         language.use("en")
-    assert said.endswith("转台：tcp://10.0.0.4:502 上写不进寄存器 22（没有应答）；请检查电缆、电源和站号")
+    assert said.endswith("转台：写不进 tcp://10.0.0.4:502 上的寄存器 22（没有应答）；请检查电缆、电源和站号")

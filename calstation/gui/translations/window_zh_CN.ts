@@ -574,11 +574,11 @@
     </message>
     <message>
         <source>table: registers {0}-{1} cannot be read on {2} ({3}); check cable, power and unit number</source>
-        <translation>转台：{2} 上读不到寄存器 {0}-{1}（{3}）；请检查电缆、电源和站号</translation>
+        <translation>转台：读不到 {2} 上的寄存器 {0}-{1}（{3}）；请检查电缆、电源和站号</translation>
     </message>
     <message>
         <source>table: register {0} cannot be written on {1} ({2}); check cable, power and unit number</source>
-        <translation>转台：{1} 上写不进寄存器 {0}（{2}）；请检查电缆、电源和站号</translation>
+        <translation>转台：写不进 {1} 上的寄存器 {0}（{2}）；请检查电缆、电源和站号</translation>
     </message>
     <message>
         <source>table: registers {0}-{1} cannot be read: {2}; {3}</source>
@@ -598,7 +598,7 @@
     </message>
     <message>
         <source>table: &apos;{0}&apos; answers on {1} where &apos;{2}&apos; did; nothing was told to it; check which adapter is plugged in where</source>
-        <translation>转台：{1} 上现在应答的是“{0}”，之前是“{2}”；没有向它发送任何命令，请检查各个转接器插在哪里</translation>
+        <translation>转台：现在 {1} 上应答的是“{0}”，之前是“{2}”；没有向它发送任何命令，请检查各个转接器插在哪里</translation>
     </message>
     <message>
         <source>table: &apos;{0}&apos; is answered with &apos;{1}&apos;, which queries.{2} of the profile does not expect; correct its answer</source>
@@ -922,7 +922,7 @@
     </message>
     <message>
         <source>{0} of unit {1}</source>
-        <translation>{0}（从站 {1}）</translation>
+        <translation>{0}，从站 {1}</translation>
     </message>
     <message>
         <source>page {0} register {1}</source>
