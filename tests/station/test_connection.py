@@ -15,7 +15,7 @@ from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
 
 from calstation.devices.link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError
-from calstation.station import listening
+from calstation.station import listening, who_answers
 from calstation.station.connection_test import Order, try_imu, try_table
 from calstation.station.finding import Finding, Report
 from calstation.station.finding_words import word_finding
@@ -24,6 +24,12 @@ from calstation.station.place import vouching
 from calstation.station.ports import discover
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+
+
+@pytest.fixture(autouse=True)
+def three_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who else answers is looked for under three numbers: every silent one costs its time."""
+    monkeypatch.setattr(who_answers, "NUMBERS", range(1, 4))
 
 
 def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:

@@ -120,6 +120,7 @@ def worn(place: Place, home: Path) -> Worn:
     return Worn(place, home)
 
 
+@pytest.mark.long
 def test_a_flash_that_is_nearly_worn_out_is_told(worn: Worn) -> None:
     worn.wear(9)
     events = worn.run()
@@ -145,6 +146,7 @@ def test_a_flash_that_is_worn_out_takes_no_new_registers(worn: Worn) -> None:
     assert list(worn.runs.glob("*.h5")) == []
 
 
+@pytest.mark.long
 def test_what_was_begun_is_put_back_all_the_same(worn: Worn) -> None:
     worn.wear(10)
     register_journal.begin(worn.runs, SERIAL, {}, {}, by=None, why="run", source="")
@@ -160,6 +162,7 @@ def test_a_damaged_journal_ends_a_run_before_anything_is_opened(worn: Worn) -> N
         worn.run()
 
 
+@pytest.mark.long
 def test_a_torn_line_is_told(worn: Worn) -> None:
     worn.wear(1)
     (journal,) = (worn.runs / register_journal.FOLDER).iterdir()

@@ -76,6 +76,7 @@ def test_a_set_says_what_sort_of_unit_it_is_of(known: Known) -> None:
     assert known.restores()
 
 
+@pytest.mark.long
 def test_a_run_says_what_sort_of_unit_it_wrote(known: Known) -> None:
     assert known.place.run("rate").outcome == "passed"
     (entry,) = register_journal.history(known.runs, SERIAL)
