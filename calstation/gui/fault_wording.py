@@ -183,7 +183,7 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         r".*: site\.confirmed_on names (.*), not '.* latitude (\S*)°, longitude (\S*)°, height (\S*) m;.*",
         QT_TRANSLATE_NOOP(
             "faults",
-            "That the station stands at {1}°, {2}°, {3} m was confirmed at {0}, not at this computer; an engineer makes"
+            "Confirmed was “{0}”, not that the station stands at {1}°, {2}°, {3} m, at this computer; an engineer makes"
             " sure and confirms it on the page Station, in the section Site",
         ),
     ),

@@ -805,8 +805,8 @@
         <translation>尚无人在本机确认工位就在 {0}°、{1}°、{2} m 处，而这一等级的陀螺无法判断；请工程师核实后在“工位”页的“站址”一栏中确认</translation>
     </message>
     <message>
-        <source>That the station stands at {1}°, {2}°, {3} m was confirmed at {0}, not at this computer; an engineer makes sure and confirms it on the page Station, in the section Site</source>
-        <translation>工位在 {1}°、{2}°、{3} m 处是在 {0} 上确认的，未在本机确认；请工程师核实后在“工位”页的“站址”一栏中确认</translation>
+        <source>Confirmed was “{0}”, not that the station stands at {1}°, {2}°, {3} m, at this computer; an engineer makes sure and confirms it on the page Station, in the section Site</source>
+        <translation>已确认的是“{0}”，而不是在本机确认工位在 {1}°、{2}°、{3} m 处；请工程师核实后在“工位”页的“站址”一栏中确认</translation>
     </message>
     <message>
         <source>The run began on a virtual bench and station “{0}” is hardware now, or the other way round; start a new run</source>
