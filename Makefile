@@ -33,12 +33,14 @@ fuzz: $(VENV)/installed-dev
 # The window's words: one file per page folder, and window for what lies beside them. New ones appear unfinished.
 GUI := calstation/gui
 translations: $(VENV)/installed-dev
-	for page in operator engineer offline history station_page methods; do \
-		words=$$(test $$page != station_page || echo calstation/station/*finding_words.py); \
-		$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/$$page/*.py $$words \
-			-ts $(GUI)/translations/$${page}_zh_CN.ts || exit 1; \
+	for page in operator engineer history; do \
+		$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/$$page/*.py -ts $(GUI)/translations/$${page}_zh_CN.ts || exit 1; \
 	done
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/*.py $(GUI)/widgets/*.py \
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/*.py -ts $(GUI)/translations/offline_zh_CN.ts
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/methods/*.py -ts $(GUI)/translations/methods_zh_CN.ts
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/settings/*.py calstation/messages/*finding_words.py \
+		-ts $(GUI)/translations/station_page_zh_CN.ts
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/shell/*.py $(GUI)/text/*.py $(GUI)/widgets/*.py \
 		-ts $(GUI)/translations/window_zh_CN.ts
 	for words in $(GUI)/translations/*.ts; do $(VENV)/bin/pyside6-lrelease $$words || exit 1; done
 

@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.method import Method, RepeatedSchedule
-from calstation.estimation.navigation_stage import NavigationStage
+from calstation.estimation.navigation.stage import NavigationStage
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.table import TableGeometry
 

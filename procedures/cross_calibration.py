@@ -12,16 +12,16 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.context import Belief, Secondary, SolveContext, StoredPair
+from calstation.estimation.common.context import Belief, Secondary, SolveContext, StoredPair
+from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common.spool import Spool
+from calstation.estimation.common.stage_data import StageData, stage_data
 from calstation.estimation.method import Consistency, Estimate, Method, Progress, Solution
-from calstation.estimation.pair_calibration import Calibrated, PairCalibration, PairRules
-from calstation.estimation.pair_fit import ACCEL_BIAS, GYRO_BIAS, Model, PairChoice
-from calstation.estimation.pair_static import Threshold
-from calstation.estimation.pair_watch import PairWatch, Triggers, WatchEvent, check_values
-from calstation.estimation.relinearise import nis_consistency
-from calstation.estimation.samples import SampleBlock
-from calstation.estimation.spool import Spool
-from calstation.estimation.stage_data import StageData, stage_data
+from calstation.estimation.navigation.relinearise import nis_consistency
+from calstation.estimation.pairs.calibration import Calibrated, PairCalibration, PairRules
+from calstation.estimation.pairs.fit import ACCEL_BIAS, GYRO_BIAS, Model, PairChoice
+from calstation.estimation.pairs.static import Threshold
+from calstation.estimation.pairs.watch import PairWatch, Triggers, WatchEvent, check_values
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Step
 from calstation.physics.parameters import PAIR_PARAMETERS, pair_name

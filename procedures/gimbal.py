@@ -15,10 +15,12 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.batch_stage import BatchStage
-from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.gimbal_data import Motion, find_motions
-from calstation.estimation.gimbal_fit import fit_gimbal
-from calstation.estimation.gimbal_iteration import (
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.noise import filter_noise
+from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.gimbal.data import Motion, find_motions
+from calstation.estimation.gimbal.fit import fit_gimbal
+from calstation.estimation.gimbal.iteration import (
     AXES,
     AxisCourse,
     GimbalIteration,
@@ -29,10 +31,8 @@ from calstation.estimation.gimbal_iteration import (
     sign_of,
 )
 from calstation.estimation.method import Method, Solution
-from calstation.estimation.noise import filter_noise
-from calstation.estimation.recording_faults import frozen_columns
-from calstation.estimation.relinearise import nis_consistency, restricted
-from calstation.estimation.stage_data import StageData
+from calstation.estimation.navigation.relinearise import nis_consistency, restricted
+from calstation.estimation.positions.recording_faults import frozen_columns
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Step
 from calstation.physics.parameters import INDEX, NAMES

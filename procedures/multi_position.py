@@ -13,14 +13,14 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError
 from calstation.estimation.batch_stage import BatchStage
-from calstation.estimation.context import Belief, SolveContext
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.common.stillness import Link, Stillness, find_stillness
 from calstation.estimation.method import Method, Solution
-from calstation.estimation.position_fit import MOST_ITERATIONS, PositionFit, fit_positions
-from calstation.estimation.positions import Position, Scatter, positions
-from calstation.estimation.recording_faults import sound_links
-from calstation.estimation.relinearise import nis_consistency, restricted
-from calstation.estimation.stage_data import StageData
-from calstation.estimation.stillness import Link, Stillness, find_stillness
+from calstation.estimation.navigation.relinearise import nis_consistency, restricted
+from calstation.estimation.positions.fit import MOST_ITERATIONS, PositionFit, fit_positions
+from calstation.estimation.positions.observations import Position, Scatter, positions
+from calstation.estimation.positions.recording_faults import sound_links
 from calstation.physics.earth import normal_gravity
 from calstation.physics.motion import Carry, Dwell, Move, Step
 from calstation.physics.parameters import NAMES, PARAMETERS

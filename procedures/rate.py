@@ -14,12 +14,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.batch_stage import BatchStage
-from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.least_squares import gauss_newton
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.least_squares import gauss_newton
+from calstation.estimation.common.noise import WANDER_TIME, filter_noise
+from calstation.estimation.common.stage_data import StageData, mean_angles, rests
 from calstation.estimation.method import Innovations, Method, Solution
-from calstation.estimation.noise import WANDER_TIME, filter_noise
-from calstation.estimation.relinearise import nis_consistency, restricted
-from calstation.estimation.stage_data import StageData, mean_angles, rests
+from calstation.estimation.navigation.relinearise import nis_consistency, restricted
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import rotation_rate
 from calstation.physics.motion import Dwell, Move, Step

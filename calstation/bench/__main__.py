@@ -10,8 +10,8 @@ from typing import Any
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.process import serve
-from calstation.configuration import validate
 from calstation.errors import ConfigurationError
+from calstation.schema import validate
 
 
 def read_config(text: str) -> dict[str, Any]:

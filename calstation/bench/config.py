@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from calstation.bench.grades import GradeName
-from calstation.bench.hand_rig import HandRig
-from calstation.bench.table_machine import TableLimits
-from calstation.bench.truth import ARCSECOND, BenchTruth
+from calstation.bench.table.machine import TableLimits
+from calstation.bench.truth.bench import ARCSECOND, BenchTruth
+from calstation.bench.truth.grades import GradeName
+from calstation.bench.truth.manual_rig import HandRig
 from calstation.physics.parameters import INDEX
 
 Vector = tuple[float, float, float]

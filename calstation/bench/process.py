@@ -7,17 +7,17 @@ import threading
 import time
 from typing import Any
 
-from calstation.bench.clock_link import ClockLink
 from calstation.bench.config import BenchConfig, Order
-from calstation.bench.imu_frames import crc16
-from calstation.bench.imu_link import SocketLine, TerminalLine
+from calstation.bench.imu.frames import crc16
+from calstation.bench.links.clock import ClockLink
+from calstation.bench.links.imu import SocketLine, TerminalLine
+from calstation.bench.links.table_modbus import UNIT, TableLink
+from calstation.bench.links.table_text import TableLine
 from calstation.bench.live import LiveBench
-from calstation.bench.simulate import Simulator
-from calstation.bench.table_drives import UNITS, Drive
-from calstation.bench.table_line import TableLine
-from calstation.bench.table_link import UNIT, TableLink
-from calstation.bench.table_machine import Power
-from calstation.bench.table_text import LANGUAGES, Axes
+from calstation.bench.table.cia402_drives import UNITS, Drive
+from calstation.bench.table.machine import Power
+from calstation.bench.table.text import LANGUAGES, Axes
+from calstation.bench.truth.simulate import Simulator
 from calstation.physics.motion import Dwell, Move, Step
 
 #: Host time between looks of the watchdog and, where time follows the host's, between its steps, s.

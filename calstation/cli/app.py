@@ -35,7 +35,7 @@ def _given(kind: str) -> Callable[[Path | None], Path | None]:
     """An option's file by its path or its name. Raises ConfigurationError."""
 
     def look_up(path: Path | None) -> Path | None:
-        from calstation.station.library import given
+        from calstation.config.library import given
 
         return None if path is None else given(kind, path)
 

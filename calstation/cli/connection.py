@@ -8,16 +8,16 @@ from rich.console import Console
 
 from calstation.cli.show import check_json, emit_json
 from calstation.cli.typed import as_typed
+from calstation.config import library
+from calstation.config.editing import check, kind_of, read_text
+from calstation.config.request import RunRequest
+from calstation.config.station import load_station
+from calstation.connection.compatibility import unfit
+from calstation.connection.link_test import Order, setup_of, try_imu, try_table
+from calstation.connection.station_rules import contradictions
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.station import library
-from calstation.station.config import load_station
-from calstation.station.connection_test import Order, setup_of, try_imu, try_table
-from calstation.station.finding import Finding, Report
-from calstation.station.finding_words import word_finding, word_note
-from calstation.station.request import RunRequest
-from calstation.station.settings import check, kind_of, read_text
-from calstation.station.station_rules import contradictions
-from calstation.station.unfit import unfit
+from calstation.messages.finding import Finding, Report
+from calstation.messages.finding_words import word_finding, word_note
 
 _DEVICES = {"table": try_table, "imu": try_imu}
 _STATES = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}

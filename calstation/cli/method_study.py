@@ -12,8 +12,8 @@ from rich.table import Table
 from calstation.cli.show import check_json, emit_json
 from calstation.errors import ConfigurationError
 from calstation.physics.units import DISPLAY
-from calstation.station.bench_recordings import GradeName
-from calstation.station.method_study import run_method_study
+from calstation.simulation.bench_recordings import GradeName
+from calstation.simulation.method_study import run_method_study
 
 SEEDS = 30
 

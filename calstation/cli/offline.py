@@ -10,7 +10,7 @@ from calstation.cli.show import check_json, emit_json, result_table
 from calstation.cli.wording import NOT_ALL, RESOLVED, word
 from calstation.errors import InsufficientDataError
 from calstation.records.convert import export_csv, import_csv
-from calstation.station.resolve import resolve
+from calstation.results.resolve import resolve
 
 
 def resolve_command(

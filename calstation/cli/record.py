@@ -8,8 +8,8 @@ from rich.console import Console
 
 from calstation.errors import ConfigurationError
 from calstation.records.raw_log import SUFFIX
-from calstation.station.bench_recordings import GradeName, Kind, make_recording
-from calstation.station.recordings import truth_path
+from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
+from calstation.simulation.recordings import truth_path
 
 
 def record_command(kind: str, target: Path, grade: str, seed: int) -> int:

@@ -13,18 +13,18 @@ from calstation.cli.run import Display, complain, interrupt_stops, run_request
 from calstation.cli.show import check_json, emit_json
 from calstation.cli.typed import said_as_typed
 from calstation.cli.wording import PROOFS
-from calstation.devices.transfer import Step
+from calstation.config.library import site_folder
+from calstation.config.request import RegisterErrand, RunRequest
+from calstation.config.station import load_station
+from calstation.devices.imu.transfer import Step
 from calstation.errors import DeviceFaultError, StoppedError
 from calstation.physics.units import display
+from calstation.registers.journal import Kind, Transfer
+from calstation.registers.listing import UnitTransfers, largest_change, transfers
+from calstation.registers.manual import UnitRegisters, read_unit
+from calstation.registers.operation import turning
+from calstation.runs.engine import Engine
 from calstation.sequencer.events import Fault, Settled
-from calstation.station.config import load_station
-from calstation.station.engine import Engine
-from calstation.station.hand_registers import UnitRegisters, read_unit
-from calstation.station.library import site_folder
-from calstation.station.register_errand import turning
-from calstation.station.register_journal import Kind, Transfer
-from calstation.station.register_list import UnitTransfers, largest_change, transfers
-from calstation.station.request import RegisterErrand, RunRequest
 
 CLOSINGS = {
     None: "OPEN: interrupted, finish or restore it",

@@ -15,7 +15,13 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from calstation.cli.show import check_json, emit_json, result_table
 from calstation.cli.typed import as_typed, options, said_as_typed
 from calstation.cli.wording import OUTCOMES, READ_BACK, REASONS, STATES, word, word_guided, word_step
+from calstation.config.request import RunRequest
+from calstation.config.resolving import prepare
+from calstation.config.station import load_station
+from calstation.config.user import computer_user
 from calstation.errors import ConfigurationError, StoppedError
+from calstation.runs.engine import INTERNAL, Engine
+from calstation.runs.resume import filled, serial_of
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import (
     Event,
@@ -29,12 +35,6 @@ from calstation.sequencer.events import (
     StepStarted,
     Verdict,
 )
-from calstation.station.config import load_station
-from calstation.station.engine import INTERNAL, Engine
-from calstation.station.preparation import prepare
-from calstation.station.request import RunRequest
-from calstation.station.resume import filled, serial_of
-from calstation.station.who import computer_user
 
 DEFAULT_SERIAL = "SN-000001"
 """What the virtual bench's unit answers to where no serial number was given."""

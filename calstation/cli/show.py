@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.table import Table
 
 from calstation.cli.wording import CHECKS
+from calstation.config.site_check import LATITUDE
 from calstation.errors import ConfigurationError
 from calstation.physics.units import DEGREE, display, number
-from calstation.station.place import LATITUDE
-from calstation.station.result import write_json
+from calstation.results.result import write_json
 
 
 def check_json(target: str | None) -> None:

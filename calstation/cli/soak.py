@@ -16,7 +16,7 @@ from rich.table import Table
 
 from calstation.cli.show import check_json, emit_json
 from calstation.errors import StoppedError
-from calstation.station.soak import Soak, soak
+from calstation.simulation.soak import Soak, soak
 
 RUNS = 20
 """What is done where no number is given."""

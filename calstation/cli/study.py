@@ -12,7 +12,7 @@ from rich.table import Table
 from calstation.cli.show import check_json, emit_json
 from calstation.errors import ConfigurationError
 from calstation.physics.units import DISPLAY
-from calstation.station.study import SEEDS, run_study
+from calstation.simulation.study import SEEDS, run_study
 
 
 def study_command(grade: str | None, seeds: int | None, json: str | None) -> int:

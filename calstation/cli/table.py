@@ -8,10 +8,10 @@ from rich.console import Console
 
 from calstation.cli.show import check_json, emit_json
 from calstation.cli.wording import RESETS
+from calstation.config.station import load_station
+from calstation.connection.link_test import Order
+from calstation.connection.table_reset import TableStanding, read_table, reset_table
 from calstation.errors import DeviceFaultError
-from calstation.station.config import load_station
-from calstation.station.connection_test import Order
-from calstation.station.table_reset import TableStanding, read_table, reset_table
 
 
 def status_command(station: Path | None, product: Path | None, json: str | None) -> int:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from calstation.config.request import RunRequest
 from calstation.errors import DeviceFaultError
-from calstation.station.request import RunRequest
 
 _RESET = re.compile(r"calstation table reset")
 _REGISTERS = re.compile(r"calstation registers (?:finish|restore)(?: \(or restore\))? [^\s,;]+")

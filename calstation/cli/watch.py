@@ -6,10 +6,10 @@ from typing import Any
 
 from rich.console import Console
 
-from calstation.estimation.pair_static import SENSORS
-from calstation.estimation.pair_watch import WatchEvent
+from calstation.estimation.pairs.static import SENSORS
+from calstation.estimation.pairs.watch import WatchEvent
 from calstation.physics.units import DEGREE, DEGREE_PER_HOUR, MICRO_G
-from calstation.station.pair_run import pair_folder, watch_log
+from calstation.results.pair_run import pair_folder, watch_log
 
 _SAID = {
     "triggered": "a check is due; waiting for a rest",

@@ -29,6 +29,6 @@ def window_command() -> int | None:
     """Open the window and return its exit code when it is closed; None where there is no screen."""
     if not has_screen():
         return None
-    from calstation.gui.app import main
+    from calstation.gui.shell.app import main
 
     return main()

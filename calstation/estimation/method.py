@@ -6,10 +6,10 @@ from typing import Annotated, Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.evidence import Evidence
-from calstation.estimation.latitude import SeenLatitude
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.latitude import SeenLatitude
+from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.positions.evidence import Evidence
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.motion import Step
 from calstation.physics.table import TableGeometry

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from pydantic import Field, field_validator
 
-from calstation.configuration import StrictModel, suggestion
-from calstation.estimation.context import Belief, SolveContext
-from calstation.estimation.evidence import Evidence, MotionEvidence, gravity_misses, turned_angle
+from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.method import Solution
+from calstation.estimation.positions.evidence import Evidence, MotionEvidence, gravity_misses, turned_angle
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import normal_gravity
 from calstation.physics.parameters import GROUPS, INDEX, NAMES, PARAMETERS
 from calstation.physics.table import TableGeometry
 from calstation.records.limits import NEAR, Check, estimated_stage
+from calstation.schema import StrictModel, suggestion
 
 LEAST_TURN = np.deg2rad(10.0)
 """A motion that turns less proves nothing of a scale factor."""

@@ -13,12 +13,12 @@ from typing import IO
 
 import numpy as np
 
-from calstation.configuration import suggestion
 from calstation.errors import InputError
-from calstation.estimation.samples import SampleBlock, snap_angles
-from calstation.estimation.sequence import SequenceError, SequenceUnwrapper
+from calstation.estimation.common.samples import SampleBlock, snap_angles
+from calstation.estimation.common.sequence import SequenceError, SequenceUnwrapper
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 from calstation.records.meta import FURTHER_IMUS, LogMeta
+from calstation.schema import suggestion
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")

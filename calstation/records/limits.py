@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, field_validator
 
-from calstation.configuration import StrictModel, suggestion
-from calstation.estimation.context import Belief
+from calstation.estimation.common.context import Belief
 from calstation.estimation.method import Estimate, Solution
 from calstation.physics.parameters import (
     GROUPS,
@@ -18,6 +17,7 @@ from calstation.physics.parameters import (
     PARAMETERS,
     pair_parameter,
 )
+from calstation.schema import StrictModel, suggestion
 
 PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
 NEAR = 0.8

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import InputError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.csv_log import csv_blocks, meta_path
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.hole import Hole

@@ -9,9 +9,8 @@ import numpy as np
 import tomli_w
 from pydantic import Field, JsonValue, field_validator, model_validator
 
-from calstation.configuration import StrictModel, load, suggestion, validate
 from calstation.errors import InputError
-from calstation.estimation.context import (
+from calstation.estimation.common.context import (
     Belief,
     ImuModel,
     Secondary,
@@ -23,6 +22,7 @@ from calstation.estimation.context import (
 from calstation.physics.parameters import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, group_indices
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
+from calstation.schema import StrictModel, load, suggestion, validate
 
 _UNIT_TOLERANCE = 1e-3
 FURTHER_IMUS = tuple(range(2, 10))

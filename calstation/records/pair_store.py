@@ -5,11 +5,11 @@ from pathlib import Path
 
 import tomli_w
 
-from calstation.configuration import load
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.context import StoredPair
+from calstation.estimation.common.context import StoredPair
 from calstation.records.atomic import write_atomic
 from calstation.records.meta import StoredPairSection
+from calstation.schema import load
 
 
 def pair_path(folder: Path, primary: str, secondary: str) -> Path:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.locked import take
 from calstation.records.meta import LogMeta

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calstation.errors import InputError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.hole import Hole, without
 from calstation.records.locked import held
 from calstation.records.meta import LogMeta, meta_from_json

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calstation.devices.channels import Span
 from calstation.devices.interfaces import Imu, SampleBatch, TableStatus
-from calstation.estimation.context import ImuModel
-from calstation.estimation.samples import SampleBlock, snap_angles
+from calstation.devices.profiles.channels import Span
+from calstation.estimation.common.context import ImuModel
+from calstation.estimation.common.samples import SampleBlock, snap_angles
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.sequencer.ports import Clock
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calstation.errors import DeviceFaultError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Carry
 from calstation.physics.table import OUTER, TableGeometry

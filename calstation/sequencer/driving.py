@@ -11,7 +11,7 @@ import numpy as np
 
 from calstation.devices.interfaces import Imu, Table
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.sequencer import states

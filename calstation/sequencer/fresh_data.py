@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calstation.errors import DeviceFaultError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.sequencer.acquisition import Acquisition

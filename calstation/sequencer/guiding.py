@@ -6,9 +6,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from calstation.estimation.context import ImuModel
-from calstation.estimation.guidance import Guidance, PositionGuide
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.context import ImuModel
+from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.positions.guidance import Guidance, PositionGuide
 from calstation.physics.motion import Carry
 from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.control import Control

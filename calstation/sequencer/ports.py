@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import Any, Protocol
 
+from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
-from calstation.estimation.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.sequencer.events import Event
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from calstation.devices.interfaces import Imu, ImuIdentity, Table, TableIdentity
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.physics.rotation import rotation_vector

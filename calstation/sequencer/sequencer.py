@@ -7,8 +7,8 @@ from typing import TypeVar
 
 from calstation.devices.interfaces import Imu, Table
 from calstation.errors import CalstationError
+from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
-from calstation.estimation.samples import SampleBlock
 from calstation.physics.motion import Carry, Finish, Move, Prepare, RoundEnd
 from calstation.sequencer.acquisition import LastSample
 from calstation.sequencer.control import Control, StopRequested

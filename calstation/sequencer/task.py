@@ -6,9 +6,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from calstation.devices.channels import Span
+from calstation.devices.profiles.channels import Span
 from calstation.errors import CalstationError
-from calstation.estimation.context import ImuModel
+from calstation.estimation.common.context import ImuModel
 from calstation.estimation.method import Solution
 from calstation.physics.motion import Step
 from calstation.physics.table import TableGeometry

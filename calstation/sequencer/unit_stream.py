@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, OtherModelError
-from calstation.devices.link import PortLostError
+from calstation.devices.links.serial_link import PortLostError
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.ports import Clock

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 import serial
 
-from calstation.bench.imu_frames import COMMAND_SYNC, REPLY_SYNC, STREAM, crc16, pack
+from calstation.bench.imu.frames import COMMAND_SYNC, REPLY_SYNC, STREAM, crc16, pack
 
 
 class Bench:

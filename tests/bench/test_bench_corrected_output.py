@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.imu_unit import CORRECTED, STREAM, WRITE
+from calstation.bench.imu.unit import CORRECTED, STREAM, WRITE
 from calstation.bench.live import UNITS
-from calstation.bench.stream_truth import StreamOutput
-from calstation.devices.checks import check_bytes
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.link import SerialLink
-from calstation.devices.numbers import number
-from calstation.devices.open_imu import open_imu
-from calstation.devices.registers import RegisterMap
-from calstation.devices.streamed_imu import ImuRefusalError
-from calstation.devices.vectornav_imu import line
+from calstation.bench.truth.stream import StreamOutput
+from calstation.devices.codecs.frame_checks import check_bytes
+from calstation.devices.codecs.numbers import number
+from calstation.devices.imu.open_imu import open_imu
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.streamed_imu import ImuRefusalError
+from calstation.devices.imu.vectornav_imu import line
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.imu import load_imu_profile
 from calstation.physics.parameters import PARAMETERS
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"

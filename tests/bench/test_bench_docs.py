@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from calstation.bench.config import BenchConfig, OrderName
-from calstation.station.fault_plan import HOST, KINDS, SET_UP
+from calstation.simulation.fault_plan import HOST, KINDS, SET_UP
 
 DOCS = Path(__file__).parents[2] / "docs"
 BENCH, FAULTS = ((DOCS / name).read_text(encoding="utf-8") for name in ("bench.md", "faults.md"))

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.table_drive import EncoderTruth, TableDrive
-from calstation.bench.table_drives import Drive
-from calstation.bench.table_machine import Fault, NotPermitted, OutOfRange, TableLimits, TableMachine
-from calstation.bench.table_text import Axes
-from calstation.devices.modbus_table import ModbusTable
-from calstation.devices.register_table import RegisterTable
-from calstation.devices.table_profile import load_table_profile
+from calstation.bench.table.cia402_drives import Drive
+from calstation.bench.table.drive import EncoderTruth, TableDrive
+from calstation.bench.table.machine import Fault, NotPermitted, OutOfRange, TableLimits, TableMachine
+from calstation.bench.table.text import Axes
+from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.table.register_table import RegisterTable
 from calstation.errors import ConfigurationError, DeviceFaultError
 
 PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "cia402_drives.toml")

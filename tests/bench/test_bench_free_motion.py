@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from calstation.bench.free_motion import Course, FreeMotion, Link, Pulse, tremor
-from calstation.bench.grades import draw_imu
-from calstation.bench.hand_rig import HandRig, around, push, record
-from calstation.bench.kinematics import JointProfile
-from calstation.bench.live_hands import HandStream
-from calstation.bench.stream_truth import SensorStream
-from calstation.bench.table_truth import TableTruth, rotation
-from calstation.bench.unit_samples import Field, Place, ideal_increments
+from calstation.bench.imu.live_hands import HandStream
+from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, tremor
+from calstation.bench.truth.free_unit import Field, Place, ideal_increments
+from calstation.bench.truth.grades import draw_imu
+from calstation.bench.truth.kinematics import JointProfile
+from calstation.bench.truth.manual_rig import HandRig, around, push, record
+from calstation.bench.truth.stream import SensorStream
+from calstation.bench.truth.table import TableTruth, rotation
 
 ZERO = np.zeros(3)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calstation.bench.gimbal_truth import GimbalBench, attitude, joint_rates
-from calstation.bench.grades import draw_imu
+from calstation.bench.truth.gimbal import GimbalBench, attitude, joint_rates
+from calstation.bench.truth.grades import draw_imu
 from calstation.physics.parameters import group_matrix
 
 ORDER = np.array([2, 0, 1])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calstation.bench.imu_truth import ImuTruth, digitise, true_increments
-from calstation.bench.kinematics import JointProfile
-from calstation.bench.table_truth import TableTruth
-from calstation.bench.truth import BenchTruth
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.imu import ImuTruth, digitise, true_increments
+from calstation.bench.truth.kinematics import JointProfile
+from calstation.bench.truth.table import TableTruth
 from calstation.physics.parameters import COUNT, INDEX
 
 LATITUDE = np.deg2rad(34.25)

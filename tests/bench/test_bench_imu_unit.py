@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.bench.imu_frames import COMMAND_SYNC, STREAM, CommandParser, crc16, pack, stream_frames
-from calstation.bench.imu_unit import BOOT_TIME, FLASH_TIME, ImuUnit
-from calstation.bench.stream_truth import StreamOutput
+from calstation.bench.imu.frames import COMMAND_SYNC, STREAM, CommandParser, crc16, pack, stream_frames
+from calstation.bench.imu.unit import BOOT_TIME, FLASH_TIME, ImuUnit
+from calstation.bench.truth.stream import StreamOutput
 
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM_OP, ERROR = 1, 2, 3, 4, 5, 6, 255
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.link import SerialLink, SerialSettings
-from calstation.devices.modbus_table import ModbusTable
-from calstation.devices.open_imu import open_imu
-from calstation.devices.registers import RegisterMap
-from calstation.devices.table_profile import load_table_profile
+from calstation.devices.imu.open_imu import open_imu
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.table.modbus_table import ModbusTable
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from calstation.bench.config import BenchConfig, Order
-from calstation.bench.imu_frames import STREAM, crc16
-from calstation.bench.imu_unit import BOOT_TIME
+from calstation.bench.imu.frames import STREAM, crc16
+from calstation.bench.imu.unit import BOOT_TIME
 from calstation.bench.live import LiveBench
-from calstation.bench.simulate import Simulator
-from calstation.bench.table_machine import Fault
+from calstation.bench.table.machine import Fault
+from calstation.bench.truth.simulate import Simulator
 from calstation.physics.motion import Dwell, Move
 
 

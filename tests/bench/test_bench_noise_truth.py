@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from calstation.bench.imu_truth import ImuTruth
-from calstation.bench.kinematics import JointProfile
-from calstation.bench.noise_truth import (
+from calstation.bench.truth.imu import ImuTruth
+from calstation.bench.truth.kinematics import JointProfile
+from calstation.bench.truth.noise import (
     INSTABILITY_TIMES,
     instability_covariance,
     instability_variance,
     vibration_frequency,
 )
-from calstation.bench.stream_truth import SensorStream
-from calstation.bench.table_truth import TableTruth
+from calstation.bench.truth.stream import SensorStream
+from calstation.bench.truth.table import TableTruth
 from calstation.physics.parameters import COUNT
 
 REST = (JointProfile.rest(0.0), JointProfile.rest(0.0))

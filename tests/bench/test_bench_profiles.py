@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from calstation.bench.config import BenchConfig
-from calstation.bench.grades import GRADES
-from calstation.bench.imu_unit import MODEL
+from calstation.bench.imu.unit import MODEL
+from calstation.bench.links.table_modbus import BAUD, UNIT
 from calstation.bench.live import TABLE_MODEL
-from calstation.bench.table_link import BAUD, UNIT
+from calstation.bench.truth.grades import GRADES
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 

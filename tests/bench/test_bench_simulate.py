@@ -7,9 +7,9 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from calstation.bench.grades import GRADES
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.grades import GRADES
+from calstation.bench.truth.simulate import Simulator
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, PARAMETERS
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calstation.bench.table_drive import EncoderTruth, TableDrive
-from calstation.bench.table_machine import (
+from calstation.bench.table.drive import EncoderTruth, TableDrive
+from calstation.bench.table.machine import (
     SETTLING_TIME,
     Fault,
     NotPermitted,

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.table_drive import EncoderTruth, TableDrive
-from calstation.bench.table_machine import Fault, TableLimits, TableMachine
-from calstation.bench.table_text import LANGUAGES, Axes
+from calstation.bench.table.drive import EncoderTruth, TableDrive
+from calstation.bench.table.machine import Fault, TableLimits, TableMachine
+from calstation.bench.table.text import LANGUAGES, Axes
 from calstation.devices.interfaces import UNTOLD
-from calstation.devices.table_profile import load_table_profile
-from calstation.devices.text_link import TextRefusalError
-from calstation.devices.text_table import TextTable
+from calstation.devices.links.text_link import TextRefusalError
+from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.table.text_table import TextTable
 
 TABLES = Path(__file__).parents[2] / "data" / "tables"
 PROFILES = {"atl": "aerosmith_atl", "acl": "acutronic_acl", "mn": "mn_ascii"}

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.stream_truth import StreamOutput
-from calstation.bench.unit_dsp import DspUnit, crc16_modbus
-from calstation.bench.unit_vectornav import SAMPLES, VectorNavUnit, check_line, crc
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.link import SerialLink
-from calstation.devices.open_imu import open_imu
-from calstation.devices.registers import RegisterMap
-from calstation.devices.streamed_imu import ImuRefusalError
+from calstation.bench.imu.modbus_dsp import DspUnit, crc16_modbus
+from calstation.bench.imu.vectornav import SAMPLES, VectorNavUnit, check_line, crc
+from calstation.bench.truth.stream import StreamOutput
+from calstation.devices.imu.open_imu import open_imu
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.streamed_imu import ImuRefusalError
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.imu import load_imu_profile
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 PLAIN = "1,0,0,0,1,0,0,0,1,0,0,0"

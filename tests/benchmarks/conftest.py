@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
 
 sys.path.append(str(Path(__file__).parent.parent / "estimation"))
 
@@ -43,8 +43,8 @@ def stage():
     """An excitation of a navigation-grade unit at 200 Hz with what a filter needs to pass over it."""
     from simulated_stages import block_of, context_of, prior_of, simulate
 
-    from calstation.estimation.alignment import starts
-    from calstation.estimation.stage_data import stage_data
+    from calstation.estimation.common.alignment import starts
+    from calstation.estimation.common.stage_data import stage_data
 
     truth = BenchTruth.draw("nav", 41)
     block = block_of(simulate(Simulator(truth, 41), truth, "excitation"))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from plain_filter import plain_pass
 
-from calstation.estimation import navigation
-from calstation.estimation.navigation import NavigationFilter
-from calstation.estimation.noise import filter_noise
-from calstation.station.solve import one_blas_thread
+from calstation.estimation.common.noise import filter_noise
+from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.filter import filter as navigation
+from calstation.results.solver_chain import one_blas_thread
 
 STRETCH = 6000
 """Samples of the stretch that both filters pass over: half a minute with a turn and three rests."""

@@ -11,7 +11,7 @@ from time import perf_counter, thread_time
 import numpy as np
 import pytest
 
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 
@@ -68,9 +68,9 @@ def resident() -> float:
 def test_zooming_an_hour_at_2_khz_never_stops_the_window(hour, benchmark, figures, monkeypatch, tmp_path):
     from PySide6.QtWidgets import QApplication
 
-    from calstation.gui import theme
-    from calstation.gui.context import AppContext
-    from calstation.gui.offline.page import OfflinePage
+    from calstation.gui.logs.page import OfflinePage
+    from calstation.gui.shell.context import AppContext
+    from calstation.gui.widgets import theme
 
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     qt = QApplication.instance() or QApplication(sys.argv[:1])

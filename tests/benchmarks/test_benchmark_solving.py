@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, geometry_of, prior_of, simulate, solver_of
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
-from calstation.estimation.samples import SampleBlock
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import NAMES
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.station.resolve import resolve
-from calstation.station.solve import one_blas_thread
+from calstation.results.resolve import resolve
+from calstation.results.solver_chain import one_blas_thread
 from procedures import method
 
 TICK, LOOK = 0.05, 1.0

@@ -14,8 +14,9 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication, QObject, Qt, QTimer
 from PySide6.QtWidgets import QApplication, QPushButton
 
-from calstation.gui.app import create_window
-from calstation.gui.main_window import MainWindow
+from calstation.config import library
+from calstation.gui.shell.app import create_window
+from calstation.gui.shell.main_window import MainWindow
 from calstation.physics.parameters import GROUPS
 from calstation.sequencer.events import (
     SampleStats,
@@ -25,7 +26,6 @@ from calstation.sequencer.events import (
     TableMoved,
     Trace,
 )
-from calstation.station import library
 from tests.gui.conftest import Place
 
 RATE = 2000.0

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import tomli_w
 
-from calstation.station.library import shipped_folder
+from calstation.config.library import shipped_folder
 from tests.cli.conftest import Done
 from tests.station.conftest import STATION
 from tests.station.wires import FakeImu, FakeTable, server, terminal

@@ -7,7 +7,7 @@ import pytest
 
 from calstation.cli import window
 from calstation.cli.app import run_app
-from calstation.station.request import RunRequest
+from calstation.config.request import RunRequest
 
 LINUX = sys.platform not in ("win32", "darwin")
 
@@ -40,7 +40,7 @@ def test_a_screen_that_cannot_be_used_counts_as_none(monkeypatch: pytest.MonkeyP
 
 def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(window, "has_screen", lambda: True)
-    monkeypatch.setattr("calstation.gui.app.main", lambda: 0)
+    monkeypatch.setattr("calstation.gui.shell.app.main", lambda: 0)
     assert run_app([]) == 0
 
 
@@ -48,8 +48,8 @@ def test_no_command_of_the_terminal_needs_qt() -> None:
     script = (
         "import sys; sys.modules['PySide6'] = None\n"
         "from calstation.cli.app import run_app\n"
-        "import calstation.cli.run, calstation.cli.offline, calstation.cli.study, calstation.station.engine\n"
-        "import calstation.station.run\n"
+        "import calstation.cli.run, calstation.cli.offline, calstation.cli.study, calstation.runs.engine\n"
+        "import calstation.runs.run\n"
         "sys.exit(run_app(['run', '--serial', 'x y']))\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)

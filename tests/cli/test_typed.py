@@ -8,13 +8,13 @@ import pytest
 
 from calstation.cli.run import complain
 from calstation.cli.typed import as_typed, said_as_typed
+from calstation.config.request import OR_AT_REST, RunRequest
 from calstation.devices.interfaces import TableStatus
 from calstation.errors import DeviceFaultError
 from calstation.physics.table import JointLimits
+from calstation.runs import engine
 from calstation.sequencer.events import Fault
 from calstation.sequencer.guard import check_power
-from calstation.station import engine
-from calstation.station.request import OR_AT_REST, RunRequest
 
 HERE = RunRequest("SN-1", Path("line 3.toml"), Path("unit.toml"), out=Path("today"))
 

@@ -8,19 +8,19 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from calstation.bench.imu_frames import crc16
-from calstation.bench.imu_unit import ImuUnit
-from calstation.bench.unit_dsp import DspUnit
-from calstation.bench.unit_vectornav import VectorNavUnit
-from calstation.devices.framed_imu import FramedImu
-from calstation.devices.imu_profile import ImuProfile, load_imu_profile
-from calstation.devices.link import PortLostError
-from calstation.devices.modbus_imu import ModbusImu
-from calstation.devices.registered_imu import RegisteredImu
-from calstation.devices.registers import RegisterMap
-from calstation.devices.streamed_imu import Question
-from calstation.devices.vectornav_imu import VectorNavImu
-from calstation.station import library
+from calstation.bench.imu.frames import crc16
+from calstation.bench.imu.modbus_dsp import DspUnit
+from calstation.bench.imu.unit import ImuUnit
+from calstation.bench.imu.vectornav import VectorNavUnit
+from calstation.config import library
+from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu.modbus_imu import ModbusImu
+from calstation.devices.imu.registered_imu import RegisteredImu
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.streamed_imu import Question
+from calstation.devices.imu.vectornav_imu import VectorNavImu
+from calstation.devices.links.serial_link import PortLostError
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 
 T = TypeVar("T")
 

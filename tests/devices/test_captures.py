@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.frame_profile import FrameSection
-from calstation.devices.frames import FrameDecoder, Frames
-from calstation.devices.imu_profile import ImuProfile, load_imu_profile
-from calstation.devices.sample_count import SampleCount
+from calstation.devices.imu.frames import FrameDecoder, Frames
+from calstation.devices.imu.sample_count import SampleCount
+from calstation.devices.profiles.frame import FrameSection
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 CAPTURES = Path(__file__).parents[3] / "shared" / "data" / "real" / "serial_captures"

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from calstation.devices.channels import CHANNELS, span
-from calstation.devices.frame_profile import FrameSection
-from calstation.devices.imu_profile import ImuProfile
-from calstation.station import library
+from calstation.config import library
+from calstation.devices.profiles.channels import CHANNELS, span
+from calstation.devices.profiles.frame import FrameSection
+from calstation.devices.profiles.imu import ImuProfile
 
 
 def frame(*types: dict[str, Any], **changes: Any) -> FrameSection:

@@ -12,9 +12,9 @@ from test_modbus_imu import write
 from test_vectornav_imu import driver as vectornav
 from test_vectornav_imu import pair
 
-from calstation.configuration import validate
-from calstation.devices.imu_profile import ImuProfile
+from calstation.devices.profiles.imu import ImuProfile
 from calstation.errors import ConfigurationError
+from calstation.schema import validate
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 

@@ -10,9 +10,9 @@ import pytest
 from fastcrc import crc16
 from pydantic import ValidationError
 
-from calstation.devices.frame_profile import FrameSection
-from calstation.devices.frames import FrameDecoder, Frames
-from calstation.devices.sample_count import SampleCount
+from calstation.devices.imu.frames import FrameDecoder, Frames
+from calstation.devices.imu.sample_count import SampleCount
+from calstation.devices.profiles.frame import FrameSection
 
 CHANNELS = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 

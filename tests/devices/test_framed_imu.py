@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from test_frames import reply_frame, stream_frame
 
-from calstation.devices.framed_imu import FramedImu
-from calstation.devices.imu_profile import ImuProfile, load_imu_profile
-from calstation.devices.streamed_imu import ImuBusyError, ImuRefusalError
+from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")

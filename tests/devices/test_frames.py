@@ -11,9 +11,9 @@ from fastcrc import crc16
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.checks import CRC_WIDTHS, check_bytes
-from calstation.devices.frames import FrameDecoder, Reply, command_frame
-from calstation.devices.imu_profile import ImuProfile, load_imu_profile
+from calstation.devices.codecs.frame_checks import CRC_WIDTHS, check_bytes
+from calstation.devices.imu.frames import FrameDecoder, Reply, command_frame
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 
 DATA = Path(__file__).parents[2] / "data"
 

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from calstation.configuration import read_toml, validate
-from calstation.devices.hand_rig import HandTable
-from calstation.devices.open_table import open_table
-from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.config import library
+from calstation.devices.profiles.table import TableProfile, load_table_profile
+from calstation.devices.table.manual_rig import HandTable
+from calstation.devices.table.open_table import open_table
 from calstation.errors import ConfigurationError
-from calstation.station import library
+from calstation.schema import read_toml, validate
 
 PATH = library.shipped_folder() / "tables" / "hand_rails.toml"
 

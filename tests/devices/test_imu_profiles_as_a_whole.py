@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.devices.imu_profile import load_imu_profile
+from calstation.devices.profiles.imu import load_imu_profile
 from calstation.errors import ConfigurationError
 
 DATA = Path(__file__).parents[2] / "data" / "imus"

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from rtu_server import RtuServer
 
-from calstation.devices.imu_profile import ImuProfile
-from calstation.devices.link import SerialLink, SerialSettings
-from calstation.devices.modbus_imu import ModbusImu
-from calstation.devices.modbus_link import ModbusLink, ModbusRefusalError
-from calstation.devices.modbus_rtu import Barriers, RtuRequest
-from calstation.devices.modbus_table import ModbusTable
-from calstation.devices.table_profile import load_table_profile
-from calstation.devices.unanswered import Unanswered
+from calstation.devices.imu.modbus_imu import ModbusImu
+from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
+from calstation.devices.links.modbus_rtu import Barriers, RtuRequest
+from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.unanswered import Unanswered
+from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.table.modbus_table import ModbusTable
 from calstation.errors import DeviceFaultError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from calstation.devices.link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink, SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
 
 SETTINGS = SerialSettings()

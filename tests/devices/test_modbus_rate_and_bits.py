@@ -5,7 +5,7 @@ import pytest
 from test_modbus_table import image, long, quick, read, table, write
 
 from calstation.devices.interfaces import UNTOLD
-from calstation.devices.table_profile import TableProfile
+from calstation.devices.profiles.table import TableProfile
 from calstation.errors import ConfigurationError
 
 RATE = 4

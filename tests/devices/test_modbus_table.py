@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.modbus_table import ModbusTable, decode, encode
-from calstation.devices.table_map import ModbusRegister
-from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.devices.profiles.table import TableProfile, load_table_profile
+from calstation.devices.profiles.table_registers import ModbusRegister
+from calstation.devices.table.modbus_table import ModbusTable, decode, encode
 from calstation.errors import ConfigurationError, DeviceFaultError
 
 SHIPPED = Path(__file__).parents[2] / "data" / "tables" / "bench.toml"

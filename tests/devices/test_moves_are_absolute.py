@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.bench.imu_unit import ImuUnit
-from calstation.bench.table_drive import EncoderTruth, TableDrive
-from calstation.bench.table_drives import UNITS, Drive
-from calstation.bench.table_machine import Power, TableLimits, TableMachine
-from calstation.bench.table_registers import TableRegisters
-from calstation.bench.table_text import LANGUAGES, Axes
-from calstation.devices.framed_imu import FramedImu
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.modbus_table import ModbusTable
-from calstation.devices.register_table import RegisterTable
-from calstation.devices.shared_table import SharedTable
-from calstation.devices.table_profile import TableProfile, load_table_profile
-from calstation.devices.text_table import TextTable
+from calstation.bench.imu.unit import ImuUnit
+from calstation.bench.table.cia402_drives import UNITS, Drive
+from calstation.bench.table.drive import EncoderTruth, TableDrive
+from calstation.bench.table.machine import Power, TableLimits, TableMachine
+from calstation.bench.table.registers import TableRegisters
+from calstation.bench.table.text import LANGUAGES, Axes
+from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.table import TableProfile, load_table_profile
+from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.table.register_table import RegisterTable
+from calstation.devices.table.shared_table import SharedTable
+from calstation.devices.table.text_table import TextTable
 from tests.station.wires import server, tcp_pdu
 
 DATA = Path(__file__).parents[2] / "data"

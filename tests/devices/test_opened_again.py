@@ -9,8 +9,8 @@ from rtu_server import RtuServer
 from serial.tools import list_ports
 from test_modbus_table import image, quick
 
-from calstation.devices.link import SerialSettings
-from calstation.devices.modbus_table import ModbusTable
+from calstation.devices.links.serial_link import SerialSettings
+from calstation.devices.table.modbus_table import ModbusTable
 from calstation.errors import DeviceFaultError
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")

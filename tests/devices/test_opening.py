@@ -6,8 +6,8 @@ import socket
 import pytest
 import serial
 
-from calstation.devices.link import SerialSettings
-from calstation.devices.opening import host_and_port, why_not
+from calstation.devices.links.opening import host_and_port, why_not
+from calstation.devices.links.serial_link import SerialSettings
 
 SETTINGS = SerialSettings()
 

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports
 
-from calstation.devices.link import SerialLink, SerialSettings
-from calstation.devices.modbus_link import ModbusLink
-from calstation.devices.opening import why_not
-from calstation.devices.ports import found_ports, resolve
+from calstation.devices.links.modbus_link import ModbusLink
+from calstation.devices.links.opening import why_not
+from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.errors import DeviceFaultError
 
 

@@ -10,11 +10,12 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import pytest
 from pydantic import BaseModel
 
-from calstation.devices.checks import CHECK_WIDTHS, CRC_WIDTHS
-from calstation.devices.frames import FrameDecoder, command_frame
-from calstation.devices.imu_profile import OPS, ImuProfile, load_imu_profile
-from calstation.devices.registers import RegisterMap
-from calstation.devices.table_map import (
+from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, CRC_WIDTHS
+from calstation.devices.imu.frames import FrameDecoder, command_frame
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.profiles.imu import OPS, ImuProfile, load_imu_profile
+from calstation.devices.profiles.table import TableProfile
+from calstation.devices.profiles.table_registers import (
     COMMANDS,
     DRIVE_REGISTERS,
     JOINT_REGISTERS,
@@ -25,7 +26,6 @@ from calstation.devices.table_map import (
     WRITTEN,
     ModbusRegister,
 )
-from calstation.devices.table_profile import TableProfile
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "profiles.md").read_text(encoding="utf-8")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.devices.imu_profile import ImuProfile, load_imu_profile
-from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
 
 DATA = Path(__file__).parents[2] / "data"

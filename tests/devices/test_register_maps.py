@@ -12,16 +12,16 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.conventions import (
+from calstation.devices.codecs.conventions import (
     Convention,
     from_registers,
     matrix_slots,
     offset_slots,
     to_registers,
 )
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.register_profile import RegisterEntry
-from calstation.devices.registers import RegisterMap
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS

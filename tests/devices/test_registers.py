@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.registers import RegisterMap
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.profiles.imu import load_imu_profile
 from calstation.errors import DeviceFaultError
 from calstation.physics.parameters import NAMES
 

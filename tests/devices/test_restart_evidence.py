@@ -9,12 +9,12 @@ import pytest
 from rtu_server import RtuServer
 from test_late_answers import pageless
 
-from calstation.devices.link import SerialLink
-from calstation.devices.mark import markable, marked
-from calstation.devices.modbus_imu import ModbusImu
-from calstation.devices.register_profile import RegisterEntry
-from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import transfer
+from calstation.devices.imu.modbus_imu import ModbusImu
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.restart_marker import markable, marked
+from calstation.devices.imu.transfer import transfer
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 from tests.devices.test_transfer import Noted
 

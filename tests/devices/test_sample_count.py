@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.frame_profile import FrameSection
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.sample_count import SampleCount
-from calstation.station import library
+from calstation.config import library
+from calstation.devices.imu.sample_count import SampleCount
+from calstation.devices.profiles.frame import FrameSection
+from calstation.devices.profiles.imu import load_imu_profile
 
 FRAME = load_imu_profile(library.shipped_folder() / "imus" / "bench_nav.toml").frame
 CLOCKS = {

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from test_framed_imu import ScriptedLink
 
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.silent_imu import SilentImu
+from calstation.devices.imu.silent_imu import SilentImu
+from calstation.devices.profiles.imu import load_imu_profile
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 DATAGRAM = bytes.fromhex(

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calstation.devices.table_profile import TableProfile, load_table_profile
+from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
 
 DATA = Path(__file__).parents[2] / "data" / "tables"

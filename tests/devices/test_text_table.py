@@ -16,9 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calstation.devices.interfaces import UNTOLD, OtherModelError
-from calstation.devices.table_profile import TableProfile, load_table_profile
-from calstation.devices.text_link import Checked, Plain, Prompted, TextRefusalError
-from calstation.devices.text_table import TextTable
+from calstation.devices.links.text_link import Checked, Plain, Prompted, TextRefusalError
+from calstation.devices.profiles.table import TableProfile, load_table_profile
+from calstation.devices.table.text_table import TextTable
 from calstation.errors import ConfigurationError, DeviceFaultError
 
 TABLES = Path(__file__).parents[2] / "data" / "tables"

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
-from calstation.devices.transfer import (
+from calstation.devices.imu.transfer import (
     Closing,
     Holds,
     Step,
@@ -18,6 +17,7 @@ from calstation.devices.transfer import (
     restore,
     transfer,
 )
+from calstation.devices.interfaces import ImuIdentity, LinkStats, SampleBatch
 from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.devices.dsp import MAP, NAMES, SERIAL, Unit
 

@@ -12,11 +12,11 @@ import pytest
 from fastcrc import crc16
 from test_framed_imu import ScriptedLink
 
-from calstation.devices.imu_profile import ImuProfile, load_imu_profile
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.streamed_imu import ImuRefusalError
+from calstation.devices.imu.vectornav_imu import VectorNavImu, line
 from calstation.devices.interfaces import OtherModelError
-from calstation.devices.registers import RegisterMap
-from calstation.devices.streamed_imu import ImuRefusalError
-from calstation.devices.vectornav_imu import VectorNavImu, line
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "vectornav_vn100.toml").with_timeout(

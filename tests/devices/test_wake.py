@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.bench.imu_frames import REPLY_SYNC, crc16, pack, stream_frames
-from calstation.bench.imu_unit import ImuUnit
-from calstation.bench.unit_dsp import DspUnit
-from calstation.bench.unit_vectornav import VectorNavUnit
-from calstation.devices.imu_profile import ImuProfile, load_imu_profile
+from calstation.bench.imu.frames import REPLY_SYNC, crc16, pack, stream_frames
+from calstation.bench.imu.modbus_dsp import DspUnit
+from calstation.bench.imu.unit import ImuUnit
+from calstation.bench.imu.vectornav import VectorNavUnit
+from calstation.config import library
+from calstation.devices.imu.open_imu import open_imu
+from calstation.devices.imu.streamed_imu import StreamedImu
 from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModelError
-from calstation.devices.open_imu import open_imu
-from calstation.devices.streamed_imu import StreamedImu
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
-from calstation.station import library
 
 UNITS: dict[str, type[ImuUnit]] = {
     "bench_nav": ImuUnit,

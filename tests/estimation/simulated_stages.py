@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from calstation.bench.grades import GRADES
-from calstation.bench.simulate import Simulated, Simulator
-from calstation.bench.truth import BenchTruth
-from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.samples import SampleBlock
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.grades import GRADES
+from calstation.bench.truth.simulate import Simulated, Simulator
+from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import COUNT, PARAMETERS
 from calstation.physics.table import TableGeometry
 from procedures import method

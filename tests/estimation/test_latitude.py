@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, prior_of, simulate
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
-from calstation.estimation.context import Belief
-from calstation.estimation.latitude import RestingOutput, SeenLatitude, feels_earth
-from calstation.estimation.samples import SampleBlock
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
+from calstation.estimation.common.context import Belief
+from calstation.estimation.common.latitude import RestingOutput, SeenLatitude, feels_earth
+from calstation.estimation.common.samples import SampleBlock
 
 UNITS = 12
 

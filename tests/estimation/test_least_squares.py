@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.estimation.context import Belief
-from calstation.estimation.least_squares import gauss_newton
-from calstation.estimation.relinearise import nis_consistency, restricted
+from calstation.estimation.common.context import Belief
+from calstation.estimation.common.least_squares import gauss_newton
+from calstation.estimation.navigation.relinearise import nis_consistency, restricted
 from calstation.physics.parameters import COUNT
 
 ALL = np.ones(COUNT, dtype=bool)

@@ -7,12 +7,12 @@ import pytest
 from scipy.linalg import expm
 from simulated_stages import block_of, errors_in_sigma, solved
 
-from calstation.estimation import navigation
-from calstation.estimation.alignment import starts
-from calstation.estimation.context import Belief
-from calstation.estimation.navigation import NavigationFilter
-from calstation.estimation.relinearise import nis_consistency
-from calstation.estimation.stage_data import stage_data
+from calstation.estimation.common.alignment import starts
+from calstation.estimation.common.context import Belief
+from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.filter import filter as navigation
+from calstation.estimation.navigation.relinearise import nis_consistency
 from calstation.physics.parameters import COUNT, PARAMETERS
 from calstation.physics.rotation import skew
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, errors_in_sigma, prior_of, simulate, solved, solver_of
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
 from calstation.errors import InsufficientDataError
 from calstation.physics.motion import Dwell
 from calstation.physics.parameters import INDEX, NAMES

@@ -7,11 +7,11 @@ import pytest
 from scipy.stats import chi2
 from simulated_stages import block_of, context_of
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
-from calstation.estimation.context import ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.noise import filter_noise, rest_mean_variance
-from calstation.estimation.stage_data import slope_weights, stage_data
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
+from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.noise import filter_noise, rest_mean_variance
+from calstation.estimation.common.stage_data import slope_weights, stage_data
 from calstation.physics.motion import Dwell
 
 IMU = ImuModel("S", 200.0, "increment", 1e-7, 1e-6, 1e-6, 1e-4)

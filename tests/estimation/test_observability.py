@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from simulated_stages import SCHEDULES, geometry_of, solved
 
-from calstation.estimation.alignment import starts
-from calstation.estimation.navigation import NavigationFilter
-from calstation.estimation.observability import LARGEST_TURN, STATE_NAMES, pieces, pwcs
-from calstation.estimation.stage_data import stage_data
+from calstation.estimation.common.alignment import starts
+from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.observability import LARGEST_TURN, STATE_NAMES, pieces, pwcs
 from calstation.physics.motion import Move
 from calstation.physics.parameters import NAMES
 from procedures import method

@@ -5,13 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from simulated_stages import context_of
 
-from calstation.bench.kinematics import JointProfile
-from calstation.bench.stream_truth import SensorStream
-from calstation.bench.truth import BenchTruth
-from calstation.estimation.noise import filter_noise
-from calstation.estimation.reference import smoothed_reference
-from calstation.estimation.samples import SampleBlock
-from calstation.estimation.stage_data import stage_data
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.kinematics import JointProfile
+from calstation.bench.truth.stream import SensorStream
+from calstation.estimation.common.noise import filter_noise
+from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.navigation.reference import smoothed_reference
 from calstation.physics.earth import normal_gravity, rotation_rate
 from calstation.physics.imu_model import compensation
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, prior_of, simulate
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
-from calstation.estimation.context import Belief
-from calstation.estimation.residuals import rest_residuals
-from calstation.estimation.stage_data import stage_data
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
+from calstation.estimation.common.context import Belief
+from calstation.estimation.common.residuals import rest_residuals
+from calstation.estimation.common.stage_data import stage_data
 from calstation.physics.parameters import INDEX
 
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.estimation.context import ImuModel
-from calstation.estimation.samples import SampleBlock, since, snap_angles
-from calstation.estimation.stage_data import mean_angles, rests, slope_weights, stage_data
+from calstation.estimation.common.context import ImuModel
+from calstation.estimation.common.samples import SampleBlock, since, snap_angles
+from calstation.estimation.common.stage_data import mean_angles, rests, slope_weights, stage_data
 
 RATE_IMU = ImuModel("S", 100.0, "rate", 1e-9, 1e-9, 1e-9, 1e-9)
 NO_BIAS = np.zeros(3)

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 import tomli_w
 
+from calstation.config.request import RunRequest
 from calstation.records.log import open_log
+from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, Message, StateChanged, StepStarted, Verdict
-from calstation.station.request import RunRequest
-from calstation.station.run import execute
 from tests.station.conftest import PRODUCT, STATION
 
 SERIAL = "SN-000042"

@@ -11,12 +11,12 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports
 
+from calstation.config.request import RunRequest
+from calstation.config.resolved import Setup
+from calstation.connection import devices as wiring
+from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, StageStarted, Verdict
-from calstation.station import wiring
-from calstation.station.request import RunRequest
-from calstation.station.run import execute
-from calstation.station.setup import Setup
 from tests.faults.conftest import SERIAL, Floor
 from tests.station.conftest import PRODUCT, QUICK
 

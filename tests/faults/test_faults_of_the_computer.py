@@ -12,10 +12,10 @@ import pytest
 
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records.log import open_log
+from calstation.runs.engine import Engine
+from calstation.runs.incomplete import settle_incomplete
 from calstation.sequencer.events import Event, Fault, Message, StageEnded, StepStarted, Verdict
-from calstation.station.engine import Engine
-from calstation.station.fault_plan import FaultPlan, load_fault_plan
-from calstation.station.incomplete import settle_incomplete
+from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
 from tests.faults.conftest import Floor, fault
 
 pytestmark = [

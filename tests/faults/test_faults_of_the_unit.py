@@ -7,10 +7,10 @@ import pytest
 
 from calstation.errors import ConfigurationError
 from calstation.records.log import open_log
+from calstation.registers import journal as register_journal
+from calstation.results.resolve import resolve
+from calstation.runs.resume import resumable
 from calstation.sequencer.events import Message, StepStarted, Trace
-from calstation.station import register_journal
-from calstation.station.resolve import resolve
-from calstation.station.resume import resumable
 from tests.faults.conftest import SERIAL, Floor, fault
 from tests.station.conftest import PRODUCT, QUICK
 

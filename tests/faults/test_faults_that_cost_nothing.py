@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from calstation.records.log import open_log
+from calstation.results.resolve import resolve
 from calstation.sequencer.events import Event, StepStarted
-from calstation.station.resolve import resolve
 from tests.faults.conftest import Floor, Ran, fault
 
 pytestmark = pytest.mark.long

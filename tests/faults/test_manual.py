@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from calstation.station.fault_plan import KINDS
+from calstation.simulation.fault_plan import KINDS
 
 ROOT = Path(__file__).parents[2]
 MANUAL = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.transfer import Closing, Holds, finish, recognise, restore, transfer
+from calstation.devices.imu.transfer import Closing, Holds, finish, recognise, restore, transfer
 from calstation.errors import CalstationError
 from calstation.records import checked_lines
-from calstation.station import register_journal
+from calstation.registers import journal as register_journal
 from tests.devices.dsp import KINDS, SERIAL, Dark, Supply, Unit, registers
 
 pytestmark = pytest.mark.long
@@ -48,7 +48,7 @@ def _journal_under_power(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checked_lines, "_write", write_while_powered)
     # The cut is at a byte of these files, not of a real disk: nothing need wait for one, nor for a busy flash.
     monkeypatch.setattr("os.fsync", lambda handle: None)
-    monkeypatch.setattr("calstation.devices.modbus_imu.POLL", 0.0)
+    monkeypatch.setattr("calstation.devices.imu.modbus_imu.POLL", 0.0)
 
 
 class Factory:

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from calstation.errors import ConfigurationError
+from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
-from calstation.station import register_journal
-from calstation.station.fault_plan import load_fault_plan
+from calstation.simulation.fault_plan import load_fault_plan
 from tests.faults.conftest import SERIAL, Floor, Ran
 from tests.station.conftest import PRODUCT
 from tests.station.errands import Errands

@@ -11,11 +11,11 @@ import pytest
 
 from calstation.errors import ConfigurationError
 from calstation.records.log import open_log
+from calstation.registers import journal as register_journal
+from calstation.results.history import History
+from calstation.runs.engine import Engine
+from calstation.runs.incomplete import close_incomplete, settle_incomplete
 from calstation.sequencer.events import Event, StepStarted, Verdict
-from calstation.station import register_journal
-from calstation.station.engine import Engine
-from calstation.station.history import History
-from calstation.station.incomplete import close_incomplete, settle_incomplete
 from tests.faults.conftest import SERIAL, Floor
 
 pytestmark = [

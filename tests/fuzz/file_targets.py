@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.station import register_journal
-from calstation.station.history import History
+from calstation.registers import journal as register_journal
+from calstation.results.history import History
 
 META = LogMeta.model_validate(
     {

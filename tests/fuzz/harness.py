@@ -7,7 +7,7 @@ import sys
 
 import atheris
 
-READERS = ["calstation.devices", "calstation.records", "calstation.station", "calstation.configuration"]
+READERS = ["calstation.devices", "calstation.records", "calstation.config", "calstation.schema"]
 
 with atheris.instrument_imports(include=[*READERS, "targets", "file_targets"]):
     from targets import TARGETS

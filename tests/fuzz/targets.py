@@ -7,16 +7,16 @@ from pathlib import Path
 
 import file_targets
 
-from calstation.devices.frame_profile import FrameSection
-from calstation.devices.frames import FrameDecoder, ReplyKind
-from calstation.devices.imu_profile import CommandSection, load_imu_profile
-from calstation.devices.modbus_rtu import RtuReply, replies
-from calstation.devices.numbers import number
-from calstation.devices.registers import RegisterMap
-from calstation.devices.sample_count import SampleCount
-from calstation.devices.table_profile import load_table_profile
-from calstation.devices.text_link import Checked, Plain, Prompted
-from calstation.devices.vectornav_imu import LineReply
+from calstation.devices.codecs.numbers import number
+from calstation.devices.imu.frames import FrameDecoder, ReplyKind
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.sample_count import SampleCount
+from calstation.devices.imu.vectornav_imu import LineReply
+from calstation.devices.links.modbus_rtu import RtuReply, replies
+from calstation.devices.links.text_link import Checked, Plain, Prompted
+from calstation.devices.profiles.frame import FrameSection
+from calstation.devices.profiles.imu import CommandSection, load_imu_profile
+from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import DeviceFaultError
 
 DATA = Path(__file__).parents[2] / "data"

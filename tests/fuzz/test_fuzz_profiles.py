@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.configuration import validate
-from calstation.devices.frames import FrameDecoder
-from calstation.devices.imu_profile import ImuProfile
-from calstation.devices.register_table import RegisterTable
-from calstation.devices.registers import RegisterMap
-from calstation.devices.table_profile import TableProfile
-from calstation.devices.text_profile import TextSection
+from calstation.devices.imu.frames import FrameDecoder
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.table import TableProfile
+from calstation.devices.profiles.text import TextSection
+from calstation.devices.table.register_table import RegisterTable
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.schema import validate
 
 DATA = Path(__file__).parents[2] / "data"
 PROFILES = [*sorted((DATA / "imus").glob("*.toml")), *sorted((DATA / "tables").glob("*.toml"))]

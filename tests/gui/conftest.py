@@ -14,11 +14,11 @@ from PySide6.QtCore import QCoreApplication, QEvent, Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.gui import language
-from calstation.gui.app import create_window
-from calstation.gui.main_window import MainWindow
-from calstation.gui.run_status import RunStatus
-from calstation.station.workshop import Workshop
+from calstation.gui.shell.app import create_window
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.text import language
+from calstation.jobs.queue import Workshop
 from tests.gui.works import live_in
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
@@ -111,7 +111,7 @@ def workshop(place: Place, lent: list[LentWorkshop], monkeypatch: pytest.MonkeyP
     if not lent or lent[0]._closed:
         lent[:] = [LentWorkshop()]
     lent[0].move_to(place)
-    monkeypatch.setattr("calstation.gui.context.Workshop", lambda: lent[0])
+    monkeypatch.setattr("calstation.gui.shell.context.Workshop", lambda: lent[0])
     return lent[0]
 
 

@@ -22,14 +22,15 @@ from PySide6.QtWidgets import (
     QToolButton,
 )
 
-from calstation.gui import language
+from calstation.config import versions
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.engineer.residuals_view import face
+from calstation.gui.text import language
 from calstation.records.log import open_log
-from calstation.station import register_journal, versions
-from calstation.station.finished import Finished
+from calstation.registers import journal as register_journal
+from calstation.results.finished_run import Finished
 from tests.gui.conftest import PRODUCT, SERIAL, Operator, Place
 
 STAGES = ("rate", "six_position", "excitation", "azimuth_flip")

@@ -5,13 +5,14 @@ import re
 import pytest
 from PySide6.QtWidgets import QApplication
 
-from calstation.devices import framed_imu, modbus_imu, modbus_link, vectornav_imu
+from calstation.devices.imu import framed_imu, modbus_imu, vectornav_imu
 from calstation.devices.interfaces import UNTOLD
-from calstation.gui import language
-from calstation.gui.fault_wording import known, phrase, resettable, word_fault
-from calstation.gui.wording import word_message
+from calstation.devices.links import modbus_link
+from calstation.gui.text import language
+from calstation.gui.text.fault_wording import known, phrase, resettable, word_fault
+from calstation.gui.text.wording import word_message
+from calstation.runs import engine
 from calstation.sequencer.guard import latched
-from calstation.station import engine
 
 OLD = "the unit was restarted and holds its old registers"
 TOLD = [

@@ -14,16 +14,17 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.estimation.samples import SampleBlock
-from calstation.gui import language, theme
-from calstation.gui.context import AppContext
+from calstation.estimation.common.samples import SampleBlock
 from calstation.gui.history.page import HistoryPage
-from calstation.gui.main_window import MainWindow
+from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.text import language
+from calstation.gui.widgets import theme
 from calstation.physics.units import DEGREE_PER_HOUR
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
+from calstation.results.result import SCHEMA
 from calstation.sequencer.events import Verdict
-from calstation.station.result import SCHEMA
 
 pytestmark = pytest.mark.timeout(120)
 WAIT = 60_000

@@ -13,25 +13,26 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLabel, QPushButton, QTableView
 from pytestqt.qtbot import QtBot
 
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.connection.live_imu import OtherUnit
 from calstation.errors import InputError
-from calstation.estimation.samples import SampleBlock
-from calstation.gui import language, theme
-from calstation.gui.check_wording import word_check
-from calstation.gui.main_window import MainWindow
-from calstation.gui.methods.panel import MethodPanel
-from calstation.gui.offline.log_wording import word_log_error
-from calstation.gui.offline.recording_wording import RECORDINGS
+from calstation.estimation.common.samples import SampleBlock
+from calstation.gui.logs.log_wording import word_log_error
+from calstation.gui.logs.methods.panel import MethodPanel
+from calstation.gui.logs.recording_wording import RECORDINGS
 from calstation.gui.operator import advice
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.text import language
+from calstation.gui.text.check_wording import word_check
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.records.convert import export_csv
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.records.pair_store import load_pair
-from calstation.station import library
-from calstation.station.pair_run import pair_folder
-from calstation.station.recordings import record_on_bench
-from calstation.station.request import RunRequest
-from calstation.station.unit_now import OtherUnit
+from calstation.results.pair_run import pair_folder
+from calstation.simulation.recordings import record_on_bench
 from procedures import method
 from tests.gui.conftest import Operator, Place
 

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.gui.offline.log_columns import LogColumns, parted
-from calstation.gui.offline.time_axis import time_text
+from calstation.gui.logs.log_columns import LogColumns, parted
+from calstation.gui.logs.time_axis import time_text
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.station.overview import Overview, overview, samples
-from calstation.station.picture import Columns
+from calstation.results.plots.log_index import Overview, overview, samples
+from calstation.results.plots.min_max_pyramid import Columns
 from tests.station.test_overview import META, START, blocks
 
 

@@ -24,24 +24,25 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
-from calstation.estimation.samples import SampleBlock
-from calstation.gui import language, theme
-from calstation.gui.context import AppContext
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
+from calstation.config.request import RunRequest
+from calstation.estimation.common.samples import SampleBlock
 from calstation.gui.history.page import HistoryPage
-from calstation.gui.main_window import MainWindow
-from calstation.gui.offline.comparison import Comparison
-from calstation.gui.offline.page import OfflinePage
-from calstation.gui.offline.source_bar import SourceBar
+from calstation.gui.logs.comparison import Comparison
+from calstation.gui.logs.page import OfflinePage
+from calstation.gui.logs.source_bar import SourceBar
+from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.text import language
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.count_spin import CountSpin
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
+from calstation.results.resolve import Resolved, resolve
+from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
-from calstation.station.request import RunRequest
-from calstation.station.resolve import Resolved, resolve
-from calstation.station.run import execute
 from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log
 from tests.estimation.simulated_stages import block_of, simulate

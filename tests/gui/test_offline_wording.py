@@ -8,9 +8,9 @@ import pytest
 from PySide6.QtWidgets import QApplication
 
 from calstation.errors import InputError
-from calstation.gui import language
-from calstation.gui.offline.log_wording import word_log_error
-from calstation.station.resolve import resolve
+from calstation.gui.logs.log_wording import word_log_error
+from calstation.gui.text import language
+from calstation.results.resolve import resolve
 from tests.cli.conftest import HEADER, six_position_rows, write_log
 
 Maker = Callable[[Path], tuple[Path, tuple[str, ...] | None, int | None, int | None]]

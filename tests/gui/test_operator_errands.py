@@ -7,12 +7,12 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
-from calstation.gui import theme
-from calstation.gui.run_strip import RunStrip
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.gui.shell.run_strip import RunStrip
+from calstation.gui.widgets import theme
+from calstation.jobs.queue import Workshop
 from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
-from calstation.station import library
-from calstation.station.request import RunRequest
-from calstation.station.workshop import Workshop
 from tests.gui.conftest import SERIAL, Operator
 
 RESULT: dict[str, Any] = {

@@ -12,9 +12,9 @@ import tomli_w
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, QProgressBar, QPushButton
 
-from calstation.gui.app import create_window
-from calstation.gui.main_window import MainWindow
-from calstation.station import library
+from calstation.config import library
+from calstation.gui.shell.app import create_window
+from calstation.gui.shell.main_window import MainWindow
 from tests.gui.conftest import QUICK, SERIAL, STATION, Operator, Place
 
 ONE_STAGE = {"stages": ["six_position"]}

@@ -7,17 +7,18 @@ import pytest
 from PySide6.QtGui import QImage
 from pytestqt.qtbot import QtBot
 
-from calstation.gui import language, theme
-from calstation.gui.main_window import MainWindow
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.run_summary import Outline, outline
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.preparation import Preparation
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.text import language
+from calstation.gui.widgets import theme
 from calstation.physics.rotation import axis_rotation
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import PositionGuided, StageStarted, StateChanged
-from calstation.station import library
-from calstation.station.outline import Outline, outline
-from calstation.station.request import RunRequest
 from tests.gui.conftest import Operator
 
 X, Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)

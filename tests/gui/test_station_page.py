@@ -22,25 +22,27 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from calstation.devices.opening import Reason
-from calstation.gui import language, theme
-from calstation.gui.context import AppContext
-from calstation.gui.engine_link import EngineLink
-from calstation.gui.main_window import MainWindow
+from calstation.config import access as role
+from calstation.config import library, version_store
+from calstation.config.editing import check_data
+from calstation.config.request import RunRequest
+from calstation.config.site_check import this_computer
+from calstation.connection.bench_process import BenchHost
+from calstation.connection.clock import BenchClock
+from calstation.connection.serial_ports import FoundPort
+from calstation.devices.links.opening import Reason
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.station_page import page as page_module
-from calstation.gui.station_page.page import StationPage
-from calstation.gui.station_page.problem_wording import word_problem
+from calstation.gui.settings import page as page_module
+from calstation.gui.settings.page import StationPage
+from calstation.gui.settings.problem_wording import word_problem
+from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.engine_link import EngineLink
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.text import language
+from calstation.gui.widgets import theme
+from calstation.jobs.queue import Workshop
+from calstation.messages.finding_words import WORDED
 from calstation.sequencer.events import Fault
-from calstation.station import library, role, version_store
-from calstation.station.bench_host import BenchHost
-from calstation.station.clock import BenchClock
-from calstation.station.finding_words import WORDED
-from calstation.station.place import this_computer
-from calstation.station.ports import FoundPort
-from calstation.station.request import RunRequest
-from calstation.station.settings import check_data
-from calstation.station.workshop import Workshop
 from tests.gui.conftest import STATION as STATION_DATA
 
 STATION, TABLE_LINK, IMU_LINK, SITE, TABLE, PROFILES, PERSONAL = range(7)
@@ -124,7 +126,7 @@ def operator(
         application.setStyle("Fusion")
     language.use("en")
     theme.apply("light")
-    monkeypatch.setattr("calstation.gui.context.Workshop", lambda: workshop)
+    monkeypatch.setattr("calstation.gui.shell.context.Workshop", lambda: workshop)
     app = AppContext(place.station)
     page = StationPage(app)
     root = QWidget()
@@ -577,8 +579,8 @@ def test_tab_goes_through_the_inputs_as_read_and_the_wheel_changes_nothing(hands
 
 def test_every_finding_and_reason_has_words() -> None:
     source = "".join(
-        (Path(page_module.__file__).parents[2] / "station" / f"{name}.py").read_text(encoding="utf-8")
-        for name in ("connection_test", "table_check", "imu_check", "line_check")
+        (Path(page_module.__file__).parents[2] / "connection" / f"{name}.py").read_text(encoding="utf-8")
+        for name in ("link_test", "table_test", "imu_test", "text_line_test")
     )
     ids = set(re.findall(r'Finding\(\s*"(\w+)"', source)) | set(get_args(Reason))
     ids |= set(re.findall(r'Finding\(\s*"(\w+)" if [^"]+ else "(\w+)"', source).__iter__().__next__())

@@ -10,11 +10,11 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QPushButton, QTabWidget, QWidget
 from pytestqt.qtbot import QtBot
 
-from calstation.gui import theme
-from calstation.gui.app import create_window
-from calstation.gui.main_window import MainWindow
+from calstation.gui.shell.app import create_window
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.widgets import theme
 from calstation.records.log import open_log
-from calstation.station.resume import resumable
+from calstation.runs.resume import resumable
 from tests.gui.conftest import Place
 
 PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "station_page", "methods_page"]
@@ -120,7 +120,7 @@ def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(pla
     script = place.folder / "at_the_window.py"
     script.write_text(
         "from calstation.gui import create_window\n"
-        "from calstation.station import library\n"
+        "from calstation.config import library\n"
         "from PySide6.QtWidgets import QApplication\n"
         "from PySide6.QtCore import QTimer\n"
         "if __name__ == '__main__':\n"

@@ -2,7 +2,7 @@
 
 import os
 
-from calstation.station.worker import Tell
+from calstation.jobs.worker import Tell
 
 
 def live_in(tell: Tell, folder: str, home: str) -> None:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.bench.kinematics import JointProfile
-from calstation.bench.stream_truth import SensorStream
-from calstation.bench.truth import BenchTruth
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.kinematics import JointProfile
+from calstation.bench.truth.stream import SensorStream
 from calstation.physics.earth import normal_gravity, rotation_rate
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import COUNT, GROUPS, PARAMETERS, group_indices

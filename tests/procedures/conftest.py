@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import settings
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
 
 sys.path.append(str(Path(__file__).parent.parent / "estimation"))
 

@@ -3,14 +3,14 @@
 import numpy as np
 from hand_recordings import prior_of
 
-from calstation.bench.gimbal_truth import GimbalBench, GimbalSamples
-from calstation.bench.grades import draw_imu
-from calstation.bench.imu_truth import ImuTruth
-from calstation.estimation.context import ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.gimbal_iteration import GimbalIteration
-from calstation.estimation.gimbal_loop import run_loop
+from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples
+from calstation.bench.truth.grades import draw_imu
+from calstation.bench.truth.imu import ImuTruth
+from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.samples import SampleBlock, joined, snap_angles
+from calstation.estimation.gimbal.iteration import GimbalIteration
+from calstation.estimation.gimbal.loop import run_loop
 from calstation.estimation.method import Solution
-from calstation.estimation.samples import SampleBlock, joined, snap_angles
 from calstation.physics.parameters import group_matrix
 from procedures import method
 

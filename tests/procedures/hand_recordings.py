@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from calstation.bench.grades import GRADES, draw_imu
-from calstation.bench.hand_rig import HandRig, around, record
-from calstation.bench.imu_truth import ImuTruth
-from calstation.bench.simulate import Simulated
-from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.bench.truth.grades import GRADES, draw_imu
+from calstation.bench.truth.imu import ImuTruth
+from calstation.bench.truth.manual_rig import HandRig, around, record
+from calstation.bench.truth.simulate import Simulated
+from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
-from calstation.estimation.samples import SampleBlock
 from calstation.physics.parameters import COUNT, PARAMETERS
 from procedures import method
 

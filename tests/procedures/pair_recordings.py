@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from hand_recordings import prior_of
 
-from calstation.bench.grades import draw_imu
-from calstation.bench.hand_rig import HandRig, around, push
-from calstation.bench.imu_truth import ImuTruth
-from calstation.bench.table_truth import rotation
-from calstation.bench.unit_pair import SecondaryTruth, pair_truth, record_pair
-from calstation.bench.unit_samples import Place
-from calstation.estimation.context import (
+from calstation.bench.truth.free_unit import Place
+from calstation.bench.truth.grades import draw_imu
+from calstation.bench.truth.imu import ImuTruth
+from calstation.bench.truth.manual_rig import HandRig, around, push
+from calstation.bench.truth.pair import SecondaryTruth, pair_truth, record_pair
+from calstation.bench.truth.table import rotation
+from calstation.estimation.common.context import (
     Belief,
     ImuModel,
     Secondary,
@@ -20,8 +20,8 @@ from calstation.estimation.context import (
     StoredPair,
     TableModel,
 )
+from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
-from calstation.estimation.samples import SampleBlock
 from calstation.physics.parameters import PAIR_PARAMETERS, group_indices
 from procedures import method
 

@@ -19,18 +19,18 @@ from pair_recordings import (
 )
 from scipy.stats import chi2
 
-from calstation.bench.table_truth import rotation
-from calstation.bench.unit_pair import SecondaryTruth
-from calstation.bench.unit_samples import Place
+from calstation.bench.truth.free_unit import Place
+from calstation.bench.truth.pair import SecondaryTruth
+from calstation.bench.truth.table import rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.context import StoredPair
-from calstation.estimation.pair_calibration import PairCalibration
-from calstation.estimation.pair_static import Threshold, compensate_secondary, pair_vector
-from calstation.estimation.pair_watch import PairWatch
+from calstation.estimation.common.context import StoredPair
+from calstation.estimation.pairs.calibration import PairCalibration
+from calstation.estimation.pairs.static import Threshold, compensate_secondary, pair_vector
+from calstation.estimation.pairs.watch import PairWatch
 from calstation.physics.imu_model import compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, group_indices, pair_name, pair_parameter
 from calstation.physics.table import TableGeometry
-from calstation.station.resolve import resolve
+from calstation.results.resolve import resolve
 from procedures import method
 from procedures.cross_calibration import Schedule
 

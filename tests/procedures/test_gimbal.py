@@ -8,7 +8,7 @@ from gimbal_recordings import recorded, solved, unit
 from scipy.stats import chi2
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.gimbal_iteration import (
+from calstation.estimation.gimbal.iteration import (
     GimbalIteration,
     contraction,
     drift_matrix,

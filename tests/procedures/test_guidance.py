@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hand_recordings import QUICK, context_of, prior_of, recording, solved, unit
 
-from calstation.estimation.applied import before_after
-from calstation.estimation.guidance import PositionGuide, spread
+from calstation.estimation.common.applied import before_after
+from calstation.estimation.positions.guidance import PositionGuide, spread
 
 
 @pytest.fixture(scope="module")

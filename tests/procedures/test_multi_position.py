@@ -13,14 +13,14 @@ from simulated_stages import block_of, geometry_of
 from simulated_stages import context_of as table_context
 from simulated_stages import prior_of as table_prior
 
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.motion import Carry, Dwell, Move
 from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.table import JointLimits, TableGeometry
-from calstation.station.resolve import resolve
+from calstation.results.resolve import resolve
 from procedures import method
 from procedures.multi_position import ESTIMATED, GROUPS
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, errors_in_sigma, prior_of, solved
 
-from calstation.estimation.context import Belief
+from calstation.estimation.common.context import Belief
 from calstation.physics.parameters import NAMES, group_indices
 from procedures.azimuth_flip import ESTIMATED
 

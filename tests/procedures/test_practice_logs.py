@@ -10,7 +10,7 @@ import pytest
 
 from calstation.physics.parameters import NAMES
 from calstation.records.log import open_log
-from calstation.station.solve import solve
+from calstation.results.solver_chain import solve
 
 FOLDER = Path(__file__).parents[3] / "shared" / "data" / "practice"
 

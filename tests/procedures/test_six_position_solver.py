@@ -8,10 +8,10 @@ import pytest
 from simulated_stages import block_of, context_of, errors_in_sigma, solved
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.context import Belief
+from calstation.estimation.common.context import Belief
 from calstation.physics.parameters import INDEX, NAMES, group_indices
 from calstation.records.log import open_log
-from calstation.station.solve import solve
+from calstation.results.solver_chain import solve
 
 SCALE, BIAS = group_indices("accel_scale"), group_indices("accel_bias")
 QUADRATIC = group_indices("accel_quadratic")

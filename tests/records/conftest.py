@@ -3,7 +3,7 @@
 import pytest
 from records_samples import META, make_block
 
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.meta import LogMeta
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calstation.estimation.samples import SampleBlock, snap_angles
+from calstation.estimation.common.samples import SampleBlock, snap_angles
 from calstation.records.meta import LogMeta
 
 META = {

@@ -5,15 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.configuration import validate
 from calstation.errors import ConfigurationError
-from calstation.estimation.context import Belief, ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.evidence import Evidence, MotionEvidence, RestEvidence, turned_angle
+from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.method import Consistency, Solution
+from calstation.estimation.positions.evidence import Evidence, MotionEvidence, RestEvidence, turned_angle
 from calstation.physics.parameters import COUNT, INDEX, NAMES
 from calstation.physics.rotation import axis_rotation
 from calstation.records.checks import ChecksSection, acceptance, offline_online
 from calstation.records.limits import Check
+from calstation.schema import validate
 
 G = 9.8
 X = (1.0, 0.0, 0.0)

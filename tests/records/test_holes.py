@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from records_samples import META, joined, make_block
 
 from calstation.errors import InputError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.hole import Hole, without
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta

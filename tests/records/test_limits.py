@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from calstation.configuration import validate
 from calstation.errors import ConfigurationError
-from calstation.estimation.context import Belief
+from calstation.estimation.common.context import Belief
 from calstation.estimation.method import Consistency, Solution
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.records.limits import Limit, check_limits, estimated_stage, unobservable
+from calstation.schema import validate
 
 PRIOR = Belief(np.zeros(COUNT), np.eye(COUNT))
 GOOD = Consistency(1.0, 0.9, 1.1, 100)

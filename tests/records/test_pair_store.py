@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.context import StoredPair
+from calstation.estimation.common.context import StoredPair
 from calstation.records.pair_store import load_pair, pair_path, store_pair
 
 FIRST = StoredPair({"secondary_gyro_bias_x": 0.1 + 0.2, "clock_offset": 1e-3}, 1e-3, 0.02)

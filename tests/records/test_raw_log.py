@@ -18,7 +18,7 @@ import pytest
 from records_samples import assert_same, joined, make_block
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records import raw_log
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
@@ -152,7 +152,7 @@ _CHILD = """
 import sys, time
 from pathlib import Path
 import numpy as np
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.records.raw_read import being_written, raw_blocks

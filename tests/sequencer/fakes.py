@@ -17,9 +17,9 @@ from calstation.devices.interfaces import (
     TableStatus,
 )
 from calstation.errors import DeviceFaultError
-from calstation.estimation.context import Belief, ImuModel
+from calstation.estimation.common.context import Belief, ImuModel
+from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Consistency, Solution
-from calstation.estimation.samples import SampleBlock
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import COUNT
 from calstation.physics.rotation import rotation_matrix, rotation_vector

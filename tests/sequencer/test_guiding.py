@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from calstation.devices.hand_rig import HandTable
+from calstation.config import library
 from calstation.devices.interfaces import SampleBatch
-from calstation.devices.table_profile import load_table_profile
+from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.table.manual_rig import HandTable
 from calstation.physics.motion import Carry, Step
 from calstation.physics.rotation import rotation_vector
 from calstation.sequencer.control import Command
@@ -29,7 +30,6 @@ from calstation.sequencer.events import (
 )
 from calstation.sequencer.states import State
 from calstation.sequencer.task import StagePlan
-from calstation.station import library
 from tests.sequencer.fakes import GEOMETRY, GRAVITY, MODEL, RATE, FakeImu, Scene
 
 REST = 2.0

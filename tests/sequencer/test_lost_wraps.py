@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from calstation.devices.frame_profile import FrameSection
+from calstation.devices.imu.sample_count import SampleCount, wrap
 from calstation.devices.interfaces import SampleBatch
-from calstation.devices.sample_count import SampleCount, wrap
-from calstation.estimation.samples import SampleBlock
+from calstation.devices.profiles.frame import FrameSection
+from calstation.estimation.common.samples import SampleBlock
 from calstation.sequencer.acquisition import Acquisition
 from tests.sequencer.fakes import MODEL, RATE, FakeClock, FakeImu, FakeTable
 

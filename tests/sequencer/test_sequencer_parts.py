@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.devices.channels import Span
-from calstation.estimation.samples import SampleBlock
+from calstation.devices.profiles.channels import Span
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, LastSample, StatusMasks, to_si

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 import tomli_w
 
+from calstation.config.request import RunRequest
+from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict
-from calstation.station.request import RunRequest
-from calstation.station.run import execute
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 PRODUCT: dict[str, Any] = {

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from calstation import errors
+from calstation.config.request import RegisterErrand, RunRequest
+from calstation.registers.operation import attend
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
-from calstation.station.register_errand import attend
-from calstation.station.request import RegisterErrand, RunRequest
 
 
 @dataclass

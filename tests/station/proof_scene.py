@@ -9,26 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from calstation.bench.imu_unit import WRITE, ImuUnit
+from calstation.bench.imu.unit import WRITE, ImuUnit
 from calstation.bench.live import UNITS
-from calstation.bench.simulate import Simulator
-from calstation.bench.truth import BenchTruth
-from calstation.configuration import validate
-from calstation.devices.checks import check_bytes
-from calstation.devices.imu_profile import ImuProfile
-from calstation.devices.numbers import number
-from calstation.devices.registers import RegisterMap
-from calstation.devices.vectornav_imu import line
-from calstation.estimation.context import ImuModel, Site, SolveContext, TableModel
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
+from calstation.devices.codecs.frame_checks import check_bytes
+from calstation.devices.codecs.numbers import number
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.vectornav_imu import line
+from calstation.devices.profiles.imu import ImuProfile
+from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Dwell
 from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.physics.table import JointLimits, TableGeometry
+from calstation.registers.comparison import Registers
+from calstation.registers.verification import prove
+from calstation.registers.verification_check import Proven
+from calstation.schema import validate
 from calstation.sequencer.fresh_data import SHORT_REST, FreshData, Turned, mean_at_rest
 from calstation.sequencer.proof_path import proof_path
-from calstation.station.comparison import Registers
-from calstation.station.proof import prove
-from calstation.station.proven import Proven
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 GRADES = ("nav", "tactical", "mems")

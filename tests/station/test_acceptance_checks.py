@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calstation.bench.grades import GRADES, draw_imu
-from calstation.bench.hand_rig import HandRig, around, record
-from calstation.estimation.samples import SampleBlock
+from calstation.bench.truth.grades import GRADES, draw_imu
+from calstation.bench.truth.manual_rig import HandRig, around, record
+from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import PARAMETERS
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.station.resolve import resolve
+from calstation.results.resolve import resolve
 from tests.station.conftest import Place
 
 CHECKS: dict[str, Any] = {

@@ -13,15 +13,16 @@ import wires
 from serial.tools import list_ports
 from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
 
-from calstation.devices.link import SerialLink, SerialSettings
+from calstation.config.library import find
+from calstation.config.site_check import vouching
+from calstation.connection import identify as who_answers
+from calstation.connection import listening
+from calstation.connection.link_test import Order, try_imu, try_table
+from calstation.connection.serial_ports import discover
+from calstation.devices.links.serial_link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError
-from calstation.station import listening, who_answers
-from calstation.station.connection_test import Order, try_imu, try_table
-from calstation.station.finding import Finding, Report
-from calstation.station.finding_words import word_finding
-from calstation.station.library import find
-from calstation.station.place import vouching
-from calstation.station.ports import discover
+from calstation.messages.finding import Finding, Report
+from calstation.messages.finding_words import word_finding
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 
@@ -343,7 +344,7 @@ def test_an_imu_at_another_baud_is_heard_there(monkeypatch: pytest.MonkeyPatch) 
         def close(self) -> None:
             """Nothing to close."""
 
-    monkeypatch.setattr("calstation.station.wiring.SerialLink", AtBaud)
+    monkeypatch.setattr("calstation.connection.devices.SerialLink", AtBaud)
     monkeypatch.setattr(listening, "SerialLink", AtBaud)
     monkeypatch.setattr(listening, "LISTEN", 0.01)
     report = imu(port="COM7", serial={"baud": 115200})

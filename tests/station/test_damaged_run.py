@@ -11,8 +11,8 @@ import pytest
 from calstation.cli.app import run_app
 from calstation.errors import InsufficientDataError
 from calstation.records.convert import export_csv
-from calstation.station.overview import overview, samples
-from calstation.station.resolve import resolve
+from calstation.results.plots.log_index import overview, samples
+from calstation.results.resolve import resolve
 from tests.station.conftest import Place
 
 HURT = 43

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.station.diagnostics import diagnose
+from calstation.results.diagnostics import diagnose
 from tests.station.conftest import Place
 
 

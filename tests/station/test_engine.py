@@ -14,11 +14,11 @@ import pytest
 
 from calstation.errors import DeviceFaultError
 from calstation.records.log import open_log
+from calstation.results.handover import CSV_NAME
+from calstation.runs.engine import Engine
+from calstation.runs.incomplete import settle_incomplete
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Fault, StageStarted, StateChanged, StepStarted, Verdict
-from calstation.station.engine import Engine
-from calstation.station.handover import CSV_NAME
-from calstation.station.incomplete import settle_incomplete
 from tests.station.conftest import Place
 
 
@@ -148,8 +148,8 @@ def test_signals_do_not_end_the_engine_without_a_safe_stop(place: Place, sent: s
 def test_a_dead_or_frozen_listener_is_a_safe_stop(place: Place, fate: str, reason: str) -> None:
     script = (
         "from pathlib import Path\n"
-        "from calstation.station.engine import Engine\n"
-        "from calstation.station.request import RunRequest\n"
+        "from calstation.runs.engine import Engine\n"
+        "from calstation.config.request import RunRequest\n"
         "if __name__ == '__main__':\n"
         f"    request = RunRequest('SN-000042', Path({str(place.station)!r}), Path({str(place.product)!r}),\n"
         f"        ('rate',), Path({str(place.folder / 'runs')!r}), speed=4.0)\n"

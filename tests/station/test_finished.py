@@ -7,7 +7,7 @@ import pytest
 
 from calstation.errors import InputError
 from calstation.records.convert import export_csv
-from calstation.station.finished import finished
+from calstation.results.finished_run import finished
 from tests.station.conftest import Place
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.planned import profile
+from calstation.estimation.common.planned import profile
 from calstation.physics.parameters import INDEX
+from calstation.results.preview import MOST_ROUNDS, Forecast, forecast
 from calstation.sequencer.events import StageStarted
-from calstation.station.forecast import MOST_ROUNDS, Forecast, forecast
 from tests.station.conftest import PRODUCT, QUICK, Place
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from calstation.cli.app import run_app
+from calstation.config import library
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.station import library
-from calstation.station.compose import compose
-from calstation.station.hand_registers import UnitRegisters, read_unit, wanted_registers
-from calstation.station.register_journal import FOLDER, history
+from calstation.registers.compose import compose
+from calstation.registers.journal import FOLDER, history
+from calstation.registers.manual import UnitRegisters, read_unit, wanted_registers
 from tests.station.conftest import Place, behind_registers
 from tests.station.errands import Errands
 

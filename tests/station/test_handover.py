@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from calstation.config.station import StationConfig
+from calstation.results import handover
+from calstation.results.handover import COLUMNS, CSV_NAME, WAITING, HandOver, deliver_waiting, expect
 from calstation.sequencer.events import Event, Message
-from calstation.station import handover
-from calstation.station.config import StationConfig
-from calstation.station.handover import COLUMNS, CSV_NAME, WAITING, HandOver, deliver_waiting, expect
 from tests.station.conftest import STATION
 
 

@@ -12,10 +12,10 @@ import pytest
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.records.run_index import FILE
-from calstation.station import history as history_module
-from calstation.station.history import History, refresh_history
-from calstation.station.resume import resumable
-from calstation.station.tidy import tidy_up
+from calstation.results import history as history_module
+from calstation.results.history import History, refresh_history
+from calstation.runs.resume import resumable
+from calstation.runs.startup_recovery import tidy_up
 from tests.records.records_samples import META, make_block
 
 

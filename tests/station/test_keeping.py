@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from calstation.cli.wording import MESSAGES
-from calstation.estimation.context import Belief
-from calstation.gui.wording import word_message
+from calstation.config.user import computer_user
+from calstation.estimation.common.context import Belief
+from calstation.gui.text.wording import word_message
 from calstation.physics.parameters import COUNT, INDEX
+from calstation.results.history import History
+from calstation.results.merge_previous import InForce, found_better, given
 from calstation.sequencer.events import Message
-from calstation.station.history import History
-from calstation.station.keeping import InForce, found_better, given
-from calstation.station.who import computer_user
 from tests.station.conftest import Place
 from tests.station.test_history import refreshed, write
 

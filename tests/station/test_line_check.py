@@ -8,12 +8,12 @@ import pytest
 import tomli_w
 from wires import order, silent, terminal
 
-from calstation.devices.checks import check_function
-from calstation.devices.frame_profile import FrameSection
-from calstation.station.connection_test import try_imu
-from calstation.station.finding import Finding
-from calstation.station.finding_words import word_finding
-from calstation.station.line_check import wrong_line
+from calstation.connection.link_test import try_imu
+from calstation.connection.text_line_test import wrong_line
+from calstation.devices.codecs.frame_checks import check_function
+from calstation.devices.profiles.frame import FrameSection
+from calstation.messages.finding import Finding
+from calstation.messages.finding_words import word_finding
 
 NAMES = ["counter", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 FRAME: dict[str, Any] = {

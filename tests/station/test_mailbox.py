@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
+from calstation.jobs.pipe_reader import Mailbox
+from calstation.runs.engine import Engine
 from calstation.sequencer.events import Event, Fault, Message, to_json
-from calstation.station.engine import Engine
-from calstation.station.mailbox import Mailbox
 
 PATIENCE = 60.0
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from calstation.errors import ConfigurationError
-from calstation.station.method_study import KIND_OF, run_method_study
+from calstation.simulation.method_study import KIND_OF, run_method_study
 
 
 @pytest.mark.parametrize("stage", list(KIND_OF))

@@ -9,9 +9,9 @@ import pytest
 
 from calstation.errors import ConfigurationError
 from calstation.records.convert import partial_path
-from calstation.station.offline_solve import drop_partial, export_log, export_result, in_sigma, offline_solve
-from calstation.station.overview import overview
-from calstation.station.resolve import resolve
+from calstation.results.offline_solve import drop_partial, export_log, export_result, in_sigma, offline_solve
+from calstation.results.plots.log_index import overview
+from calstation.results.resolve import resolve
 from tests.cli.conftest import six_position_rows, write_log
 
 

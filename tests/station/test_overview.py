@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from calstation.errors import InputError
-from calstation.estimation.samples import SampleBlock
+from calstation.estimation.common.samples import SampleBlock
 from calstation.records.convert import export_csv
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.station.overview import Overview, _held, overview, samples
-from calstation.station.picture import BINS, Picture
+from calstation.results.plots.log_index import Overview, _held, overview, samples
+from calstation.results.plots.min_max_pyramid import BINS, Picture
 
 RATE = 100.0
 META = {

@@ -5,7 +5,7 @@ import sys
 
 SCRIPT = """
 import time
-from calstation.station.workshop import Workshop
+from calstation.jobs.queue import Workshop
 
 print("once")
 workshop = Workshop()

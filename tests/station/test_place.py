@@ -5,14 +5,7 @@ from typing import Any
 
 import pytest
 
-from calstation.errors import ConfigurationError
-from calstation.estimation.context import Belief
-from calstation.estimation.latitude import SeenLatitude
-from calstation.estimation.method import Consistency, Solution
-from calstation.physics.parameters import COUNT
-from calstation.records.meta import LogMeta
-from calstation.station.config import StationSite
-from calstation.station.place import (
+from calstation.config.site_check import (
     check_confirmed,
     check_latitude,
     check_place,
@@ -21,6 +14,13 @@ from calstation.station.place import (
     there,
     vouching,
 )
+from calstation.config.station import StationSite
+from calstation.errors import ConfigurationError
+from calstation.estimation.common.context import Belief
+from calstation.estimation.common.latitude import SeenLatitude
+from calstation.estimation.method import Consistency, Solution
+from calstation.physics.parameters import COUNT
+from calstation.records.meta import LogMeta
 
 HERE = Path("station.toml")
 NAV = {"gyro_arw": 2.9e-7, "gyro_bias_instability": 4.8e-9}

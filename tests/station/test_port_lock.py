@@ -14,22 +14,22 @@ from serial.tools import list_ports
 from wires import SITE, FakeTable, order, server
 
 from calstation.cli.app import run_app
+from calstation.config.request import RunRequest
+from calstation.connection import port_lock
+from calstation.connection.link_test import Order, try_imu, try_table
+from calstation.connection.port_lock import owned
+from calstation.connection.table_reset import read_table, reset_table
 from calstation.errors import CalstationError, DeviceFaultError
+from calstation.registers.manual import read_unit
+from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
-from calstation.station import port_lock
-from calstation.station.connection_test import Order, try_imu, try_table
-from calstation.station.hand_registers import read_unit
-from calstation.station.port_lock import owned
-from calstation.station.request import RunRequest
-from calstation.station.run import execute
-from calstation.station.table_reset import read_table, reset_table
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes and paths")
 
 _OWNER = """
 import sys
-from calstation.station.port_lock import owned
+from calstation.connection.port_lock import owned
 with owned(sys.argv[1:]):
     print("owned", flush=True)
     sys.stdin.read()

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from calstation.config import library, versions
+from calstation.config.product_schedule import save_schedule
+from calstation.config.station import load_product
 from calstation.errors import ConfigurationError
-from calstation.station import library, versions
-from calstation.station.config import load_product
-from calstation.station.product_schedule import save_schedule
 
 
 def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:

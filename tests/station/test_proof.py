@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.physics.parameters import NAMES
-from calstation.station.comparison import Registers, compare
+from calstation.registers.comparison import Registers, compare
 from tests.station.proof_scene import GRADES, Looks, profile, profile_data, truth
 
 UNITS = {

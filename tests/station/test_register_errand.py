@@ -13,11 +13,13 @@ import pytest
 import tomli_w
 
 from calstation.cli.app import run_app
+from calstation.config import library
 from calstation.errors import CalstationError, DeviceFaultError
+from calstation.registers import journal as register_journal
+from calstation.registers import operation as register_errand
+from calstation.registers.manual import UnitRegisters
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Message, StateChanged, StepStarted
-from calstation.station import library, register_errand, register_journal
-from calstation.station.hand_registers import UnitRegisters
 from tests.station.conftest import STATION, Place
 from tests.station.errands import Errands
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.devices.transfer import Closing, Step
+from calstation.devices.imu.transfer import Closing, Step
 from calstation.errors import ConfigurationError
 from calstation.records.checked_lines import append_line
-from calstation.station import register_journal as journal
+from calstation.registers import journal
 
 OLD, NEW = {"gyro_bias_x": 1e-6, "gyro_bias_y": float("nan")}, {"gyro_bias_x": 2e-6, "gyro_bias_y": -0.0}
 

@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 import tomli_w
 
+from calstation.config import editing as settings
+from calstation.config import library
+from calstation.config.resolving import configured
 from calstation.errors import ConfigurationError
-from calstation.station import library, settings
-from calstation.station.preparation import configured
 from tests.station.conftest import STATION
 
 NAV = Path(library.shipped_folder()) / "imus" / "bench_nav.toml"

@@ -5,10 +5,10 @@ from datetime import UTC, datetime
 
 import pytest
 
+from calstation.config.request import RunRequest
+from calstation.config.resolving import prepare
 from calstation.physics.parameters import INDEX
 from calstation.records.meta import prior_from_meta
-from calstation.station.preparation import prepare
-from calstation.station.request import RunRequest
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 

@@ -11,17 +11,17 @@ from pathlib import Path
 
 import pytest
 
+from calstation.config.request import RunRequest
 from calstation.errors import ConfigurationError, InputError
 from calstation.records.log import open_log
+from calstation.results.history import History
+from calstation.results.resolve import resolve
+from calstation.runs.engine import Engine
+from calstation.runs.incomplete import close_incomplete, settle_incomplete
+from calstation.runs.resume import Continuation, find_resumable, resumable
+from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Message, StageSolved, StageStarted, StepStarted, Verdict
-from calstation.station.engine import Engine
-from calstation.station.history import History
-from calstation.station.incomplete import close_incomplete, settle_incomplete
-from calstation.station.request import RunRequest
-from calstation.station.resolve import resolve
-from calstation.station.resume import Continuation, find_resumable, resumable
-from calstation.station.run import execute
 from tests.station.conftest import PRODUCT, QUICK, Place
 
 SHORT = {
@@ -238,7 +238,7 @@ def test_another_station_of_the_same_site_does_not_carry_on(place: Place, before
 def test_registers_that_changed_need_a_new_run(
     place: Place, before: Verdict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from calstation.devices.framed_imu import FramedImu
+    from calstation.devices.imu.framed_imu import FramedImu
 
     read = FramedImu.read_registers
     monkeypatch.setattr(FramedImu, "read_registers", lambda self: {**read(self), "gyro_scale_x": 1e-4})

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from calstation.config import access as role
 from calstation.errors import ConfigurationError
-from calstation.station import role
 
 
 class Watch:

@@ -9,16 +9,17 @@ from typing import Any
 
 import pytest
 
+from calstation.config import library, versions
 from calstation.devices.interfaces import Imu
 from calstation.errors import ConfigurationError
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import open_log
+from calstation.results.history import History
+from calstation.results.resolve import resolve
+from calstation.runs import run
+from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Message, StageSolved, StateChanged, StepStarted, Verdict
-from calstation.station import library, run, versions
-from calstation.station.history import History
-from calstation.station.resolve import resolve
-from calstation.station.run import execute
 from tests.station.conftest import Place, behind_registers
 
 

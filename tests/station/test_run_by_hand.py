@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 import tomli_w
 
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.resolving import prepare
+from calstation.config.run_summary import outline
+from calstation.config.schedules import offer
+from calstation.config.station import load_station, rails_by_hand
+from calstation.connection.link_test import Order, try_table
 from calstation.errors import ConfigurationError
-from calstation.estimation.context import ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
 from calstation.physics.parameters import PARAMETERS
 from calstation.physics.rotation import rotation_matrix
 from calstation.records.log import open_log
+from calstation.registers.comparison import Registers
+from calstation.registers.verification import prove
+from calstation.results.preview import forecast
+from calstation.results.resolve import resolve
 from calstation.sequencer.events import Message, PositionGuided
 from calstation.sequencer.fresh_data import FreshData
-from calstation.station import library
-from calstation.station.comparison import Registers
-from calstation.station.config import load_station, rails_by_hand
-from calstation.station.connection_test import Order, try_table
-from calstation.station.forecast import forecast
-from calstation.station.outline import outline
-from calstation.station.preparation import prepare
-from calstation.station.proof import prove
-from calstation.station.request import RunRequest
-from calstation.station.resolve import resolve
-from calstation.station.schedules import offer
 from tests.station.conftest import STATION, Place
 
 SHORT = {"manual": True, "initial_rest_s": 5.0, "rest_s": 2.0, "step_deg": 120.0, "rate_dps": 90.0}

@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 
 import pytest
 
+from calstation.config.resolving import prepare
+from calstation.config.schedules import Problem, offer, problems, schedule_fields
 from calstation.errors import ConfigurationError
-from calstation.station.preparation import prepare
-from calstation.station.schedules import Problem, offer, problems, schedule_fields
 from tests.station.conftest import PRODUCT, Place
 
 

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from calstation.configuration import load
+from calstation.config import library
+from calstation.config.editing import MODELS, Problem, check, edited, entries, new_name, read_text
+from calstation.config.site_advice import advice, normal
+from calstation.config.toml_lines import line_of
 from calstation.errors import ConfigurationError
-from calstation.station import library
-from calstation.station.settings import MODELS, Problem, check, edited, entries, new_name, read_text
-from calstation.station.site_advice import advice, normal
-from calstation.station.toml_lines import line_of
+from calstation.schema import load
 
 THERE, HEADER = "the changed line", "its table's header"
 SHIPPED = [(kind, path) for kind in MODELS for path in (library.shipped_folder() / kind).glob("*.toml")]

@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 import tomli_w
 
+from calstation.config.request import RunRequest
+from calstation.config.resolved import Setup
+from calstation.config.resolving import prepare
+from calstation.config.station import StationConfig
+from calstation.connection.devices import endpoints
+from calstation.connection.link_test import Order, try_imu, try_table
 from calstation.errors import ConfigurationError
-from calstation.station.config import StationConfig
-from calstation.station.connection_test import Order, try_imu, try_table
-from calstation.station.preparation import prepare
-from calstation.station.request import RunRequest
-from calstation.station.setup import Setup
-from calstation.station.wiring import endpoints
 from tests.station.conftest import STATION, Place
 
 

@@ -9,18 +9,18 @@ import pytest
 import tomli_w
 
 from calstation.cli.app import run_app
-from calstation.devices.transfer import Closing, Step
+from calstation.config.library import shipped_folder
+from calstation.config.request import RunRequest
+from calstation.config.resolving import configured
+from calstation.connection.bench_process import BenchHost
+from calstation.devices.imu.transfer import Closing, Step
 from calstation.errors import ConfigurationError, InputError
+from calstation.registers import journal as register_journal
+from calstation.registers.journal import site_of
+from calstation.registers.manual import read_unit
+from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Message, Verdict
-from calstation.station import register_journal
-from calstation.station.bench_host import BenchHost
-from calstation.station.hand_registers import read_unit
-from calstation.station.library import shipped_folder
-from calstation.station.preparation import configured
-from calstation.station.register_journal import site_of
-from calstation.station.request import RunRequest
-from calstation.station.run import execute
 from tests.station.conftest import STATION, Place
 from tests.station.errands import Errands
 

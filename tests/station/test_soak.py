@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.station.fault_plan import KINDS
-from calstation.station.preparation import configured
-from calstation.station.setup import Setup
-from calstation.station.soak import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
-from calstation.station.soak_judge import Judged, _left_alone, _set_up, _wrong
+from calstation.config.resolved import Setup
+from calstation.config.resolving import configured
+from calstation.simulation.fault_plan import KINDS
+from calstation.simulation.soak import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
+from calstation.simulation.soak_judge import Judged, _left_alone, _set_up, _wrong
 
 pytestmark = pytest.mark.long
 

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calstation.config import library
+from calstation.config.compatible_products import fitting_products
+from calstation.config.request import RunRequest
+from calstation.config.resolving import prepare
+from calstation.connection.bench_process import BenchHost
+from calstation.connection.clock import BenchClock, RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
 from calstation.physics.parameters import NAMES, group_matrix, group_vector
-from calstation.station import library
-from calstation.station.bench_host import BenchHost
-from calstation.station.clock import BenchClock, RealClock
-from calstation.station.compose import compose
-from calstation.station.fitting import fitting_products
-from calstation.station.preparation import prepare
-from calstation.station.request import RunRequest
-from calstation.station.solve import solve
+from calstation.registers.compose import compose
+from calstation.results.solver_chain import solve
 from tests.station.conftest import Place
 
 

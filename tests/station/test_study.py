@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from calstation.station.study import CASES, run_study
-from calstation.station.study_table import rms_band
+from calstation.simulation.study import CASES, run_study
+from calstation.simulation.study_table import rms_band
 
 SHORT = {
     "six_position": {"dwell_s": 10.0},

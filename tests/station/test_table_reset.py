@@ -10,14 +10,14 @@ import tomli_w
 from wires import SITE, FakeTable, order, server, tcp_pdu
 
 from calstation.cli.app import run_app
+from calstation.connection import table_reset
+from calstation.connection.bench_process import BenchHost
+from calstation.connection.clock import BenchClock
+from calstation.connection.devices import open_table
+from calstation.connection.link_test import Order, setup_of
+from calstation.connection.table_reset import TableReset, TableStanding, read_table, reset_table
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.guard import check_power
-from calstation.station import table_reset
-from calstation.station.bench_host import BenchHost
-from calstation.station.clock import BenchClock
-from calstation.station.connection_test import Order, setup_of
-from calstation.station.table_reset import TableReset, TableStanding, read_table, reset_table
-from calstation.station.wiring import open_table
 
 _REMOTE = 1 << 9
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import transfer
+from calstation.config.resolving import configured
+from calstation.connection.imu_session import unit_alone
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.transfer import transfer
 from calstation.errors import DeviceFaultError, InputError
+from calstation.registers import journal as register_journal
+from calstation.registers.manual import UnitRegisters, read_unit
+from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
-from calstation.station import register_journal
-from calstation.station.hand_registers import UnitRegisters, read_unit
-from calstation.station.preparation import configured
-from calstation.station.run import execute
-from calstation.station.unit_alone import unit_alone
 from tests.station.conftest import Place
 from tests.station.errands import Errands
 

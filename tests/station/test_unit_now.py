@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calstation.config import library
+from calstation.connection.live_imu import OtherUnit, apply_to_unit
 from calstation.physics.parameters import NAMES
-from calstation.station import library
-from calstation.station.applied_picture import Applied
-from calstation.station.recordings import read_truth, record_on_bench, truth_path
-from calstation.station.unit_now import OtherUnit, apply_to_unit
+from calstation.results.plots.applied import Applied
+from calstation.simulation.recordings import read_truth, record_on_bench, truth_path
 from tests.station.conftest import behind_registers
 
 ZERO = np.zeros(len(NAMES))

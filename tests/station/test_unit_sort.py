@@ -7,21 +7,22 @@ from pathlib import Path
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.devices.imu_profile import load_imu_profile
-from calstation.devices.register_profile import RegisterEntry
-from calstation.devices.registers import RegisterMap
-from calstation.devices.transfer import Closing, Step
+from calstation.config import library
+from calstation.config.request import RegisterErrand
+from calstation.config.resolving import configured
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.transfer import Closing, Step
+from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError, InputError
+from calstation.registers import journal as register_journal
+from calstation.registers.journal import Transfer
+from calstation.registers.listing import largest_change
+from calstation.registers.manual import wanted_registers
+from calstation.registers.operation import turning
+from calstation.registers.unit_type import UnitSort, map_digest
+from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from calstation.station import library, register_journal
-from calstation.station.hand_registers import wanted_registers
-from calstation.station.preparation import configured
-from calstation.station.register_errand import turning
-from calstation.station.register_journal import Transfer
-from calstation.station.register_list import largest_change
-from calstation.station.request import RegisterErrand
-from calstation.station.run import execute
-from calstation.station.unit_sort import UnitSort, map_digest
 from tests.station.conftest import Place
 from tests.station.errands import Errands
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from calstation.config import library, versions
 from calstation.errors import ConfigurationError
 from calstation.records import atomic
-from calstation.station import library, versions
 
 SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
 CHANGED = SHIPPED.replace("turns = 2", "turns = 3")

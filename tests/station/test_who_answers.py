@@ -11,15 +11,15 @@ import tomli_w
 from serial.tools import list_ports
 from wires import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, terminal
 
-from calstation.devices.link import SerialLink, SerialSettings
+from calstation.config.request import RunRequest
+from calstation.connection import table_reset
+from calstation.connection.link_test import try_imu, try_table
+from calstation.connection.table_reset import read_table, reset_table
+from calstation.devices.links.serial_link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict
-from calstation.station import table_reset
-from calstation.station.connection_test import try_imu, try_table
-from calstation.station.request import RunRequest
-from calstation.station.run import execute
-from calstation.station.table_reset import read_table, reset_table
 from tests.station.conftest import PRODUCT, STATION
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")

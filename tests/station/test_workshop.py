@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.station.workshop import Job, Workshop
+from calstation.jobs.queue import Job, Workshop
 from tests.station import works
 
 PATIENCE = 120.0
@@ -138,7 +138,7 @@ def test_the_worker_ends_with_its_window(tmp_path: Path, state: str) -> None:
     script = tmp_path / "window.py"
     script.write_text(
         "import sys, time\nfrom pathlib import Path\n"
-        "from calstation.station.workshop import Workshop\nfrom tests.station import works\n"
+        "from calstation.jobs.queue import Workshop\nfrom tests.station import works\n"
         "if __name__ == '__main__':\n"
         "    shop = Workshop()\n"
         f"    job = shop.submit(works.wait, Path({str(started)!r}), Path({str(tmp_path / 'go')!r}))\n"

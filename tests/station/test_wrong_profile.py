@@ -5,8 +5,9 @@ from typing import Any
 
 import pytest
 
+from calstation.config import library
+from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
-from calstation.station import library, register_journal
 from tests.station.conftest import Place
 from tests.station.errands import Errands
 

@@ -11,11 +11,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from calstation.bench.pseudo_terminal import open_raw
-from calstation.configuration import validate
-from calstation.devices.checks import check_bytes
-from calstation.station.config import StationConfig
-from calstation.station.connection_test import Order
+from calstation.bench.links.pseudo_terminal import open_raw
+from calstation.config.station import StationConfig
+from calstation.connection.link_test import Order
+from calstation.devices.codecs.frame_checks import check_bytes
+from calstation.schema import validate
 
 NOBODY = f"tcp://127.0.0.1:{1 + int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:])}"
 """Where nothing listens; of each process of tests another, for a port has one owner."""

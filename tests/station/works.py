@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import InputError
-from calstation.station.worker import Tell
+from calstation.jobs.worker import Tell
 
 
 def add(tell: Tell, a: int, b: int = 0) -> int:

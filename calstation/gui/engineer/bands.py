@@ -6,7 +6,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 
 Band = tuple[str, float, float]
 """A name, and where its band begins and ends."""

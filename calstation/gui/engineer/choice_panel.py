@@ -6,11 +6,11 @@ from typing import Any
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QScrollArea, QVBoxLayout, QWidget
 
-from calstation.gui import theme
+from calstation.config.schedules import Offer
 from calstation.gui.engineer.parts import Parts
 from calstation.gui.engineer.schedule_form import ScheduleForm
-from calstation.gui.wording import word_stage
-from calstation.station.schedules import Offer
+from calstation.gui.text.wording import word_stage
+from calstation.gui.widgets import theme
 
 
 class ChoicePanel(QFrame):

@@ -5,7 +5,6 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.context import AppContext
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.innovations_view import InnovationsView
 from calstation.gui.engineer.lazy import LazyView
@@ -13,12 +12,13 @@ from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.residuals_view import ResidualsView
 from calstation.gui.engineer.result_view import ResultView
 from calstation.gui.engineer.verdict_wording import word_verdict
-from calstation.gui.offline.log_wording import word_log_error
+from calstation.gui.logs.log_wording import word_log_error
+from calstation.gui.shell.context import AppContext
+from calstation.gui.text.wording import word_state
 from calstation.gui.widgets.job_watch import JobWatch
-from calstation.gui.wording import word_state
-from calstation.station.diagnostics import Diagnostics, diagnose
-from calstation.station.finished import Finished, finished
-from calstation.station.forecast import Forecast
+from calstation.results.diagnostics import Diagnostics, diagnose
+from calstation.results.finished_run import Finished, finished
+from calstation.results.preview import Forecast
 
 
 class CloseLook(QObject):

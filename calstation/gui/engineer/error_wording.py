@@ -5,8 +5,8 @@ from functools import cache
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.fault_wording import word_fault
-from calstation.station.marked import QT_TRANSLATE_NOOP
+from calstation.gui.text.fault_wording import word_fault
+from calstation.messages.marked import QT_TRANSLATE_NOOP
 
 _PLANS = (
     QT_TRANSLATE_NOOP(

@@ -2,9 +2,9 @@
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.wording import word_group
-from calstation.station.marked import QT_TRANSLATE_NOOP
-from calstation.station.schedules import Problem, ScheduleField
+from calstation.config.schedules import Problem, ScheduleField
+from calstation.gui.text.wording import word_group
+from calstation.messages.marked import QT_TRANSLATE_NOOP
 
 _CONTEXT = "schedule"
 

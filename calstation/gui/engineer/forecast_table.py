@@ -4,12 +4,12 @@ from functools import partial
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.gui.text.wording import word_stage
 from calstation.gui.widgets.parameter_table import Column
-from calstation.gui.wording import word_stage
+from calstation.messages.marked import QT_TRANSLATE_NOOP
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import display
-from calstation.station.forecast import Forecast
-from calstation.station.marked import QT_TRANSLATE_NOOP
+from calstation.results.preview import Forecast
 
 
 def _say(text: str) -> str:

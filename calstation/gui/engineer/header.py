@@ -3,9 +3,9 @@
 from PySide6.QtCore import QEvent, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
-from calstation.gui import theme
-from calstation.gui.run_status import RunStatus
-from calstation.gui.run_strip import RunStrip
+from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.shell.run_strip import RunStrip
+from calstation.gui.widgets import theme
 
 
 class EngineerHeader(QWidget):

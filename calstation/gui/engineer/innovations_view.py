@@ -6,12 +6,12 @@ from PySide6.QtCore import QEvent
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui import theme
 from calstation.gui.engineer.bands import dashed
+from calstation.gui.text.wording import word_stage
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.plot import ThemedPlot
-from calstation.gui.wording import word_stage
-from calstation.station.diagnostics import Diagnostics, StageDiagnostics
+from calstation.results.diagnostics import Diagnostics, StageDiagnostics
 
 _LEFT = 7 * theme.GRID
 _MOST = 1500

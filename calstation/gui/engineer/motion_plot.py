@@ -5,11 +5,11 @@ import pyqtgraph as pg
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
-from calstation.gui import theme
 from calstation.gui.engineer.bands import Bands, dashed
+from calstation.gui.text.wording import word_stage
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import ThemedPlot
-from calstation.gui.wording import word_stage
-from calstation.station.forecast import Forecast
+from calstation.results.preview import Forecast
 
 _LEFT = 9 * theme.GRID
 """Width of the axes' numbers, so that both plots' times stand above each other, px."""

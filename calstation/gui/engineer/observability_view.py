@@ -19,9 +19,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui import theme
+from calstation.gui.text.wording import word_group, word_stage
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.empty_state import EmptyState
-from calstation.gui.wording import word_group, word_stage
 from calstation.physics.arrays import FloatArray
 
 SEEN = 1.0 / 0.9

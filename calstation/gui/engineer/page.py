@@ -14,27 +14,27 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
 )
 
+from calstation.config.product_schedule import save_schedule
+from calstation.config.request import RunRequest
+from calstation.config.schedules import Offer, offer
 from calstation.errors import CalstationError
-from calstation.gui import theme
-from calstation.gui.context import AppContext
 from calstation.gui.engineer.choice_panel import ChoicePanel
 from calstation.gui.engineer.close_look import CloseLook
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.register_desk import UNNAMED, RegisterDesk
-from calstation.gui.offline.log_wording import word_log_error
-from calstation.gui.page import Page
+from calstation.gui.logs.log_wording import word_log_error
+from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.page import Page
+from calstation.gui.text.wording import word_busy, word_stage
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.gui.wording import word_busy, word_stage
+from calstation.results.finished_run import Finished
+from calstation.results.preview import forecast
 from calstation.sequencer.events import Event, Verdict
-from calstation.station.finished import Finished
-from calstation.station.forecast import forecast
-from calstation.station.product_schedule import save_schedule
-from calstation.station.request import RunRequest
-from calstation.station.schedules import Offer, offer
 
 _LEFT = 46 * theme.GRID
 

@@ -3,8 +3,8 @@
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QFrame, QHBoxLayout, QLabel, QToolButton, QVBoxLayout, QWidget
 
-from calstation.gui import theme
-from calstation.gui.wording import word_stage
+from calstation.gui.text.wording import word_stage
+from calstation.gui.widgets import theme
 
 PARTS = {
     "scale_factors": ("rate", "six_position"),

@@ -12,17 +12,17 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui import theme
 from calstation.gui.engineer import forecast_table
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.motion_plot import MotionPlot
+from calstation.gui.text.wording import word_stage, word_step, word_time
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.parameter_table import ParameterModel, ParameterTable
-from calstation.gui.wording import word_stage, word_step, word_time
-from calstation.station.forecast import Forecast, Violation
+from calstation.results.preview import Forecast, Violation
 
 _ROW = 26
 """Height of a line of a table with all parameters, px."""

@@ -6,14 +6,14 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
-from calstation.gui.context import AppContext
+from calstation.config.request import RegisterErrand, RunRequest
 from calstation.gui.engineer.registers_view import RegistersView
+from calstation.gui.shell.context import AppContext
+from calstation.gui.text.wording import word_message, word_step
 from calstation.gui.widgets.job_watch import JobWatch
-from calstation.gui.wording import word_message, word_step
+from calstation.registers.manual import UnitRegisters, Wanted, read_unit, wanted_registers
+from calstation.results.finished_run import Finished
 from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
-from calstation.station.finished import Finished
-from calstation.station.hand_registers import UnitRegisters, Wanted, read_unit, wanted_registers
-from calstation.station.request import RegisterErrand, RunRequest
 
 UNNAMED = "-"
 """Stands for the unit in a request where none is named yet."""

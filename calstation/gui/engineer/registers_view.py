@@ -5,9 +5,9 @@ from collections.abc import Callable
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from calstation.gui import theme
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.history.run_table import local_time
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.job_row import JobRow
@@ -15,7 +15,7 @@ from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.units import aligned, display
-from calstation.station.hand_registers import Register, UnitRegisters, Wanted
+from calstation.registers.manual import Register, UnitRegisters, Wanted
 
 _NONE = "–"
 

@@ -8,14 +8,14 @@ from PySide6.QtCore import QEvent, QPointF
 from PySide6.QtGui import QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
-from calstation.gui import theme
 from calstation.gui.engineer.bands import Band, Bands
+from calstation.gui.text.wording import word_stage
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.plot import ThemedPlot
-from calstation.gui.wording import word_stage
 from calstation.physics.arrays import FloatArray
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
-from calstation.station.diagnostics import Diagnostics, StageDiagnostics
+from calstation.results.diagnostics import Diagnostics, StageDiagnostics
 
 _LEFT = 9 * theme.GRID
 _FACE = np.cos(np.deg2rad(30.0))

@@ -6,17 +6,17 @@ from typing import Any
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from calstation.gui import theme
-from calstation.gui.check_wording import of_parameter
 from calstation.gui.engineer.verdict_wording import word_verdict
 from calstation.gui.history.run_table import local_time
+from calstation.gui.text.check_wording import of_parameter
+from calstation.gui.text.wording import KINDS, word_stage
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.gui.wording import KINDS, word_stage
 from calstation.physics.parameters import NAMES
 from calstation.physics.units import aligned, display, number
-from calstation.station.finished import Finished
+from calstation.results.finished_run import Finished
 
 _NONE = "–"
 _NOTABLE = 3.0

@@ -16,11 +16,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui import theme
+from calstation.config.schedules import Offer, Problem, ScheduleField, problems, schedule_fields
 from calstation.gui.engineer.field_wording import word_description, word_field, word_problem
-from calstation.gui.wording import word_group
+from calstation.gui.text.wording import word_group
+from calstation.gui.widgets import theme
 from calstation.physics.units import DISPLAY
-from calstation.station.schedules import Offer, Problem, ScheduleField, problems, schedule_fields
 
 _WIDTH = 11 * theme.GRID
 

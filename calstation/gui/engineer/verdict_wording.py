@@ -5,7 +5,7 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.wording import word_stage, word_state
+from calstation.gui.text.wording import word_stage, word_state
 
 
 def word_verdict(result: Mapping[str, Any], *, stages: bool = True) -> str:

@@ -15,14 +15,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui import theme
-from calstation.gui.fault_wording import word_fault
 from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import advice
+from calstation.gui.text.fault_wording import word_fault
+from calstation.gui.text.wording import KINDS, word_message, word_state, word_time
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.elided import ElidedLabel
-from calstation.gui.wording import KINDS, word_message, word_state, word_time
 from calstation.physics.units import aligned
 from calstation.records.run_index import IndexedRun, RunRecord
 

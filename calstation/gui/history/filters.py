@@ -5,8 +5,8 @@ from datetime import UTC, datetime, timedelta
 from PySide6.QtCore import QEvent, QTimer, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QLineEdit, QWidget
 
-from calstation.gui import theme
-from calstation.gui.wording import word_state
+from calstation.gui.text.wording import word_state
+from calstation.gui.widgets import theme
 
 _OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
 _DAYS = (None, 1, 7, 30, 365)

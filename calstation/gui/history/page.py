@@ -9,21 +9,21 @@ from PySide6.QtCore import Qt, QUrl
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QPushButton, QSplitter, QStackedWidget, QVBoxLayout
 
-from calstation.gui import theme
-from calstation.gui.context import AppContext
 from calstation.gui.history.details import RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
-from calstation.gui.offline.log_wording import word_log_error
-from calstation.gui.page import Page
+from calstation.gui.logs.log_wording import word_log_error
+from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.page import Page
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.records.run_index import RunRecord
+from calstation.results.history import History, refresh_history
+from calstation.runs.close_incomplete import close_run
+from calstation.runs.resume import Resumable, find_resumable
 from calstation.sequencer.events import Event, Verdict
-from calstation.station.closing import close_run
-from calstation.station.history import History, refresh_history
-from calstation.station.resume import Resumable, find_resumable
 
 MOST = 300
 """Runs listed at a time."""

@@ -16,9 +16,9 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
-from calstation.gui import theme
+from calstation.gui.text.wording import KINDS, word_stage, word_state, word_time
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
-from calstation.gui.wording import KINDS, word_stage, word_state, word_time
 from calstation.records.run_index import RunRecord
 
 Index = QModelIndex | QPersistentModelIndex

@@ -8,8 +8,8 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
-from calstation.gui import theme
 from calstation.gui.history.run_table import local_time
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import display

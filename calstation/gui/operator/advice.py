@@ -6,9 +6,9 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui import check_wording
-from calstation.gui.check_wording import of_product
-from calstation.gui.wording import word_group, word_stage
+from calstation.gui.text import check_wording
+from calstation.gui.text.check_wording import of_product
+from calstation.gui.text.wording import word_group, word_stage
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.physics.units import display, number
 

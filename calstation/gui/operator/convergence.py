@@ -9,10 +9,10 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui import theme
+from calstation.gui.text.wording import word_group
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.line_labels import LineLabel, LineLabels
 from calstation.gui.widgets.plot import ThemedPlot
-from calstation.gui.wording import word_group
 from calstation.physics.units import DISPLAY
 
 _KEPT = 2000

@@ -16,8 +16,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui import theme
-from calstation.station.who import computer_user
+from calstation.config.user import computer_user
+from calstation.gui.widgets import theme
 
 
 class RunHeader(QWidget):

@@ -3,13 +3,13 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QStackedWidget, QVBoxLayout, QWidget
 
-from calstation.gui import theme
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.preparation import Preparation
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
-from calstation.gui.run_status import RunStatus
+from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.widgets import theme
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer.events import (
     Event,

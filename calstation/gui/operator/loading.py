@@ -3,10 +3,10 @@
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui import theme
+from calstation.config.run_summary import Outline
 from calstation.gui.operator.position_picture import PositionPicture
 from calstation.gui.operator.table_picture import TablePicture
-from calstation.station.outline import Outline
+from calstation.gui.widgets import theme
 
 
 class Loading(QFrame):

@@ -4,10 +4,10 @@ from functools import partial
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.context import AppContext
+from calstation.config.compatible_products import fitting_products
+from calstation.config.resolving import HandsError
+from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets.notice import Choice
-from calstation.station.fitting import fitting_products
-from calstation.station.preparation import HandsError
 
 _BUTTONS = 2
 """Most products that get a button; all are named."""

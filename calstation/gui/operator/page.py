@@ -15,10 +15,12 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.resolving import HandsError
+from calstation.config.run_summary import outline
+from calstation.config.station import DEFAULT_PRODUCT
 from calstation.errors import CalstationError
-from calstation.gui import theme
-from calstation.gui.context import AppContext
-from calstation.gui.fault_wording import word_fault
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
@@ -27,16 +29,14 @@ from calstation.gui.operator.resuming import Resuming
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import Starting
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.page import Page
+from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.page import Page
+from calstation.gui.text.fault_wording import word_fault
+from calstation.gui.text.wording import KINDS, word_busy, word_message, word_stage, word_state, word_step
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
-from calstation.gui.wording import KINDS, word_busy, word_message, word_stage, word_state, word_step
 from calstation.sequencer.control import Command
-from calstation.station import library
-from calstation.station.config import DEFAULT_PRODUCT
-from calstation.station.outline import outline
-from calstation.station.preparation import HandsError
-from calstation.station.request import RunRequest
 
 _STEPS = 1000
 """Of the progress bar."""

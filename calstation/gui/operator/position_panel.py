@@ -5,11 +5,11 @@ from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
-from calstation.gui import theme
+from calstation.config.run_summary import Outline
 from calstation.gui.operator.position_picture import PositionPicture
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.sequencer.events import PositionGuided
-from calstation.station.outline import Outline
 
 _WORD, _SENTENCE = theme.VERDICT // 2, theme.VERDICT // 3
 """Read from two metres, px; on a wide panel a third larger."""

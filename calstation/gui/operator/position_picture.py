@@ -11,8 +11,8 @@ from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.gui import theme
 from calstation.gui.operator.projection import CIRCLE, basis, box, depth, flat, head, letter, pen
+from calstation.gui.widgets import theme
 from calstation.physics.arrays import FloatArray
 from calstation.physics.rotation import axis_rotation, rotation_matrix
 from calstation.sequencer.events import PositionGuided

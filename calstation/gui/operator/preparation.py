@@ -3,8 +3,8 @@
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui import theme
-from calstation.gui.run_status import RunStatus
+from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
 
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")

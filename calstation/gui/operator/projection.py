@@ -5,7 +5,7 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPen, QPolygonF
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 from calstation.physics.arrays import FloatArray
 
 _VIEW_AZIMUTH, _VIEW_ELEVATION = np.deg2rad(28.0), np.deg2rad(24.0)

@@ -4,19 +4,19 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject
 
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.station import load_product
 from calstation.errors import CalstationError
-from calstation.gui.context import AppContext
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.starting import Starting
+from calstation.gui.shell.context import AppContext
+from calstation.gui.text.wording import word_stage
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.gui.wording import word_stage
-from calstation.station import library
-from calstation.station.closing import close_run
-from calstation.station.config import load_product
-from calstation.station.request import RunRequest
-from calstation.station.resume import Resumable, find_resumable
-from calstation.station.tidy import tidy_up
+from calstation.runs.close_incomplete import close_run
+from calstation.runs.resume import Resumable, find_resumable
+from calstation.runs.startup_recovery import tidy_up
 
 
 class Resuming(QObject):

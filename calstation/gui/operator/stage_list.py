@@ -14,11 +14,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui import theme
-from calstation.gui.run_status import RunStatus, StageState, planned
+from calstation.config.run_summary import Outline
+from calstation.gui.shell.run_status import RunStatus, StageState, planned
+from calstation.gui.text.wording import word_stage, word_time
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state, state_colour
-from calstation.gui.wording import word_stage, word_time
-from calstation.station.outline import Outline
 
 _ROW = 7 * theme.GRID
 _SHAPES = {

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 from PySide6.QtCore import QObject
 
-from calstation.gui.context import AppContext
+from calstation.config.request import RunRequest
+from calstation.config.run_summary import Outline
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.suggestion import suggested_serial
+from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.station.history import History
-from calstation.station.outline import Outline
-from calstation.station.request import RunRequest
+from calstation.results.history import History
 
 Go = Callable[[], None]
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 
-from calstation.station.outline import Outline
+from calstation.config.run_summary import Outline
 
 _TRIED = 1000
 

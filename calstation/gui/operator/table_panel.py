@@ -4,8 +4,8 @@ import numpy as np
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui import theme
 from calstation.gui.operator.table_picture import TablePicture
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.sequencer.events import TableMoved
 

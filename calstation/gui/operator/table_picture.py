@@ -5,7 +5,6 @@ from PySide6.QtCore import QPointF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.gui import theme
 from calstation.gui.operator.projection import (
     CIRCLE,
     VIEWER,
@@ -18,6 +17,7 @@ from calstation.gui.operator.projection import (
     pen,
     polygon,
 )
+from calstation.gui.widgets import theme
 from calstation.physics.arrays import FloatArray
 from calstation.physics.rotation import axis_rotation
 

@@ -15,8 +15,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui import theme
 from calstation.gui.operator.ring import RingBuffer
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.line_labels import LineLabel, LineLabels
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.sequencer.events import Trace

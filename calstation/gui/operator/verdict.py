@@ -16,16 +16,16 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui import theme
-from calstation.gui.context import AppContext
-from calstation.gui.fault_wording import resettable, word_fault
+from calstation.config.station import load_station
+from calstation.connection.link_test import Order
 from calstation.gui.operator import advice
+from calstation.gui.shell.context import AppContext
+from calstation.gui.text.fault_wording import resettable, word_fault
+from calstation.gui.text.wording import KINDS, word_message, word_state, word_time
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
 from calstation.gui.widgets.reset_bar import ResetBar
-from calstation.gui.wording import KINDS, word_message, word_state, word_time
 from calstation.sequencer.events import Fault, Verdict
-from calstation.station.config import load_station
-from calstation.station.connection_test import Order
 
 _HEAD = 12 * theme.GRID
 """Least height of the block that holds the word, px."""

@@ -6,7 +6,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPaintEvent, QPen, QPixmap, QPolygonF
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QWidget
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 
 KINDS = ("none", "waiting", "active", "good", "bad", "caution", "paused", "stopped")
 """Ring, ring with a dot, filled triangle, tick, cross, triangle with a mark, two bars, square."""

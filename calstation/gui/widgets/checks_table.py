@@ -6,8 +6,8 @@ from typing import Any
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QHeaderView, QVBoxLayout, QWidget
 
-from calstation.gui import theme
-from calstation.gui.check_wording import CheckWords, word_check
+from calstation.gui.text.check_wording import CheckWords, word_check
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 
 _ROW = 28

@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 
 _WIDTH = 70 * theme.GRID
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPen, QPixmap
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 
 _SIZE = 24
 _RATIO = 2

@@ -3,9 +3,9 @@
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QWidget
 
-from calstation.gui import theme
+from calstation.gui.text.wording import word_time
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.job_watch import JobWatch
-from calstation.gui.wording import word_time
 
 _STEPS = 1000
 _FIRM = 0.05

@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.station.workshop import Job
+from calstation.jobs.queue import Job
 
 _EVERY = 50
 """Between two looks at the job, ms."""

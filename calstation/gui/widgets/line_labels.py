@@ -7,7 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
 
 _LEADER = 2 * theme.GRID

@@ -7,7 +7,7 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
 
 Words = Callable[[], str]

@@ -8,7 +8,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
 
 Index = QModelIndex | QPersistentModelIndex

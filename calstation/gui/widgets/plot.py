@@ -5,7 +5,7 @@ from PySide6.QtCore import QEvent
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui import theme
+from calstation.gui.widgets import theme
 
 pg.setConfigOptions(antialias=False)
 

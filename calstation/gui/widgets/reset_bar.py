@@ -5,14 +5,14 @@ from collections.abc import Callable
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
+from calstation.connection.link_test import Order
+from calstation.connection.table_reset import TableReset, reset_table
 from calstation.errors import CalstationError
-from calstation.gui import theme
-from calstation.gui.context import AppContext
-from calstation.gui.fault_wording import phrase, word_fault
+from calstation.gui.shell.context import AppContext
+from calstation.gui.text.fault_wording import phrase, word_fault
+from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
 from calstation.gui.widgets.job_watch import JobWatch
-from calstation.station.connection_test import Order
-from calstation.station.table_reset import TableReset, reset_table
 
 
 class ResetBar(QWidget):

@@ -1,0 +1,114 @@
+"""Bytes of the bench IMU's link: stream frames, command frames and their check.
+
+Everything is little-endian. The check is CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not reflected).
+
+    stream   55 AA | counter u16 | gyro x y z, accel x y z i32 | temperature i16, 0.01 °C | status u16 | CRC
+    command  55 A5 | op u8 | n u8 | payload, n bytes | CRC of op to payload
+    reply    55 5A | op u8 | n u8 | payload, n bytes | CRC of op to payload
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calstation.bench.truth.compiled import compiled
+from calstation.physics.arrays import FloatArray, IntArray
+
+STREAM = np.dtype(
+    [
+        ("sync", "<u2"),
+        ("counter", "<u2"),
+        ("channels", "<i4", 6),
+        ("temperature", "<i2"),
+        ("status", "<u2"),
+        ("crc", "<u2"),
+    ]
+)
+STREAM_SYNC = 0xAA55  # 55 AA on the wire
+COMMAND_SYNC = b"\x55\xa5"
+REPLY_SYNC = b"\x55\x5a"
+
+READY, SATURATED, SELF_TEST_FAILED = 1, 2, 4
+
+
+def _table() -> NDArray[np.uint16]:
+    table = np.zeros(256, dtype=np.uint16)
+    for byte in range(256):
+        crc = byte << 8
+        for _ in range(8):
+            crc = (crc << 1) ^ 0x1021 if crc & 0x8000 else crc << 1
+        table[byte] = crc & 0xFFFF
+    return table
+
+
+_CRC_TABLE = _table()
+
+
+@compiled
+def _check_rows(rows: NDArray[np.uint8], table: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    checks = np.empty(rows.shape[0], dtype=np.uint16)
+    for n in range(rows.shape[0]):
+        crc = 0xFFFF
+        for i in range(rows.shape[1]):
+            crc = ((crc << 8) & 0xFFFF) ^ table[(crc >> 8) ^ rows[n, i]]
+        checks[n] = crc
+    return checks
+
+
+def crc16(data: bytes) -> int:
+    """CRC-16/CCITT-FALSE of `data`."""
+    return int(_check_rows(np.frombuffer(data, dtype=np.uint8)[None, :], _CRC_TABLE)[0])
+
+
+def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, status: IntArray) -> bytes:
+    """Frames of consecutive samples.
+
+    Parameters
+    ----------
+    counter : sample counters, shape (n,), of which the low 16 bits are sent
+    counts : whole numbers, shape (n, 6); NaN is sent as the lowest number that there is
+    temperature : °C
+    status : shape (n,)
+    """
+    frames = np.zeros(len(counter), dtype=STREAM)
+    frames["sync"] = STREAM_SYNC
+    frames["counter"] = counter & 0xFFFF
+    frames["channels"] = np.clip(np.nan_to_num(counts, nan=-(2.0**31)), -(2**31), 2**31 - 1)
+    frames["temperature"] = round(temperature * 100.0)
+    frames["status"] = status
+    frames["crc"] = _check_rows(frames.view(np.uint8).reshape(-1, STREAM.itemsize)[:, 2:-2], _CRC_TABLE)
+    return frames.tobytes()
+
+
+def pack(sync: bytes, op: int, payload: bytes = b"") -> bytes:
+    """A command or a reply."""
+    body = bytes([op, len(payload)]) + payload
+    return sync + body + crc16(body).to_bytes(2, "little")
+
+
+@dataclass
+class CommandParser:
+    """Finds command frames in the bytes that arrive, however they are cut; skips what is none."""
+
+    _pending: bytearray = field(default_factory=bytearray)
+
+    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Complete commands (op, payload) with a right check, in order."""
+        self._pending += data
+        commands: list[tuple[int, bytes]] = []
+        while True:
+            start = self._pending.find(COMMAND_SYNC)
+            if start < 0:
+                del self._pending[: max(0, len(self._pending) - 1)]
+                return commands
+            del self._pending[:start]
+            if len(self._pending) < 4 or len(self._pending) < self._pending[3] + 6:
+                return commands
+            length = self._pending[3] + 6
+            frame = bytes(self._pending[:length])
+            if crc16(frame[2:-2]) == int.from_bytes(frame[-2:], "little"):
+                commands.append((frame[2], frame[4:-2]))
+                del self._pending[:length]
+            else:
+                del self._pending[:2]

@@ -1,0 +1,212 @@
+"""A unit whose processor answers Modbus RTU on the line of its stream, and streams the bench's own frames.
+
+Holding registers, 0-based, unit 1, high byte first:
+
+    0 model, 8 serial, 16 firmware (text)   20 stream: 0 off, 1 of the sensors, 2 corrected
+    21 commit (0x5A5A)   22 reset (0xA5A5)   23 page
+    page 1: 100 gyro matrix, 9 f32, low word first   118 gyro offset, 3 f64
+    page 2: 200 accelerometer matrix, 6 i32, 2^-30   212 bias, 3 i32, low word first, 1e-7 m/s²
+            218 quadratic, 3 f32                     224 levers, 3 i16, 5e-5 m
+
+The gyro matrix is E column by column, rate = (I + E)⁻¹ measured + offset; the accelerometer's is I − C on and below the
+diagonal, force = C (measured − bias − quadratic · force²) with levers added.
+"""
+
+import struct
+from collections.abc import Callable
+
+import numpy as np
+
+from calstation.bench.imu.correction import Correction
+from calstation.bench.imu.flash import PowerCut
+from calstation.bench.imu.unit import CORRECTED, OFF, RAW, ImuUnit
+
+MODEL, FIRMWARE = "bench-dsp", "2.0"
+UNIT = 1
+STREAM, COMMIT, RESET, PAGE = 20, 21, 22, 23
+COMMIT_WORD, RESET_WORD = 0x5A5A, 0xA5A5
+
+#: Calibration registers of each page, as (first, count).
+PAGES = {1: (100, 30), 2: (200, 27)}
+
+#: Looks at the commit register that still show it busy.
+_BUSY_LOOKS = 2
+
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
+READ, WRITE, WRITE_MANY = 3, 6, 16
+
+
+class _Refused(Exception):  # noqa: N818 - an answer of the protocol
+    """A Modbus exception."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+def crc16_modbus(data: bytes) -> bytes:
+    """Check of an RTU frame, low byte first."""
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ 0xA001 if value & 1 else value >> 1
+    return value.to_bytes(2, "little")
+
+
+class DspUnit(ImuUnit):
+    """See the module."""
+
+    @property
+    def flash_bytes(self) -> int:
+        """See `ImuUnit.flash_bytes`."""
+        return 2 * sum(count for _, count in PAGES.values())
+
+    def _start(self, time: float) -> None:
+        self._words = {page: [0] * count for page, (_, count) in PAGES.items()}
+        super()._start(time)
+        self._page = 0
+        self._busy = 0
+
+    def _take(self, held: bytes) -> None:
+        words = list(struct.unpack(f"<{len(held) // 2}H", held))
+        for page, (_, count) in PAGES.items():
+            self._words[page], words = words[:count], words[count:]
+
+    def _given(self) -> bytes:
+        words = [word for page in PAGES for word in self._words[page]]
+        return struct.pack(f"<{len(words)}H", *words)
+
+    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
+        """See `ImuUnit.conversation`."""
+        pending = b""
+
+        def hear(data: bytes, time: float) -> list[bytes]:
+            nonlocal pending
+            pending += data
+            replies = []
+            while (size := _request_size(pending)) is not None:
+                if size > len(pending):
+                    break
+                frame = pending[:size]
+                if size == 0 or crc16_modbus(frame[:-2]) != frame[-2:]:
+                    pending = pending[1:]
+                    continue
+                pending = pending[size:]
+                replies.append(self._answer_rtu(frame[1], frame[2:-2], time))
+            return replies
+
+        return hear
+
+    def _answer_rtu(self, function: int, data: bytes, time: float) -> bytes:
+        try:
+            body = bytes([UNIT, function]) + self._obey(function, data, time)
+        except _Refused as refused:
+            body = bytes([UNIT, function | 0x80, refused.code])
+        except PowerCut:
+            self.restart(time)
+            return b""
+        return body + crc16_modbus(body)
+
+    def _obey(self, function: int, data: bytes, time: float) -> bytes:
+        address, second = struct.unpack(">HH", data[:4])
+        if function == READ:
+            if not 1 <= second <= 125:
+                raise _Refused(ILLEGAL_VALUE)
+            words = [self._get(address + i) for i in range(second)]
+            return struct.pack(f">B{second}H", 2 * second, *words)
+        if function == WRITE:
+            self._put(address, [second], time)
+            return data[:4]
+        self._put(address, list(struct.unpack(f">{second}H", data[5:])), time)
+        return data[:4]
+
+    def _get(self, address: int) -> int:
+        for first, text in ((0, MODEL), (8, self._serial), (16, FIRMWARE)):
+            size = 8 if first < 16 else 4
+            if first <= address < first + size:
+                padded = text.encode("ascii", "replace").ljust(16, b"\0")
+                place = 2 * (address - first)
+                return int.from_bytes(padded[place : place + 2], "big")
+        if address == STREAM:
+            return (CORRECTED if self.corrected else RAW) if self.streaming else OFF
+        if address == COMMIT:
+            self._busy = max(0, self._busy - 1)
+            return COMMIT_WORD if self._busy else 0
+        if address == PAGE:
+            return self._page
+        first, count = PAGES.get(self._page, (0, 0))
+        if not first <= address < first + count:
+            raise _Refused(ILLEGAL_ADDRESS)
+        return self._words[self._page][address - first]
+
+    def _put(self, address: int, words: list[int], time: float) -> None:
+        if address in (STREAM, COMMIT, RESET, PAGE) and len(words) == 1:
+            self._command(address, words[0], time)
+            return
+        first, count = PAGES.get(self._page, (0, 0))
+        if not first <= address or address + len(words) > first + count:
+            raise _Refused(ILLEGAL_ADDRESS)
+        if self.fails_writing is not None:
+            self.fails_writing -= 2 * len(words)
+            if self.fails_writing < 0:
+                self.fails_writing = None
+                raise PowerCut
+        self._words[self._page][address - first : address - first + len(words)] = words
+
+    def _command(self, address: int, word: int, time: float) -> None:
+        if address == STREAM and word in (OFF, RAW, CORRECTED):
+            self.streaming, self.corrected = word != OFF, word == CORRECTED
+        elif address == PAGE:
+            self._page = word
+        elif address == COMMIT and word == COMMIT_WORD:
+            self._burn()
+            self._busy = _BUSY_LOOKS
+        elif address == RESET and word == RESET_WORD:
+            self.restart(time)
+        else:
+            raise _Refused(ILLEGAL_VALUE)
+
+    def correction(self) -> Correction:
+        """See `ImuUnit.correction`; the formulas and places are the module's."""
+        gyros, accels = self._words[1], self._words[2]
+        columns = [_float(gyros[2 * k + 1], gyros[2 * k]) for k in range(9)]
+        error = np.array([[columns[3 * column + row] for column in range(3)] for row in range(3)])
+        offset = [
+            struct.unpack(">d", struct.pack(">4H", *gyros[18 + 4 * k : 22 + 4 * k]))[0] for k in range(3)
+        ]
+        lower = [_signed(accels[2 * k] << 16 | accels[2 * k + 1], 32) / 2.0**30 for k in range(6)]
+        less = np.zeros((3, 3))
+        less[np.tril_indices(3)] = lower
+        bias = [1e-7 * _signed(accels[13 + 2 * k] << 16 | accels[12 + 2 * k], 32) for k in range(3)]
+        return Correction(
+            gyro=np.linalg.inv(np.eye(3) + error),
+            before=np.zeros(3),
+            after=np.array(offset),
+            accel=np.eye(3) - less,
+            bias=np.array(bias),
+            quadratic=np.array([_float(accels[18 + 2 * k], accels[19 + 2 * k]) for k in range(3)]),
+            levers=np.array([5e-5 * _signed(accels[24 + k], 16) for k in range(3)]),
+        )
+
+
+def _float(high: int, low: int) -> float:
+    value: float = struct.unpack(">f", struct.pack(">HH", high, low))[0]
+    return value
+
+
+def _signed(word: int, bits: int) -> int:
+    return word - (1 << bits) if word >> (bits - 1) else word
+
+
+def _request_size(data: bytes) -> int | None:
+    """Bytes of the request that data begin with: None until it can be told, 0 where none begins."""
+    if len(data) < 2:
+        return None
+    if data[0] != UNIT or data[1] not in (READ, WRITE, WRITE_MANY):
+        return 0
+    if data[1] != WRITE_MANY:
+        return 8
+    if len(data) < 7:
+        return None
+    return 9 + data[6] if data[6] == 2 * int.from_bytes(data[4:6], "big") else 0

@@ -1,0 +1,96 @@
+"""What may happen to the unit's samples between its sensors and the line: on order, for a while or some frames."""
+
+import numpy as np
+
+from calstation.bench.imu.frames import STREAM
+from calstation.bench.truth.stream import StreamOutput
+
+_NOISE_BYTES = 7
+"""Bytes of noise put before a frame."""
+
+_SATURATED = 2**31 - 1
+
+
+class StreamFaults:
+    """Spoils samples and frames until what was ordered is used up.
+
+    Parameters
+    ----------
+    random : draws bits and bytes
+
+    Attributes
+    ----------
+    corrupt, drop, duplicate, reorder, noise : frames still to get a flipped bit, not to be sent, to be sent twice, to
+        change places with the one behind, to have bytes of noise before them
+    silent_until, garbled_until, saturated_until, invalid_until, frozen_until : device time, s, up to which nothing is
+        sent, bytes come as at a wrong baud, the first channel of the gyro saturates or is no number, or one channel
+        shows what it showed last
+    frozen : number of that channel
+    frame_size : bytes of a frame
+    """
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self._random = random
+        self.frame_size = STREAM.itemsize
+        self.corrupt = self.drop = self.duplicate = self.reorder = self.noise = 0
+        self.silent_until = self.garbled_until = self.saturated_until = -np.inf
+        self.invalid_until = self.frozen_until = -np.inf
+        self.frozen = 0
+        self._last: float | None = None
+
+    def ends(self) -> tuple[float, ...]:
+        """Device times at which what lasts for a while is over, s."""
+        return (self.silent_until, self.garbled_until, self.saturated_until, self.invalid_until)
+
+    def samples(self, output: StreamOutput, time: float) -> StreamOutput:
+        """What the sensors seem to measure in samples around device time `time`, s."""
+        counts, saturated = output.counts, output.saturated
+        if time < self.saturated_until:
+            counts, saturated = counts.copy(), np.ones_like(saturated)
+            counts[:, 0] = _SATURATED
+        if time < self.invalid_until:
+            counts = counts.copy()
+            counts[:, 0] = np.nan
+        if time < self.frozen_until:
+            counts = counts.copy()
+            self._last = counts[0, self.frozen] if self._last is None else self._last
+            counts[:, self.frozen] = self._last
+        else:
+            self._last = None
+        return StreamOutput(counts, saturated)
+
+    def frames(self, data: bytes, time: float) -> bytes:
+        """What of frames sent around device time `time`, s, comes out of the line."""
+        if time < self.silent_until:
+            return b""
+        if time < self.garbled_until:
+            return self._random.bytes(len(data))
+        if not (self.corrupt or self.drop or self.duplicate or self.reorder or self.noise):
+            return data
+        size = self.frame_size
+        frames = [data[i : i + size] for i in range(0, len(data), size)]
+        dropped = min(self.drop, len(frames))
+        self.drop -= dropped
+        frames = frames[dropped:]
+        sent: list[bytes] = []
+        while frames:
+            frame = frames.pop(0)
+            if self.reorder and frames:
+                self.reorder -= 1
+                frame, frames[0] = frames[0], frame
+            if self.noise:
+                self.noise -= 1
+                sent.append(self._random.bytes(_NOISE_BYTES))
+            if self.corrupt:
+                self.corrupt -= 1
+                frame = self._flipped(frame)
+            elif self.duplicate:
+                self.duplicate -= 1
+                sent.append(frame)
+            sent.append(frame)
+        return b"".join(sent)
+
+    def _flipped(self, frame: bytes) -> bytes:
+        spoilt = bytearray(frame)
+        spoilt[int(self._random.integers(2, len(spoilt) - 2))] ^= 1 << int(self._random.integers(8))
+        return bytes(spoilt)

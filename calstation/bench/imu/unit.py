@@ -1,0 +1,263 @@
+"""The IMU's processor: identity, calibration registers with a flash image, power-up, frames sent."""
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from calstation.bench.imu.correction import Correction, Requantiser
+from calstation.bench.imu.flash import Flash, PowerCut
+from calstation.bench.imu.frames import (
+    READY,
+    REPLY_SYNC,
+    SATURATED,
+    CommandParser,
+    pack,
+    stream_frames,
+)
+from calstation.bench.table.machine import OutOfRange, Refusal
+from calstation.bench.table.registers import SIZE, WRITABLE, TableRegisters
+from calstation.bench.truth.stream import StreamOutput
+from calstation.physics.arrays import FloatArray
+
+MODEL = "bench-imu"
+FIRMWARE = "1.0.0"
+
+REGISTERS = 30
+"""Calibration registers, float32."""
+
+# Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27: the
+# sensors' errors, measured = (I + M) true + b, force with K force² besides, which the corrected stream takes off.
+
+IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, READ_WORDS, WRITE_WORDS, ERROR = 1, 2, 3, 4, 5, 6, 7, 8, 0xFF
+BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
+
+#: What the stream is switched to: off, as the sensors give it, or corrected by the registers.
+OFF, RAW, CORRECTED = 0, 1, 2
+
+#: Device time during which the flash is busy after a commit, and silence after power-up or reset, s.
+FLASH_TIME = 0.2
+#: Commands that a busy flash refuses at most: time that is granted may stand still meanwhile.
+FLASH_REFUSALS = 3
+BOOT_TIME = 0.1
+
+
+class ImuUnit:
+    """Answers commands and turns samples into frames; all times are device time, s.
+
+    Parameters
+    ----------
+    serial : what the unit says it is
+    ready_time : from power-up or reset to the ready bit, s
+    ambient, warm_up, warm_up_time : °C, °C, s: temperature rises as warm_up·(1 − e^(−t/warm_up_time))
+    flash_file, flash_banks : see `flash.Flash`
+
+    Attributes
+    ----------
+    axes : registers of its own axes, where its line carries them
+    scale : of a count of the sensors, rad/s and m/s², shape (6,); increments : a count is one, over the sample
+    corrected : the stream is behind the registers as it was told; behind : it always is
+    counter : of the next sample
+    flash : what survives its power
+    fails_writing, fails_committing : bytes after which the power breaks down for a moment while registers are
+        written, or flash is burnt; None for a sound supply
+    """
+
+    def __init__(
+        self,
+        serial: str,
+        *,
+        ready_time: float = 1.0,
+        ambient: float = 23.0,
+        warm_up: float = 4.0,
+        warm_up_time: float = 30.0,
+        flash_file: Path | None = None,
+        flash_banks: int = 2,
+    ) -> None:
+        self._serial = serial
+        self._ready_time = ready_time
+        self._ambient, self._warm_up, self._warm_up_time = ambient, warm_up, warm_up_time
+        self.flash = Flash(self.flash_bytes, flash_banks, flash_file)
+        self.axes: TableRegisters | None = None
+        self.scale: FloatArray = np.ones(6)
+        self.increments = True
+        self.behind = False
+        self.fails_writing: int | None = None
+        self.fails_committing: int | None = None
+        self._busy_until, self._refusals = -np.inf, 0
+        self.streaming = True
+        self._start(0.0)
+
+    @property
+    def flash_cycles(self) -> int:
+        """Times that the flash was burnt."""
+        return self.flash.cycles
+
+    @property
+    def flash_bytes(self) -> int:
+        """Of what its flash holds."""
+        return 4 * REGISTERS
+
+    def _start(self, time: float) -> None:
+        self.registers = np.zeros(REGISTERS, np.float32)
+        held = self.flash.load()
+        if held is not None:
+            self._take(held)
+        self._started = time
+        self.counter = 0
+        self.corrected = False
+        self._requantiser = Requantiser()
+
+    def _take(self, held: bytes) -> None:
+        """Registers as its flash holds them."""
+        self.registers = np.frombuffer(held, "<f4").astype(np.float32)
+
+    def _given(self) -> bytes:
+        """Registers as its flash is to hold them."""
+        return self.registers.astype("<f4").tobytes()
+
+    def _burn(self) -> None:
+        """All registers to flash. Raises PowerCut."""
+        power_for, self.fails_committing = self.fails_committing, None
+        self.flash.burn(self._given(), power_for)
+
+    def temperature(self, time: float) -> float:
+        """Sensor temperature, °C."""
+        return float(self._ambient + self._warm_up * -np.expm1(-time / self._warm_up_time))
+
+    def restart(self, time: float) -> None:
+        """Reset: RAM registers from flash, counter from 0, ready bit after the ready time."""
+        self._busy_until = -np.inf
+        self._start(time)
+
+    def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
+        """Frames of samples that end at `ends`, s, shape (n,); none while it boots or its stream is off."""
+        awake = ends > self._started + BOOT_TIME
+        counter = self.counter + np.cumsum(awake) - 1
+        self.counter += int(awake.sum())
+        if not self.streaming or not awake.any():
+            return b""
+        status = np.where(ends >= self._started + self._ready_time, READY, 0)
+        status |= np.where(output.saturated, SATURATED, 0)
+        counts = output.counts[awake]
+        if self.corrected or self.behind:
+            values = self.correction().applied(counts * self.scale)
+            counts = self._requantiser.counts(values, self.scale, carry=self.increments)
+        return stream_frames(counter[awake], counts, self.temperature(float(ends[-1])), status[awake])
+
+    def correction(self) -> Correction:
+        """What the registers say now."""
+        held: FloatArray = self.registers.astype(np.float64)
+        return Correction(
+            gyro=np.asarray(np.linalg.inv(np.eye(3) + held[3:12].reshape(3, 3))),
+            before=held[0:3],
+            after=np.zeros(3),
+            accel=np.asarray(np.linalg.inv(np.eye(3) + held[15:24].reshape(3, 3))),
+            bias=held[12:15],
+            quadratic=held[24:27],
+            levers=held[27:30],
+        )
+
+    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
+        """A fresh ear for one connection: takes bytes as they come and device time, s; gives replies, in order."""
+        parser = CommandParser()
+        return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
+
+    def answer(self, op: int, payload: bytes, time: float) -> bytes:
+        """Reply frame to one command at `time`, s; nothing where the power breaks down over it."""
+        handlers = {
+            IDENTIFY: self._identify,
+            READ: self._read,
+            WRITE: self._write,
+            COMMIT: self._commit,
+            RESET: self._reset,
+            STREAM: self._stream,
+        }
+        if self.axes is not None:
+            handlers |= {READ_WORDS: self._read_words, WRITE_WORDS: self._write_words}
+        handler = handlers.get(op)
+        try:
+            result = BAD_OP if handler is None else handler(payload, time)
+        except PowerCut:
+            self.restart(time)
+            return b""
+        if isinstance(result, int):
+            return pack(REPLY_SYNC, ERROR, bytes([result]))
+        return pack(REPLY_SYNC, op, result)
+
+    def _identify(self, payload: bytes, time: float) -> bytes | int:
+        return f"{MODEL};{self._serial};{FIRMWARE}".encode("ascii", "replace")
+
+    def _read(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) != 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload)
+        if count == 0 or address + count > REGISTERS:
+            return BAD_ADDRESS
+        return payload + self.registers[address : address + count].astype("<f4").tobytes()
+
+    def _write(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) < 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload[:3])
+        if count == 0 or address + count > REGISTERS or len(payload) != 3 + 4 * count:
+            return BAD_ADDRESS
+        if self._burning(time):
+            return FLASH_BUSY
+        if self.fails_writing is not None:
+            self.fails_writing -= len(payload)
+            if self.fails_writing < 0:
+                self.fails_writing = None
+                raise PowerCut
+        self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
+        return payload[:3]
+
+    def _burning(self, time: float) -> bool:
+        self._refusals -= time < self._busy_until
+        return time < self._busy_until and self._refusals >= 0
+
+    def _read_words(self, payload: bytes, time: float) -> bytes | int:
+        assert self.axes is not None
+        if len(payload) != 3:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload)
+        if count == 0 or count > 126 or address + count > SIZE:
+            return BAD_ADDRESS
+        self.axes.refresh()
+        return payload + struct.pack(f"<{count}H", *self.axes.words[address : address + count])
+
+    def _write_words(self, payload: bytes, time: float) -> bytes | int:
+        assert self.axes is not None
+        if len(payload) < 5:
+            return BAD_ADDRESS
+        address, count = struct.unpack("<HB", payload[:3])
+        writable = {first + i for first, size in WRITABLE for i in range(size)}
+        if len(payload) != 3 + 2 * count or not writable.issuperset(range(address, address + count)):
+            return BAD_ADDRESS
+        try:
+            self.axes.write(address, list(struct.unpack(f"<{count}H", payload[3:])))
+        except OutOfRange:
+            return BAD_VALUE
+        except Refusal:
+            return BAD_STATE
+        return payload[:3]
+
+    def _commit(self, payload: bytes, time: float) -> bytes | int:
+        if self._burning(time):
+            return FLASH_BUSY
+        self._busy_until, self._refusals = time + FLASH_TIME, FLASH_REFUSALS
+        self._burn()
+        return struct.pack("<BI", 0, self.flash_cycles)
+
+    def _reset(self, payload: bytes, time: float) -> bytes | int:
+        self.restart(time)
+        return b"\x00"
+
+    def _stream(self, payload: bytes, time: float) -> bytes | int:
+        if len(payload) != 1:
+            return BAD_ADDRESS
+        if payload[0] not in (OFF, RAW, CORRECTED):
+            return BAD_VALUE
+        self.streaming, self.corrected = payload[0] != OFF, payload[0] == CORRECTED
+        return payload

@@ -1,0 +1,193 @@
+"""A unit that speaks like a VectorNav VN-100: binary output 1, lines $VN...*check, registers 25 and 84.
+
+Binary output: FA 05 | 0001 001C | time since power-up u64 ns | accel 3 f32 | gyro 3 f32 | temperature f32 |
+CRC-16/XMODEM, high byte first; or compensated: FA 05 | 0001 0610 | time | temperature | accel | gyro | CRC. Registers
+25 (accelerometer) and 84 (gyro): matrix C row by row, then offset B, compensated = C (measured − B); the factory's are
+I and 0.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from calstation.bench.imu.correction import Correction
+from calstation.bench.imu.flash import PowerCut
+from calstation.bench.imu.unit import BOOT_TIME, REGISTERS, ImuUnit
+from calstation.bench.truth.stream import StreamOutput
+from calstation.physics.arrays import FloatArray
+
+MODEL, FIRMWARE = "VN-100T", "2.1.0.0"
+SAMPLES = np.dtype([("head", "V6"), ("time", "<u8"), ("values", "<f4", 7), ("crc", ">u2")])
+_HEAD = bytes.fromhex("FA 05 01 00 1C 00")
+_COMPENSATED_HEAD = bytes.fromhex("FA 05 01 00 10 06")
+_OUTPUT, _COMPENSATED_OUTPUT = ["05", "0001", "001C"], ["05", "0001", "0610"]
+_IMU_RATE = 800.0
+
+#: Ends of its sensors, rad/s and m/s²: ±2000 °/s and ±16 g.
+_REACH = np.repeat([np.deg2rad(2000.0), 16.0 * 9.80665], 3)
+
+#: First of a register's twelve numbers in flash, where C is kept without its ones.
+_PLACES = {84: 0, 25: 12}
+_ONES = (0, 4, 8)
+
+BAD_CHECK, BAD_COMMAND, TOO_FEW, TOO_MANY, BAD_VALUE, BAD_REGISTER, READ_ONLY = 3, 4, 5, 6, 7, 8, 9
+
+
+def check_line(words: str) -> int:
+    """XOR of the characters between $ and *."""
+    value = 0
+    for byte in words.encode("ascii", "replace"):
+        value ^= byte
+    return value
+
+
+def crc(data: bytes) -> int:
+    """CRC-16/XMODEM as the manual computes it."""
+    value = 0
+    for byte in data:
+        value = (value >> 8 | value << 8) & 0xFFFF
+        value ^= byte
+        value ^= (value & 0xFF) >> 4
+        value ^= value << 12 & 0xFFFF
+        value ^= (value & 0xFF) << 5
+    return value
+
+
+class VectorNavUnit(ImuUnit):
+    """See the module. Its output must be a rate.
+
+    Attributes
+    ----------
+    rate : samples in a second
+    """
+
+    rate: float = 200.0
+
+    def _start(self, time: float) -> None:
+        super()._start(time)
+        self.streaming = bool(self.registers[REGISTERS - 1])
+
+    def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
+        """See `ImuUnit.frames`."""
+        awake = ends > self._started + BOOT_TIME
+        if not self.streaming or not awake.any():
+            return b""
+        frames = np.zeros(int(awake.sum()), dtype=SAMPLES)
+        frames["head"] = np.void(_COMPENSATED_HEAD if self.corrected else _HEAD)
+        frames["time"] = np.rint((ends[awake] - self._started) * 1e9).astype(np.uint64)
+        values = np.clip(output.counts[awake] * self.scale, -_REACH, _REACH)
+        heat = np.full((len(values), 1), self.temperature(float(ends[-1])))
+        if self.corrected:
+            values = self.correction().applied(values)
+            frames["values"] = np.hstack([heat, values[:, 3:], values[:, :3]])
+        else:
+            frames["values"] = np.hstack([values[:, 3:], values[:, :3], heat])
+        frames["crc"] = [crc(frame.tobytes()[1:-2]) for frame in frames]
+        return frames.tobytes()
+
+    def correction(self) -> Correction:
+        """See `ImuUnit.correction`; the formula is the module's."""
+        gyro, accel = (np.array(self._numbers(register)) for register in (84, 25))
+        return Correction(
+            gyro=gyro[:9].reshape(3, 3),
+            before=gyro[9:],
+            after=np.zeros(3),
+            accel=accel[:9].reshape(3, 3),
+            bias=accel[9:],
+            quadratic=np.zeros(3),
+            levers=np.zeros(3),
+        )
+
+    def conversation(self) -> Callable[[bytes, float], list[bytes]]:
+        """See `ImuUnit.conversation`."""
+        pending = b""
+
+        def hear(data: bytes, time: float) -> list[bytes]:
+            nonlocal pending
+            *lines, pending = (pending + data).split(b"\n")
+            pending = pending[-1000:]
+            return [self._line(line.decode("ascii", "replace").strip(), time) for line in lines]
+
+        return hear
+
+    def _line(self, line: str, time: float) -> bytes:
+        words, _, told = line[line.find("$") + 1 :].rpartition("*")
+        if "$" not in line or not words.startswith("VN"):
+            return b""
+        try:
+            sound = told == "XX" or int(told, 16) == check_line(words)
+        except ValueError:
+            sound = False
+        try:
+            reply: str | int = self._obey(words.split(","), time) if sound else BAD_CHECK
+        except PowerCut:
+            self.restart(time)
+            return b""
+        except ValueError:
+            reply = BAD_VALUE
+        text = f"VNERR,{reply:02X}" if isinstance(reply, int) else reply
+        return f"${text}*{check_line(text):02X}\r\n".encode()
+
+    def _obey(self, words: list[str], time: float) -> str | int:
+        command, *rest = words
+        if command == "VNWNV":
+            self.registers[REGISTERS - 1] = float(self.streaming)
+            self._burn()
+            return "VNWNV"
+        if command == "VNRST":
+            self.restart(time)
+            return "VNRST"
+        if command not in ("VNRRG", "VNWRG"):
+            return BAD_COMMAND
+        if not rest:
+            return TOO_FEW
+        return self._tell(int(rest[0])) if command == "VNRRG" else self._set(int(rest[0]), rest)
+
+    def _tell(self, register: int) -> str | int:
+        texts = {1: MODEL, 3: self._serial, 4: FIRMWARE, 6: "0"}
+        if register in texts:
+            return f"VNRRG,{register:02d},{texts[register]}"
+        if register not in _PLACES:
+            return BAD_REGISTER
+        return f"VNRRG,{register:02d}," + ",".join(f"{value:+.6E}" for value in self._numbers(register))
+
+    def _numbers(self, register: int) -> list[float]:
+        held = self.registers[_PLACES[register] :][:12].copy()
+        held[list(_ONES)] += np.float32(1.0)
+        return [float(value) for value in held]
+
+    def _set(self, register: int, told: list[str]) -> str | int:
+        fields = told[1:]
+        if register == 6:
+            return "VNWRG," + ",".join(told) if fields == ["0"] else BAD_VALUE
+        if register == 75:
+            return self._set_output(told)
+        if register in (1, 3, 4):
+            return READ_ONLY
+        if register not in _PLACES:
+            return BAD_REGISTER
+        if len(fields) != 12:
+            return TOO_FEW if len(fields) < 12 else TOO_MANY
+        numbers = np.array([float(field) for field in fields], dtype=np.float32)
+        if not np.all(np.isfinite(numbers)):
+            return BAD_VALUE
+        if self.fails_writing is not None:
+            self.fails_writing -= sum(map(len, fields))
+            if self.fails_writing < 0:
+                self.fails_writing = None
+                raise PowerCut
+        numbers[list(_ONES)] -= np.float32(1.0)
+        self.registers[_PLACES[register] : _PLACES[register] + 12] = numbers
+        return "VNWRG," + ",".join(told)
+
+    def _set_output(self, told: list[str]) -> str | int:
+        if len(told) < 4:
+            return TOO_FEW
+        mode, divisor = int(told[1]), int(told[2])
+        if mode not in (0, 1) or (mode == 1 and _IMU_RATE / divisor != self.rate):
+            return BAD_VALUE
+        wanted = [word.upper().zfill(len(known)) for word, known in zip(told[3:], _OUTPUT, strict=False)]
+        if wanted not in (_OUTPUT, _COMPENSATED_OUTPUT):
+            return BAD_VALUE
+        self.streaming, self.corrected = mode == 1, wanted == _COMPENSATED_OUTPUT
+        return "VNWRG," + ",".join(told)

@@ -1,0 +1,173 @@
+"""The unit's serial line: a TCP listener for `socket://`, or a pseudo-terminal; waits for a slow reader."""
+
+import asyncio
+import os
+import select
+import socket
+import sys
+from collections.abc import Callable
+
+from calstation.bench.links.pseudo_terminal import open_raw
+
+#: Kernel buffer of the line: a reader that falls further behind stops the bench's time, bytes.
+BUFFER = 65536
+
+Talk = Callable[[], Callable[[bytes], list[bytes]]]
+"""Makes what hears the bytes of one connection and gives the unit's replies."""
+
+
+async def _late(reply: bytes, slow: list[float]) -> bytes:
+    """A reply once its time has come."""
+    if reply and slow:
+        await asyncio.sleep(slow.pop(0))
+    return reply
+
+
+class SocketLine:
+    """The line as a TCP listener on 127.0.0.1; the last client that came is the one served.
+
+    Attributes
+    ----------
+    endpoint : "socket://host:port"
+    sent : bytes handed to the operating system for the client served now
+    slow : host times that the next replies take, s
+    """
+
+    def __init__(self, talk: Talk) -> None:
+        self.endpoint = ""
+        self.sent = 0
+        self.slow: list[float] = []
+        self._talk = talk
+        self._server: asyncio.Server | None = None
+        self._writer: asyncio.StreamWriter | None = None
+
+    async def open(self, port: int = 0) -> None:
+        """Listen, on a free port where none is told."""
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", port)
+        host, port = self._server.sockets[0].getsockname()[:2]
+        self.endpoint = f"socket://{host}:{port}"
+
+    async def send(self, data: bytes) -> None:
+        """Hand bytes to the operating system; nobody connected loses them."""
+        writer = self._writer
+        if writer is None or not data:
+            return
+        self.sent += len(data)
+        try:
+            writer.write(data)
+            await writer.drain()
+        except ConnectionError:
+            self._drop(writer)
+
+    def hang_up(self) -> None:
+        """Cut the client off."""
+        if self._writer is not None:
+            self._drop(self._writer)
+
+    async def close(self) -> None:
+        """Stop listening."""
+        self.hang_up()
+        if self._server is not None:
+            self._server.close()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.hang_up()
+        connection = writer.get_extra_info("socket")
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        writer.transport.set_write_buffer_limits(high=0)
+        self._writer, self.sent = writer, 0
+        hear = self._talk()
+        try:
+            while data := await reader.read(4096):
+                for reply in hear(data):
+                    await self.send(await _late(reply, self.slow))
+        except (ConnectionError, asyncio.CancelledError):
+            pass
+        finally:
+            self._drop(writer)
+
+    def _drop(self, writer: asyncio.StreamWriter) -> None:
+        if self._writer is writer:
+            self._writer = None
+        writer.close()
+
+
+class TerminalLine:
+    """The line as a pseudo-terminal (posix); bytes are lost while nobody has it open.
+
+    Attributes
+    ----------
+    endpoint : path to open
+    sent : bytes handed to the terminal that is there now
+    slow : host times that the next replies take, s
+    """
+
+    #: Host time between looks at the terminal, s.
+    POLL = 0.002
+
+    def __init__(self, talk: Talk) -> None:
+        self.endpoint = ""
+        self.sent = 0
+        self.slow: list[float] = []
+        self._talk = talk
+        self._master = -1
+        self._task: asyncio.Task[None] | None = None
+
+    async def open(self) -> None:
+        """Make the terminal."""
+        self._make()
+        self._task = asyncio.create_task(self._read())
+
+    async def send(self, data: bytes) -> None:
+        """Hand bytes to the terminal, waiting for its reader; nobody there loses them."""
+        while data and self._attended():
+            try:
+                written = os.write(self._master, data)
+            except BlockingIOError:
+                await asyncio.sleep(self.POLL / 4)
+                continue
+            except OSError:
+                return
+            self.sent += written
+            data = data[written:]
+
+    def hang_up(self) -> None:
+        """Unplug the adapter and plug it in again: the terminal goes, and comes back under another name."""
+        gone = self._master
+        self._make()
+        os.close(gone)
+
+    async def close(self) -> None:
+        """Take the terminal away."""
+        if self._task is not None:
+            self._task.cancel()
+        if self._master >= 0:
+            os.close(self._master)
+            self._master = -1
+
+    def _make(self) -> None:
+        self._master, slave, self.endpoint = open_raw()
+        self.sent = 0
+        # With our own end of the slave closed, the master tells whether anybody has it open.
+        os.close(slave)
+
+    def _attended(self) -> bool:
+        if sys.platform == "win32":
+            return False
+        poll = select.poll()
+        poll.register(self._master, select.POLLOUT)
+        return not any(event & select.POLLHUP for _, event in poll.poll(0))
+
+    async def _read(self) -> None:
+        hear, plugged = self._talk(), self._master
+        while True:
+            if plugged != self._master:
+                hear, plugged = self._talk(), self._master
+            try:
+                data = os.read(self._master, 4096)
+            except OSError:
+                data = b""
+            for reply in hear(data):
+                await self.send(await _late(reply, self.slow))
+            await asyncio.sleep(self.POLL)

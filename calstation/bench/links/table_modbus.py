@@ -1,0 +1,182 @@
+"""The table's controller behind a Modbus server: TCP, or RTU over a pseudo-terminal.
+
+pymodbus changes its server classes in minor releases; this file alone knows them.
+"""
+
+import asyncio
+import logging
+import os
+import sys
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Protocol
+
+from pymodbus.constants import ExcCodes
+from pymodbus.pdu import ModbusPDU
+from pymodbus.server import ModbusSerialServer, ModbusTcpServer
+from pymodbus.simulator import DataType, SimData, SimDevice
+
+from calstation.bench.links.pseudo_terminal import open_raw
+from calstation.bench.table.machine import OutOfRange, Refusal
+
+#: Modbus unit number of a table that has one controller.
+UNIT = 1
+READ = 3
+BAUD = 115200
+
+
+class TableUnit(Protocol):
+    """Registers of one unit.
+
+    Attributes
+    ----------
+    words : as last refreshed, from address 0 on
+    writable : what may be written, as (first, count)
+    """
+
+    words: list[int]
+    writable: tuple[tuple[int, int], ...]
+
+    def refresh(self) -> None:
+        """Bring them up to date."""
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Carry out one write request. Raises `table_machine.Refusal`; then nothing of it is stored."""
+
+
+class TableLink:
+    """A running Modbus server.
+
+    Attributes
+    ----------
+    endpoint : "host:port" of the TCP server, or the path of the terminal
+    mute : requests still to be left without an answer
+    slow : host times that the next answers take, s; refuse : the exception that the next is, 0 for none
+    garble : answers still to get a flipped bit
+
+    Parameters
+    ----------
+    units : registers by the number of the unit that has them
+    """
+
+    def __init__(self, units: Mapping[int, TableUnit]) -> None:
+        self.endpoint = ""
+        self.mute = self.garble = self.refuse = 0
+        self.slow: list[float] = []
+        self._units = units
+        self._server: ModbusTcpServer | ModbusSerialServer | None = None
+        self._terminals: list[int] = []
+        # The server's own log repeats as errors what the protocol answers as exceptions.
+        logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
+
+    async def serve_tcp(self, port: int = 0) -> None:
+        """Listen on 127.0.0.1, on a free port where none is told."""
+        server = ModbusTcpServer(
+            self._devices(),
+            address=("127.0.0.1", port),
+            trace_pdu=self._trace,
+            trace_packet=self._spoil,
+            ignore_missing_devices=False,
+        )
+        await server.serve_forever(background=True)
+        self._server = server
+        listening = server.transport.sockets[0].getsockname()  # type: ignore[attr-defined]
+        self.endpoint = f"{listening[0]}:{listening[1]}"
+
+    async def serve_rtu(self) -> None:
+        """Serve RTU on a new pseudo-terminal (posix)."""
+        if sys.platform == "win32":
+            raise OSError("pseudo-terminals do not exist on Windows: use the TCP transport")
+        # The server wants a device of its own to open, the client another: bytes are carried between them.
+        (near, near_slave, near_path), (far, far_slave, far_path) = open_raw(), open_raw()
+        self._terminals = [near, near_slave, far, far_slave]
+        loop = asyncio.get_running_loop()
+        loop.add_reader(near, _carry(near, far))
+        loop.add_reader(far, _carry(far, near))
+        server = ModbusSerialServer(
+            self._devices(),
+            port=near_path,
+            baudrate=BAUD,
+            trace_pdu=self._trace,
+            trace_packet=self._spoil,
+        )
+        await server.serve_forever(background=True)
+        self._server = server
+        self.endpoint = far_path
+
+    async def close(self) -> None:
+        """Stop serving."""
+        if self._server is not None:
+            await self._server.shutdown()  # type: ignore[no-untyped-call]
+        loop = asyncio.get_running_loop()
+        for terminal in self._terminals:
+            if sys.platform != "win32":
+                loop.remove_reader(terminal)
+            os.close(terminal)
+        self._terminals = []
+
+    def _devices(self) -> list[SimDevice]:
+        return [self._device(number, unit) for number, unit in self._units.items()]
+
+    def _device(self, number: int, unit: TableUnit) -> SimDevice:
+        writable = {first + i for first, count in unit.writable for i in range(count)}
+        blocks = [
+            SimData(i, values=0, datatype=DataType.REGISTERS, readonly=i not in writable)
+            for i in range(len(unit.words))
+        ]
+        return SimDevice(id=number, simdata=blocks, action=partial(self._act, unit))
+
+    async def _act(
+        self,
+        registers: TableUnit,
+        function_code: int,
+        start_address: int,
+        address: int,
+        count: int,
+        current: list[int],
+        values: list[int] | list[bool] | None,
+    ) -> ExcCodes | None:
+        """Called by the server for every request that fits the map, before it touches its copy `current`."""
+        if self.slow:
+            await asyncio.sleep(self.slow.pop(0))
+        if self.refuse:
+            code, self.refuse = self.refuse, 0
+            return ExcCodes(code)
+        if values is not None:
+            try:
+                registers.write(address, [int(value) for value in values])
+            except OutOfRange:
+                return ExcCodes.ILLEGAL_VALUE
+            except Refusal:
+                return ExcCodes.DEVICE_FAILURE
+            # The server stores `values` itself; what a command left in the map is shown at the next read.
+            return None
+        # A single write reads back what it echoes: the value as written.
+        if function_code == READ:
+            registers.refresh()
+            current[: len(registers.words)] = registers.words
+        return None
+
+    def _spoil(self, sending: bool, data: bytes) -> bytes:
+        """Flip a bit of the check, or over TCP, which has none, of the transaction's number."""
+        if sending and self.garble > 0:
+            self.garble -= 1
+            at = 0 if isinstance(self._server, ModbusTcpServer) else len(data) - 1
+            return data[:at] + bytes([data[at] ^ 0x10]) + data[at + 1 :]
+        return data
+
+    def _trace(self, sending: bool, pdu: ModbusPDU) -> ModbusPDU:
+        if not sending and self.mute > 0:
+            self.mute -= 1
+            return None  # type: ignore[return-value]  # the server takes it for no request
+        return pdu
+
+
+def _carry(source: int, target: int) -> Callable[[], None]:
+    def carry() -> None:
+        try:
+            os.write(target, os.read(source, 4096))
+        except OSError:
+            return
+
+    return carry

@@ -1,0 +1,139 @@
+"""Two drives, one for each axis, each a Modbus unit of its own with objects after CiA 402; neither has a watchdog.
+
+Numbers of two registers stand low word first: positions as counts of 1e-5 deg, rates that are read and turned at as
+floats in deg/s, those of a move and accelerations in 1e-4. The inner drive is mounted the other way round: its counts
+fall where the axis turns in its positive sense.
+"""
+
+import struct
+from collections.abc import Callable
+
+import numpy as np
+
+from calstation.bench.table.machine import Fault, Power, TableMachine
+from calstation.bench.table.registers import text_words
+from calstation.bench.table.text import Axes
+
+UNITS = (1, 2)
+"""Modbus unit numbers of the outer and the inner drive."""
+MODEL = "bench-drive"
+SENSE = (1.0, -1.0)
+
+MODEL_AT, SERIAL_AT, TEXT_WORDS = 0, 8, 8
+CONTROL, STATUS, ERROR, MODE, STATUS2 = 20, 21, 22, 23, 24
+POSITION, VELOCITY, TARGET, PROFILE_VELOCITY, PROFILE_ACCELERATION, TARGET_VELOCITY = 30, 32, 34, 36, 38, 40
+LOW, HIGH = 42, 44
+SIZE = HIGH + 2
+
+PROFILE_POSITION, PROFILE_VELOCITY_MODE, HOMING = 1, 3, 6
+CLOSED, HOMED = 1, 2
+"""Bits of the second word of the status."""
+
+_ANGLE = np.deg2rad(1e-5)
+_SPEED = np.deg2rad(1e-4)
+_NEW_SETPOINT, _RESET = 0x10, 0x80
+
+
+class Drive:
+    """Reads and writes of one drive's registers, carried out on its axis; as `table_registers.TableRegisters`.
+
+    Parameters
+    ----------
+    joint : 0 outer, 1 inner
+    machine : the motion of both; axes : the same, axis by axis
+    serial : of the drive
+    device_time : clock, s
+    """
+
+    writable: tuple[tuple[int, int], ...] = ((CONTROL, 1), (MODE, 1), (TARGET, 8))
+
+    def __init__(
+        self, joint: int, machine: TableMachine, axes: Axes, serial: str, device_time: Callable[[], float]
+    ) -> None:
+        self._joint, self._sense = joint, SENSE[joint]
+        self._machine, self._axes = machine, axes
+        self._time = device_time
+        self._controlword = 0
+        self.words = [0] * SIZE
+        self.words[MODEL_AT : SERIAL_AT + TEXT_WORDS] = text_words(MODEL) + text_words(serial)
+        self.words[MODE] = PROFILE_POSITION
+        ends = sorted(self._sense * end for end in (machine.limits.low[joint], machine.limits.high[joint]))
+        for place, end in zip((LOW, HIGH), ends, strict=True):
+            self._put(place, struct.pack(">i", round(end / _ANGLE)))
+        self._put(PROFILE_VELOCITY, struct.pack(">I", 100_000))
+        self._put(PROFILE_ACCELERATION, struct.pack(">I", 200_000))
+
+    def refresh(self) -> None:
+        """Bring status and position up to date."""
+        machine, axes, joint = self._machine, self._axes, self._joint
+        self.words[STATUS] = self._statusword()
+        self.words[ERROR] = axes.fault
+        self.words[STATUS2] = CLOSED * machine.interlock_closed + HOMED * machine.homed
+        counts = self._sense * np.deg2rad(axes.position(joint)) / _ANGLE
+        self._put(POSITION, struct.pack(">i", round(counts)))
+        self._put(VELOCITY, struct.pack(">f", self._sense * axes.speed(joint)))
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Carry out one write request. Raises `table_machine.Refusal`; then nothing of it is stored."""
+        touched = range(address, address + len(values))
+        before = self.words[address : address + len(values)]
+        self.words[address : address + len(values)] = values
+        try:
+            if CONTROL in touched:
+                self._control(self.words[CONTROL])
+            if MODE in touched or TARGET_VELOCITY in touched:
+                self._turn()
+        except Exception:
+            self.words[address : address + len(values)] = before
+            raise
+
+    def _control(self, word: int) -> None:
+        rising, self._controlword = word & ~self._controlword, word
+        axes, joint = self._axes, self._joint
+        if rising & _RESET:
+            axes.reset()
+        if self._machine.fault is not Fault.NONE:
+            return
+        on = word & 0x0F == 0x0F
+        if on != axes.wanted(joint):
+            axes.power(joint, on)
+        if on and rising & _NEW_SETPOINT:
+            self._start()
+
+    def _start(self) -> None:
+        if self.words[MODE] == HOMING:
+            self._axes.home()
+        elif self.words[MODE] == PROFILE_POSITION:
+            (target,) = struct.unpack(">i", self._get(TARGET))
+            (speed,) = struct.unpack(">I", self._get(PROFILE_VELOCITY))
+            self._axes.targets[self._joint] = self._sense * target * _ANGLE
+            self._axes.rates[self._joint] = speed * _SPEED
+            self._accelerate()
+            self._axes.move(self._joint)
+
+    def _turn(self) -> None:
+        """In the mode of rates the drive follows what it is told at once."""
+        if self.words[MODE] != PROFILE_VELOCITY_MODE or self._machine.power is not Power.ENABLED:
+            return
+        (speed,) = struct.unpack(">f", self._get(TARGET_VELOCITY))
+        self._accelerate()
+        self._axes.turn(self._joint, self._sense * float(np.deg2rad(speed)))
+
+    def _accelerate(self) -> None:
+        (acceleration,) = struct.unpack(">I", self._get(PROFILE_ACCELERATION))
+        self._axes.accelerations[self._joint] = acceleration * _SPEED
+
+    def _statusword(self) -> int:
+        """CiA 402-2, table 29: as the machine has it, with this drive's own power."""
+        word = self._machine.statusword(self._time())
+        if self._machine.fault is Fault.NONE:
+            word = word & ~0x6F | (Power.ENABLED if self._axes.wanted(self._joint) else Power.READY).value
+        return word
+
+    def _put(self, address: int, value: bytes) -> None:
+        high, low = struct.unpack(">HH", value)
+        self.words[address : address + 2] = [low, high]
+
+    def _get(self, address: int) -> bytes:
+        low, high = self.words[address : address + 2]
+        return struct.pack(">HH", high, low)

@@ -1,0 +1,107 @@
+"""The two joints in motion, and the encoders that read them with their errors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.bench.truth.kinematics import SETTLED, JointProfile
+from calstation.physics.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class EncoderTruth:
+    """Errors of the joints' encoders.
+
+    Attributes
+    ----------
+    stop_sigma : repeatability, an error drawn anew for every move of a joint and reached with it, rad
+    periodic : amplitude of the error with one period per turn, rad
+    phase : of the periodic error at angle 0, rad
+    white_sigma : noise of each reading, rad
+    """
+
+    stop_sigma: float = np.deg2rad(0.05)
+    periodic: float = np.deg2rad(0.005)
+    phase: tuple[float, float] = (0.0, 0.0)
+    white_sigma: float = np.deg2rad(0.0005)
+
+
+class TableDrive:
+    """Both joints: their courses and their encoders.
+
+    Parameters
+    ----------
+    encoder : errors of the encoders
+    angles : true angles at power-on, rad
+    seed : of the encoders' errors
+    """
+
+    def __init__(
+        self,
+        encoder: EncoderTruth,
+        angles: tuple[float, float] = (0.0, 0.0),
+        seed: int | np.random.SeedSequence = 0,
+    ) -> None:
+        self._encoder = encoder
+        self._random = np.random.default_rng(seed)
+        # At rest long before time 0: a table that is switched on is settled.
+        self.profiles = [JointProfile.rest(angle, -1.0) for angle in angles]
+        offsets = encoder.stop_sigma * self._random.standard_normal(2)
+        # Per joint: start and end of the way the error changes on (rad), and the error there (rad).
+        self._course = [(angle, angle, float(e), float(e)) for angle, e in zip(angles, offsets, strict=True)]
+
+    @property
+    def end(self) -> float:
+        """Time at which both commands have arrived, s."""
+        return max(profile.end for profile in self.profiles)
+
+    @property
+    def settled(self) -> float:
+        """Time from which both joints are settled, s."""
+        return max(profile.quiet(SETTLED) for profile in self.profiles)
+
+    def move(
+        self,
+        time: float,
+        targets: tuple[float, float],
+        rates: tuple[float, float],
+        accelerations: tuple[float, float],
+    ) -> None:
+        """Start both joints towards `targets` (rad) at `time` (s), each with its own trapezoid."""
+        for joint, target in enumerate(targets):
+            self.move_joint(time, joint, target, rates[joint], accelerations[joint])
+
+    def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
+        """Start one joint, whatever the other does."""
+        profile = self.profiles[joint]
+        moved = profile.move(time, target, rate, acceleration)
+        if moved is not profile:
+            start = profile.target
+            error = float(self._repeatability(joint, np.array([start]))[0])
+            drawn = self._encoder.stop_sigma * float(self._random.standard_normal())
+            self._course[joint] = (start, target, error, drawn)
+            self.profiles[joint] = moved
+
+    def stop(self, time: float, decelerations: tuple[float, float]) -> None:
+        """Decelerate both joints to rest from `time`, s; rad/s²."""
+        for joint, profile in enumerate(self.profiles):
+            self.profiles[joint] = profile.stop(time, decelerations[joint])
+
+    def states(self, time: float) -> FloatArray:
+        """True angle, rate and acceleration of outer and inner joint at `time` s, shape (2, 3)."""
+        return np.array([profile.states(np.array([time]))[0] for profile in self.profiles])
+
+    def readings(self, times: FloatArray) -> FloatArray:
+        """Encoder angles at `times` (s, shape (n,)), rad, shape (n, 2); each reading draws fresh noise."""
+        times = np.asarray(times, dtype=np.float64)
+        angles = np.column_stack([profile.states(times)[:, 0] for profile in self.profiles])
+        noise = self._encoder.white_sigma * self._random.standard_normal(angles.shape)
+        periodic = self._encoder.periodic * np.sin(angles + np.asarray(self._encoder.phase))
+        stops = np.column_stack([self._repeatability(joint, angles[:, joint]) for joint in (0, 1)])
+        return np.asarray(angles + noise + periodic + stops)
+
+    def _repeatability(self, joint: int, angles: FloatArray) -> FloatArray:
+        start, end, before, after = self._course[joint]
+        if start == end:
+            return np.full(len(angles), after)
+        return np.asarray(before + (after - before) * np.clip((angles - start) / (end - start), 0.0, 1.0))

@@ -1,0 +1,294 @@
+"""The table's controller: drive states after CiA 402, homing, moves, limits, interlock, faults and watchdog.
+
+Motion goes by device time; the watchdog counts host time. Angles rad, rates rad/s, accelerations rad/s².
+"""
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+import numpy as np
+
+from calstation.bench.table.drive import TableDrive
+from calstation.physics.arrays import FloatArray
+
+
+class Fault(IntEnum):
+    """Latched faults."""
+
+    NONE = 0
+    INTERLOCK = 1
+    WATCHDOG = 2
+    LIMIT = 3
+    DRIVE = 4
+    STALL = 5
+
+
+class Power(Enum):
+    """Drive states that matter here, with their statusword bits (CiA 402-2, table 29)."""
+
+    DISABLED = 0x40
+    READY = 0x21
+    ON = 0x23
+    ENABLED = 0x27
+
+
+class Refusal(Exception):  # noqa: N818 - an answer of the protocol, not an error of the program
+    """A command that the controller does not take."""
+
+
+class OutOfRange(Refusal):
+    """Target, rate or acceleration outside what the table allows."""
+
+
+class NotPermitted(Refusal):
+    """Not enabled, not homed, in fault, halted or moving."""
+
+
+@dataclass(frozen=True)
+class TableLimits:
+    """Travel (outer, inner), largest rate and acceleration of both joints; rate of homing."""
+
+    low: tuple[float, float] = (-6.0 * np.pi, -6.0 * np.pi)
+    high: tuple[float, float] = (6.0 * np.pi, 6.0 * np.pi)
+    rate: float = np.deg2rad(120.0)
+    acceleration: float = np.deg2rad(200.0)
+    homing_rate: float = np.deg2rad(5.0)
+
+
+#: Both joints must have been settled this long before the target counts as reached, s.
+SETTLING_TIME = 0.1
+
+QUICK_STOP_BIT, FAULT_BIT, REMOTE_BIT, REACHED_BIT = 1 << 5, 1 << 3, 1 << 9, 1 << 10
+LIMIT_BIT, HOMED_BIT, MOVING_BIT = 1 << 11, 1 << 12, 1 << 14
+
+HUNTING = (np.deg2rad(0.02), 1.3)
+"""Amplitude and frequency with which joints that do not settle hunt about their target, rad and Hz."""
+
+SWITCH_BEYOND = np.deg2rad(0.5)
+"""The limit switches lie this far behind the travel: a move to its end is no overtravel, rad."""
+
+
+class TableMachine:
+    """State of the controller over the joints.
+
+    Parameters
+    ----------
+    drive : the joints, at their true power-on angles
+    limits : travel and speeds
+    interlock_closed : state of the interlock at power-on
+    watchdog : timeout, host s, 0 where it is off
+
+    Attributes
+    ----------
+    jammed : something holds the joints
+    restless_until : device time up to which they do not settle, s
+    overshoot : how far the next move goes too far, rad
+    """
+
+    def __init__(
+        self,
+        drive: TableDrive,
+        limits: TableLimits,
+        *,
+        interlock_closed: bool = True,
+        watchdog: float = 2.0,
+    ) -> None:
+        self.drive = drive
+        self.limits = limits
+        self.watchdog = watchdog
+        self.fault = Fault.NONE
+        self.power = Power.DISABLED
+        self.homed = False
+        self._interlock_closed = interlock_closed
+        self._controlword = 0
+        self._homing = False
+        self.jammed = False
+        self.restless_until = -np.inf
+        self.overshoot = 0.0
+        self._fed: float | None = None
+        # Encoders count from wherever they were switched on until homing finds their zero.
+        self._zero = drive.states(0.0)[:, 0]
+
+    @property
+    def interlock_closed(self) -> bool:
+        """Whether the axes may be powered."""
+        return self._interlock_closed
+
+    def set_interlock(self, closed: bool, time: float) -> None:
+        """Open or close the interlock; opening it trips."""
+        self._interlock_closed = closed
+        if not closed:
+            self.trip(Fault.INTERLOCK, time)
+
+    def trip(self, fault: Fault, time: float) -> None:
+        """Decelerate, drop the enable, latch the fault; the first fault stays."""
+        self._halt(time)
+        self.power = Power.DISABLED
+        if self.fault is Fault.NONE:
+            self.fault = fault
+
+    def feed(self, host_time: float) -> None:
+        """The watchdog is fed at `host_time`, s."""
+        self._fed = host_time
+
+    def watch(self, host_time: float, time: float) -> None:
+        """Trip if enabled axes were not fed in time."""
+        if self.power is not Power.ENABLED or self.watchdog == 0.0 or self._fed is None:
+            return
+        if host_time - self._fed > self.watchdog:
+            self.trip(Fault.WATCHDOG, time)
+
+    def advance(self, time: float) -> None:
+        """Finish homing once the joints have settled at home."""
+        if self._homing and self.settled(time):
+            self._homing = False
+            self.know_zero()
+
+    def know_zero(self) -> None:
+        """The encoders tell angles from home: homed, or absolute ones."""
+        self.homed = True
+        self._zero = np.zeros(2)
+
+    def jam(self, time: float) -> None:
+        """Stand still until a reset; the controller notices nothing and goes on driving."""
+        self._halt(time)
+        self.jammed = True
+
+    def settled(self, time: float) -> bool:
+        """Both joints at rest, and that for the settling time."""
+        return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.restless_until)
+
+    def control(self, word: int, time: float, host_time: float) -> None:
+        """Take a controlword: 0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt."""
+        reset = bool(word & 0x80) and not self._controlword & 0x80
+        self._controlword = word
+        self.jammed &= not reset
+        if reset and self._interlock_closed and self.settled(time):
+            self.fault = Fault.NONE
+        if self.fault is not Fault.NONE:
+            return
+        command = word & 0x0F
+        if not command & 0x02 or not command & 0x04:
+            # Disable voltage, or quick stop: decelerate and switch off.
+            self._halt(time)
+            self.power = Power.DISABLED
+        elif command & 0x07 == 0x06:
+            self._halt(time)
+            self.power = Power.READY
+        elif command == 0x07:
+            self._halt(time)
+            if self.power is not Power.DISABLED:
+                self.power = Power.ON
+        elif command == 0x0F and self.power in (Power.READY, Power.ON) and self._interlock_closed:
+            self.power = Power.ENABLED
+            self.feed(host_time)
+        if word & 0x100:
+            self._halt(time)
+
+    def home(self, time: float) -> None:
+        """Start towards home, slowly. Raises NotPermitted."""
+        self._permit(time)
+        rate = self.limits.homing_rate
+        self.drive.move(time, (0.0, 0.0), (rate, rate), (self.limits.acceleration / 10.0,) * 2)
+        self._homing = True
+
+    def move(
+        self,
+        time: float,
+        targets: tuple[float, float],
+        rates: tuple[float, float],
+        accelerations: tuple[float, float],
+    ) -> None:
+        """Start both joints; the move under way, sent again, changes nothing. Raises a `Refusal`."""
+        for joint in (0, 1):
+            self._allow(joint, targets[joint], rates[joint], accelerations[joint])
+        if not self.homed:
+            raise NotPermitted
+        going = time < self.drive.end and targets == tuple(p.target for p in self.drive.profiles)
+        if going and self.power is Power.ENABLED:
+            return
+        self._permit(time)
+        beyond, self.overshoot = self.overshoot, 0.0
+        if not self.jammed:
+            self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
+
+    def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
+        """Start one joint, whatever the other does; its move under way, sent again, changes nothing."""
+        beyond = self.overshoot
+        if self._start_joint(time, joint, target, beyond, rate, acceleration):
+            self.overshoot = 0.0
+
+    def _start_joint(
+        self, time: float, joint: int, target: float, beyond: float, rate: float, acceleration: float
+    ) -> bool:
+        """Start a joint towards `beyond` its target; whether it was not on its way there already."""
+        self._allow(joint, target, rate, acceleration)
+        if not self.homed:
+            raise NotPermitted
+        profile = self.drive.profiles[joint]
+        if time < profile.end and profile.target == target and self.power is Power.ENABLED:
+            return False
+        self._permit(time, profile.end)
+        if not self.jammed:
+            self.drive.move_joint(time, joint, target + beyond, rate, acceleration)
+        return True
+
+    def turn(self, time: float, rates: tuple[float, float], accelerations: tuple[float, float]) -> None:
+        """Turn both joints at these rates until stopped, or up to the end of their travel. Raises a `Refusal`."""
+        for joint in (0, 1):
+            self.turn_joint(time, joint, rates[joint], accelerations[joint])
+
+    def turn_joint(self, time: float, joint: int, rate: float, acceleration: float) -> None:
+        """Turn one joint, whatever the other does. Raises a `Refusal`."""
+        end = self.limits.high[joint] if rate > 0.0 else self.limits.low[joint]
+        if rate == 0.0:
+            self._permit(time, self.drive.profiles[joint].end)
+        else:
+            self._start_joint(time, joint, end, 0.0, abs(rate), acceleration)
+
+    def stop(self, time: float) -> None:
+        """Decelerate to rest, stay enabled."""
+        self._halt(time)
+
+    def positions(self, time: float) -> FloatArray:
+        """Encoder angles of the joints, rad, shape (2,)."""
+        angles = np.asarray(self.drive.readings(np.array([time]))[0] - self._zero)
+        if time < self.restless_until:
+            angles += HUNTING[0] * np.sin(2.0 * np.pi * HUNTING[1] * time)
+        return angles
+
+    def statusword(self, time: float) -> int:
+        """CiA 402 statusword with the table's own bits."""
+        word = REMOTE_BIT | (self.power.value if self.fault is Fault.NONE else FAULT_BIT)
+        # Active low: 0 tells that a quick stop (b1 set, b2 not) is in force.
+        if self._controlword & 0x06 == 0x02:
+            word &= ~QUICK_STOP_BIT
+        else:
+            word |= QUICK_STOP_BIT
+        word |= REACHED_BIT if self.settled(time) else MOVING_BIT
+        if self.homed:
+            word |= HOMED_BIT
+        angles = self.drive.states(time)[:, 0]
+        beyond = angles - np.clip(angles, self.limits.low, self.limits.high)
+        if np.any(np.abs(beyond) > SWITCH_BEYOND):
+            word |= LIMIT_BIT
+        return word
+
+    def _allow(self, joint: int, target: float, rate: float, acceleration: float) -> None:
+        """Raise OutOfRange where the table cannot do this."""
+        limits = self.limits
+        if not limits.low[joint] <= target <= limits.high[joint]:
+            raise OutOfRange
+        if not (0.0 < rate <= limits.rate and 0.0 < acceleration <= limits.acceleration):
+            raise OutOfRange
+
+    def _permit(self, time: float, end: float | None = None) -> None:
+        """Raise NotPermitted unless a motion may start; `end` of the one before, of both joints where None."""
+        halted = bool(self._controlword & 0x100)
+        ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self._interlock_closed
+        if not ready or halted or time < (self.drive.end if end is None else end):
+            raise NotPermitted
+
+    def _halt(self, time: float) -> None:
+        self._homing = False
+        self.drive.stop(time, (self.limits.acceleration,) * 2)

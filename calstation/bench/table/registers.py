@@ -1,0 +1,143 @@
+"""The table's Modbus register map: what each holding register shows and what writing it does.
+
+Registers are 16 bit, addresses 0-based, 32-bit values signed with the high word first. Positions in 1e-5 deg,
+rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from calstation.bench.table.machine import OutOfRange, TableMachine
+
+MODEL_AT, SERIAL_AT, TEXT_WORDS = 0, 8, 8
+CONTROL, STATUS, FAULT, INTERLOCK, WATCHDOG, HEARTBEAT, COMMAND = 16, 17, 18, 19, 20, 21, 22
+#: First register of each joint, and the places of its values from there.
+JOINTS = (30, 50)
+POSITION, RATE, TARGET, TARGET_RATE, TARGET_ACCELERATION, LOW, HIGH = 0, 2, 4, 6, 8, 10, 12
+JOINT_WORDS = 14
+
+MOVE, STOP, HOME, TURN = 1, 2, 3, 4
+
+#: Registers that may be written, as (first, count); all others are read-only, the reserved ones read 0.
+WRITABLE: tuple[tuple[int, int], ...] = ((CONTROL, 1), (WATCHDOG, 3), *((j + TARGET, 6) for j in JOINTS))
+#: Number of registers, reserved ones included.
+SIZE = JOINTS[-1] + JOINT_WORDS
+
+_ANGLE = np.deg2rad(1e-5)
+_SPEED = np.deg2rad(1e-4)
+
+
+def text_words(text: str) -> list[int]:
+    """Eight registers of ASCII, padded with zeros."""
+    data = text.encode("ascii", "replace")[: 2 * TEXT_WORDS].ljust(2 * TEXT_WORDS, b"\0")
+    return [int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2)]
+
+
+def long_words(value: float) -> list[int]:
+    """A rounded signed 32-bit value, high word first."""
+    whole = int(np.clip(round(value), -(2**31), 2**31 - 1)) & 0xFFFFFFFF
+    return [whole >> 16, whole & 0xFFFF]
+
+
+def long_value(words: list[int]) -> int:
+    """Signed 32-bit value of two registers, high word first."""
+    whole = (words[0] << 16) | words[1]
+    return whole - 2**32 if whole & 0x80000000 else whole
+
+
+class TableRegisters:
+    """Reads and writes of the register map, carried out on the machine.
+
+    Parameters
+    ----------
+    machine : the controller
+    model, serial : identity
+    device_time, host_time : clocks, s
+    reading_time : device time at which a polled position was taken, s
+    """
+
+    writable = WRITABLE
+
+    def __init__(
+        self,
+        machine: TableMachine,
+        *,
+        model: str,
+        serial: str,
+        device_time: Callable[[], float],
+        host_time: Callable[[], float],
+        reading_time: Callable[[], float],
+    ) -> None:
+        self._machine = machine
+        self._device_time, self._host_time, self._reading_time = device_time, host_time, reading_time
+        self.words = [0] * SIZE
+        self.words[MODEL_AT : MODEL_AT + 2 * TEXT_WORDS] = text_words(model) + text_words(serial)
+        self.words[WATCHDOG] = round(machine.watchdog * 1000.0)
+        for joint, first in enumerate(JOINTS):
+            self._put(first + LOW, machine.limits.low[joint] / _ANGLE)
+            self._put(first + HIGH, machine.limits.high[joint] / _ANGLE)
+            self._put(first + TARGET_RATE, np.deg2rad(10.0) / _SPEED)
+            self._put(first + TARGET_ACCELERATION, np.deg2rad(20.0) / _SPEED)
+
+    def refresh(self) -> None:
+        """Bring status and positions up to date."""
+        machine, time = self._machine, self._device_time()
+        machine.watch(self._host_time(), time)
+        self.words[STATUS] = machine.statusword(time)
+        self.words[FAULT] = int(machine.fault)
+        self.words[INTERLOCK] = int(machine.interlock_closed)
+        taken = self._reading_time()
+        positions, rates = machine.positions(taken), machine.drive.states(taken)[:, 1]
+        for joint, first in enumerate(JOINTS):
+            self._put(first + POSITION, positions[joint] / _ANGLE)
+            self._put(first + RATE, rates[joint] / _SPEED)
+
+    def write(self, address: int, values: list[int]) -> None:
+        """Carry out one write request. Raises `table_machine.Refusal`; then nothing of it is stored."""
+        machine, time, host_time = self._machine, self._device_time(), self._host_time()
+        machine.watch(host_time, time)
+        touched = range(address, address + len(values))
+        before = self.words[address : address + len(values)]
+        self.words[address : address + len(values)] = values
+        try:
+            if CONTROL in touched:
+                machine.control(self.words[CONTROL], time, host_time)
+            if WATCHDOG in touched:
+                machine.watchdog = self.words[WATCHDOG] / 1000.0
+            if HEARTBEAT in touched:
+                machine.feed(host_time)
+            if COMMAND in touched:
+                self._command(self.words[COMMAND], time)
+        except Exception:
+            self.words[address : address + len(values)] = before
+            raise
+        self.words[COMMAND] = 0
+
+    def _command(self, command: int, time: float) -> None:
+        if command in (MOVE, TURN):
+            outer, inner = (
+                (
+                    self._get(first + TARGET) * _ANGLE,
+                    self._get(first + TARGET_RATE) * _SPEED,
+                    self._get(first + TARGET_ACCELERATION) * _SPEED,
+                )
+                for first in JOINTS
+            )
+            targets, rates, accelerations = zip(outer, inner, strict=True)
+            if command == MOVE:
+                self._machine.move(time, targets, rates, accelerations)
+            else:
+                self._machine.turn(time, rates, accelerations)
+        elif command == STOP:
+            self._machine.stop(time)
+        elif command == HOME:
+            self._machine.home(time)
+        elif command != 0:
+            raise OutOfRange
+
+    def _put(self, address: int, value: float) -> None:
+        self.words[address : address + 2] = long_words(value)
+
+    def _get(self, address: int) -> int:
+        return long_value(self.words[address : address + 2])

@@ -1,0 +1,286 @@
+"""A stabilised gimbal that carries the unit: its joints hold still what the corrected gyros say turns.
+
+    C_body^base = R(axis₁, q₁) · R(axis₂, q₂) · R(axis₃, q₃), joints from the base to the body
+
+The loop acts on the corrected rates c = (I + K)⁻¹ (measured − b̂): what they show beyond the rate demanded it takes out
+of the body's motion, as an integrator of some hertz. An error of K or b̂ is therefore not seen in c any more but in the
+joints, which drift while it lasts; and so does the gyros' noise. Locked, the joints follow a profile of their own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.bench.truth.compiled import compiled
+from calstation.bench.truth.imu import ImuTruth, digitise
+from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_steps, instability_variance
+from calstation.physics.arrays import FloatArray, IntArray
+
+AXES = "xyz"
+#: Share of the rate's error that the loop takes out per sample.
+LOOP_GAIN = 0.25
+
+
+@dataclass(frozen=True)
+class GimbalSamples:
+    """Samples of one motion or hold.
+
+    seq : counter; time : end of each sample, s; counts : gyro x y z, accel x y z; joints : x y z as their encoders
+    read at the end of each sample, rad, shape (n, 3); step : number of the motion
+    """
+
+    seq: IntArray
+    time: FloatArray
+    counts: FloatArray
+    joints: FloatArray
+    step: IntArray
+
+
+class GimbalBench:
+    """The gimbal with its unit; time goes on from call to call.
+
+    Parameters
+    ----------
+    imu : truth of the unit; its accelerometers sit in the centre
+    order : joints from the base to the body, e.g. "zxy"
+    up_force, earth : of a body at rest (m/s²) and the earth's rotation (rad/s) in the base's frame, shape (3,)
+    encoder_sigma : repeatability of the joints' encoders, an error drawn anew for every motion, rad; a tenth of it is
+        the noise of every reading
+    """
+
+    def __init__(
+        self,
+        imu: ImuTruth,
+        seed: int | np.random.SeedSequence,
+        *,
+        order: str = "zxy",
+        up_force: tuple[float, float, float] = (0.0, 0.0, 9.8),
+        earth: tuple[float, float, float] = (0.0, 6.03e-5, 4.1e-5),
+        encoder_sigma: float = np.deg2rad(0.002),
+    ) -> None:
+        self._imu, self._model = imu, imu.error_model()
+        self._order = np.array([AXES.index(a) for a in order])
+        self._up, self._earth = np.array(up_force), np.array(earth)
+        self._encoder_sigma = encoder_sigma
+        self._random = np.random.default_rng(seed)
+        self.interval = 1.0 / imu.sample_rate
+        self.joints = np.zeros(3)
+        """True angles of the joints x, y, z, rad."""
+        self.bias = np.zeros(3)
+        """b̂, what the corrected rates are freed of, rad/s."""
+        self._produced = self._step = 0
+        instability = np.repeat([imu.gyro_bias_instability, imu.accel_bias_instability], 3)
+        self._decay, self._driven = instability_steps(instability, self.interval)
+        self._bank = np.sqrt(instability_variance(instability))[:, None] * self._random.standard_normal(
+            (6, len(INSTABILITY_TIMES))
+        )
+        self._remainder = np.zeros(6)
+        self._offset = encoder_sigma * self._random.standard_normal(3)
+        self._rate = np.zeros(3)
+
+    def lock(self, seconds: float) -> GimbalSamples:
+        """Hold the joints where they are; what the gyros show then is their bias and the earth."""
+        return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, self.joints)
+
+    def zero_bias(self, samples: GimbalSamples) -> None:
+        """Take the mean of locked samples for the bias from now on."""
+        per_count = 1.0 / self.interval if self._imu.output == "increment" else 1.0
+        self.bias = samples.counts[:, :3].mean(axis=0) * self._imu.gyro_lsb * per_count
+
+    def hold(self, seconds: float, correction: FloatArray) -> GimbalSamples:
+        """Stabilise at rest with the correction K, shape (3, 3)."""
+        demanded = np.zeros((round(seconds / self.interval), 3))
+        return self._run(len(demanded), correction, demanded, self.joints)
+
+    def turn(self, axis: int, angle: float, rate: float, correction: FloatArray) -> GimbalSamples:
+        """Demand a smooth turn by `angle` (rad, mean rate rad/s) about one body axis, the others still."""
+        count = max(round(abs(angle) / rate / self.interval), 2)
+        demanded = np.zeros((count, 3))
+        demanded[:, axis] = angle * np.diff(_smooth(count)) / self.interval
+        self._begin()
+        return self._run(count, correction, demanded, self.joints)
+
+    def home(self, rate: float) -> GimbalSamples:
+        """Bring all joints to zero, not stabilised."""
+        seconds = max(float(np.abs(self.joints).max()) / rate, 0.5)
+        self._begin()
+        return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, np.zeros(3))
+
+    def _begin(self) -> None:
+        """A motion begins: the encoders will err anew at its end."""
+        self._step += 1
+        self._offset = self._encoder_sigma * self._random.standard_normal(3)
+
+    def _run(
+        self, count: int, correction: FloatArray, demanded: FloatArray | None, target: FloatArray
+    ) -> GimbalSamples:
+        locked = demanded is None
+        course = (
+            self.joints + (target - self.joints) * _smooth(count)[:, None] if locked else np.zeros((1, 3))
+        )
+        stabilised = np.zeros((count, 3)) if demanded is None else demanded
+        white = np.repeat([self._imu.gyro_arw, self._imu.accel_vrw], 3) * np.sqrt(self.interval)
+        noise = self._random.standard_normal((count, 3)) * white[:3]
+        driven = self._random.standard_normal((count, 6 * len(INSTABILITY_TIMES)))
+        wander = np.zeros((count, 6))
+        increments, joints = np.empty((count, 6)), np.empty((count, 3))
+        _wander(self._bank, self._decay, self._driven, driven, wander)
+        _simulate(
+            self._model,
+            self._order,
+            self._up,
+            self._earth,
+            self.interval,
+            locked,
+            course,
+            stabilised,
+            _inverse(correction),
+            self.bias,
+            noise + wander[:, :3] * self.interval,
+            self.joints,
+            self._rate,
+            increments,
+            joints,
+        )
+        normals = self._random.standard_normal((count, 6))
+        normals[:, :3] = 0.0  # the gyros' noise has acted already
+        increments[:, 3:] += wander[:, 3:] * self.interval
+        as_rate = self._imu.output == "rate"
+        lsb = np.repeat([self._imu.gyro_lsb, self._imu.accel_lsb], 3)
+        reach = np.repeat([self._imu.gyro_range, self._imu.accel_range], 3)
+        counts, _ = digitise(
+            increments,
+            normals,
+            white,
+            np.zeros(0),
+            np.zeros((6, 0)),
+            np.zeros((6, 0)),
+            lsb,
+            np.floor(reach * (1.0 if as_rate else self.interval) / lsb),
+            self.interval,
+            as_rate,
+            self._remainder,
+        )
+        seq = np.arange(self._produced, self._produced + count)
+        self._produced += count
+        read = joints + self._offset + 0.1 * self._encoder_sigma * self._random.standard_normal(joints.shape)
+        return GimbalSamples(
+            seq,
+            np.asarray((seq + 1) * self.interval, dtype=np.float64),
+            counts,
+            read,
+            np.full(count, self._step, np.int64),
+        )
+
+
+def _inverse(correction: FloatArray) -> FloatArray:
+    """(I + K)⁻¹, K without its diagonal, shape (3, 3)."""
+    return np.asarray(np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction))), dtype=np.float64)
+
+
+def _smooth(count: int) -> FloatArray:
+    """From 0 to 1 at the borders of `count` samples, minimum jerk, shape (count + 1,)."""
+    s = np.linspace(0.0, 1.0, count + 1)
+    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+
+
+@compiled
+def _wander(
+    bank: FloatArray, decay: FloatArray, driven: FloatArray, normals: FloatArray, out: FloatArray
+) -> None:
+    """Bias instability of the six channels at every sample; `bank`, shape (6, m), moves along."""
+    m = decay.shape[0]
+    for n in range(out.shape[0]):
+        for i in range(6):
+            for k in range(m):
+                bank[i, k] = decay[k] * bank[i, k] + driven[i, k] * normals[n, i * m + k]
+                out[n, i] += bank[i, k]
+
+
+@compiled
+def _turn_matrix(axis: int, angle: float) -> FloatArray:
+    R = np.eye(3)
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    c, s = np.cos(angle), np.sin(angle)
+    R[j, j], R[k, k] = c, c
+    R[j, k], R[k, j] = -s, s
+    return R
+
+
+@compiled
+def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> FloatArray:
+    """Rates of the joints x y z that turn the body with `omega` (rad/s, in the body), rad/s, shape (3,)."""
+    S = np.zeros((3, 3))
+    to_body = np.eye(3)
+    for place in range(2, -1, -1):
+        axis = order[place]
+        S[:, axis] = to_body[:, axis]
+        to_body = to_body @ _turn_matrix(axis, joints[axis]).T
+    rates = np.empty(3)
+    rates[:] = np.linalg.solve(S, omega)
+    return rates
+
+
+@compiled
+def attitude(order: IntArray, joints: FloatArray) -> FloatArray:
+    """C_body^base of the joints x y z, rad, shape (3, 3)."""
+    C = np.eye(3)
+    for place in range(3):
+        C = C @ _turn_matrix(order[place], joints[order[place]])
+    return C
+
+
+@compiled
+def _simulate(
+    model: FloatArray,
+    order: IntArray,
+    up: FloatArray,
+    earth: FloatArray,
+    interval: float,
+    locked: bool,
+    course: FloatArray,
+    demanded: FloatArray,
+    inverse: FloatArray,
+    bias: FloatArray,
+    noise: FloatArray,
+    joints: FloatArray,
+    rate: FloatArray,
+    increments: FloatArray,
+    read: FloatArray,
+) -> None:
+    """One motion: true increments with the gyros' noise, and true joints; `joints` and the body's `rate` move along.
+
+    Joints are integrated by Heun's rule in quarters of a sample, the body's rate held over the sample.
+    """
+    parts = 4
+    for n in range(increments.shape[0]):
+        before = attitude(order, joints)
+        if locked:
+            step = (course[n + 1] - course[n]) / interval
+            middle = 0.5 * (course[n + 1] + course[n])
+            omega = np.zeros(3)
+            to_body = np.eye(3)
+            for place in range(2, -1, -1):
+                axis = order[place]
+                omega += to_body[:, axis] * step[axis]
+                to_body = to_body @ _turn_matrix(axis, middle[axis]).T
+            joints[:] = course[n + 1]
+            rate[:] = 0.0
+        else:
+            omega = rate.copy()
+            for _ in range(parts):
+                first = joint_rates(order, joints, omega)
+                second = joint_rates(order, joints + first * interval / parts, omega)
+                joints += 0.5 * (first + second) * interval / parts
+        after = attitude(order, joints)
+        mean = 0.5 * (before + after)
+        inertial = omega + mean.T @ earth
+        measured = model[0:3] @ inertial + model[6] + noise[n] / interval
+        increments[n, :3] = measured * interval
+        force = mean.T @ up
+        increments[n, 3:] = (model[3:6] @ force + model[7] + model[8] * force * force) * interval
+        if not locked:
+            corrected = inverse @ (measured - bias)
+            follow = demanded[n + 1] if n + 1 < demanded.shape[0] else np.zeros(3)
+            rate += LOOP_GAIN * (demanded[n] - corrected) + (follow - demanded[n])
+        read[n] = joints

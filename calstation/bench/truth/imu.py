@@ -1,0 +1,214 @@
+"""What the unit measures: the contract's error model over the true motion, noise, quantisation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.bench.truth.compiled import compiled
+from calstation.bench.truth.kinematics import joint_state
+from calstation.bench.truth.table import body_motion, to_body
+from calstation.physics.arrays import BoolArray, FloatArray
+from calstation.physics.parameters import group_matrix, group_vector
+
+
+@dataclass(frozen=True)
+class ImuTruth:
+    """A unit's true errors, noise and output.
+
+    Attributes
+    ----------
+    parameters : true values in the order of `physics.parameters`, SI, shape (30,)
+    sample_rate : Hz
+    output : "increment" (rad, m/s per count) or "rate" (mean rate over the sample per count)
+    gyro_lsb, accel_lsb : size of a count
+    gyro_arw, accel_vrw : white noise, rad/√s and m/s/√s
+    gyro_bias_instability, accel_bias_instability : B of the flicker, rad/s and m/s²
+    gyro_range, accel_range : saturation, rad/s and m/s²
+    """
+
+    parameters: FloatArray
+    sample_rate: float
+    output: str
+    gyro_lsb: float
+    accel_lsb: float
+    gyro_arw: float
+    accel_vrw: float
+    gyro_bias_instability: float = 0.0
+    accel_bias_instability: float = 0.0
+    gyro_range: float = 17.5
+    accel_range: float = 400.0
+
+    def error_model(self) -> FloatArray:
+        """Rows: I + M_g (3), I + M_a (3), b_g, b_a, K2, places of the accelerometers (3); shape (12, 3)."""
+        p = self.parameters
+        sites = group_vector(p, "outer_lever") + np.diag(group_vector(p, "inner_lever"))
+        return np.vstack(
+            [
+                np.eye(3) + group_matrix(p, "gyro_scale", "gyro_misalign"),
+                np.eye(3) + group_matrix(p, "accel_scale", "accel_misalign"),
+                group_vector(p, "gyro_bias"),
+                group_vector(p, "accel_bias"),
+                group_vector(p, "accel_quadratic"),
+                sites,
+            ]
+        )
+
+
+#: Gauss-Legendre nodes and weights on (0, 1), exact to the fifth degree.
+_NODES = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
+_WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
+
+
+@compiled
+def _measured_rates(
+    model: FloatArray,
+    chain: FloatArray,
+    outer: FloatArray,
+    inner: FloatArray,
+    field: FloatArray,
+    vectors: FloatArray,
+    rates: FloatArray,
+) -> None:
+    """Noise-free output of the six channels at one instant into `rates`; `field` is (up force, ω_ie) in n."""
+    vectors[0], vectors[1], vectors[2] = field[0], field[1], 0.0
+    body_motion(chain, outer, inner, vectors)
+    force, w, a = vectors[0], vectors[1], vectors[2]
+    for i in range(3):
+        # Row i of ω×(ω×r) + ω'×r at the place of accelerometer i, which senses along e_i alone.
+        x, y, z = model[9 + i, 0], model[9 + i, 1], model[9 + i, 2]
+        along = w[0] * x + w[1] * y + w[2] * z
+        j, k = (i + 1) % 3, (i + 2) % 3
+        square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+        centripetal = w[i] * along - model[9 + i, i] * square
+        euler = a[j] * model[9 + i, k] - a[k] * model[9 + i, j]
+        force[i] += centripetal + euler
+    for i in range(3):
+        rates[i] = model[6, i]
+        rates[3 + i] = model[7, i] + model[8, i] * force[i] * force[i]
+        for j in range(3):
+            rates[i] += model[i, j] * w[j]
+            rates[3 + i] += model[3 + i, j] * force[j]
+
+
+@compiled
+def true_increments(
+    model: FloatArray,
+    chain: FloatArray,
+    field: FloatArray,
+    outer: FloatArray,
+    outer_still: float,
+    inner: FloatArray,
+    inner_still: float,
+    first: int,
+    interval: float,
+    base_velocity: FloatArray,
+) -> FloatArray:
+    """Noise-free increments of the six channels, rad and m/s, shape (n, 6).
+
+    Integrated by Gauss-Legendre over each sample, cut wherever a joint's command changes its acceleration.
+    The accelerometers' second-order term acts on the table's motion, not on the base's vibration.
+
+    Parameters
+    ----------
+    model : `ImuTruth.error_model()`; chain : `TableTruth.chain()`; field : up force (m/s²) and
+        ω_ie (rad/s) in n, shape (2, 3)
+    outer, inner : segments of the joints' profiles, shape (k, 6), and the times they come to rest, s
+    first : number of the first sample, which ends at (first + 1)·interval, s
+    base_velocity : velocity of the centre of rotation in n at the samples' borders, m/s, shape (n + 1, 3)
+    """
+    count = base_velocity.shape[0] - 1
+    result = np.zeros((count, 6))
+    vectors = np.empty((3, 3))
+    rates = np.empty(6)
+    resting = np.empty(6)
+    outer_state = np.zeros(3)
+    inner_state = np.zeros(3)
+    still = max(outer_still, inner_still)
+    known = False
+    for n in range(count):
+        start = (first + n) * interval
+        end = (first + n + 1) * interval
+        if start >= still:
+            if not known:
+                outer_state[0] = outer[outer.shape[0] - 1, 1]
+                inner_state[0] = inner[inner.shape[0] - 1, 1]
+                outer_state[1] = outer_state[2] = inner_state[1] = inner_state[2] = 0.0
+                _measured_rates(model, chain, outer_state, inner_state, field, vectors, resting)
+                known = True
+            for i in range(6):
+                result[n, i] = resting[i] * interval
+        else:
+            low = start
+            while low < end:
+                high = end
+                for row in range(outer.shape[0]):
+                    if low < outer[row, 0] < high:
+                        high = outer[row, 0]
+                for row in range(inner.shape[0]):
+                    if low < inner[row, 0] < high:
+                        high = inner[row, 0]
+                for node in range(3):
+                    time = low + (high - low) * _NODES[node]
+                    outer_state[0], outer_state[1], outer_state[2] = joint_state(outer, outer_still, time)
+                    inner_state[0], inner_state[1], inner_state[2] = joint_state(inner, inner_still, time)
+                    _measured_rates(model, chain, outer_state, inner_state, field, vectors, rates)
+                    for i in range(6):
+                        result[n, i] += rates[i] * _WEIGHTS[node] * (high - low)
+                low = high
+        change = base_velocity[n + 1] - base_velocity[n]
+        if change[0] != 0.0 or change[1] != 0.0 or change[2] != 0.0:
+            middle = 0.5 * (start + end)
+            outer_state[0], outer_state[1], outer_state[2] = joint_state(outer, outer_still, middle)
+            inner_state[0], inner_state[1], inner_state[2] = joint_state(inner, inner_still, middle)
+            sensed = to_body(chain, outer_state[0], inner_state[0], change)
+            for i in range(3):
+                for j in range(3):
+                    result[n, 3 + i] += model[3 + i, j] * sensed[j]
+    return result
+
+
+@compiled
+def digitise(
+    increments: FloatArray,
+    normals: FloatArray,
+    white: FloatArray,
+    decay: FloatArray,
+    driven: FloatArray,
+    bias: FloatArray,
+    lsb: FloatArray,
+    limit: FloatArray,
+    interval: float,
+    as_rate: bool,
+    remainder: FloatArray,
+) -> tuple[FloatArray, BoolArray]:
+    """Add noise to the increments and count them: counts, shape (n, 6), and saturation, shape (n,).
+
+    Parameters
+    ----------
+    increments : rad and m/s, shape (n, 6)
+    normals : standard normals, shape (n, >= 6 or 6 + 6m); the first six columns white, then the bank
+    white : sigma of the white noise of an increment, shape (6,)
+    decay, driven, bias : bank of Gauss-Markov processes: shapes (m,), (6, m), (6, m); `bias` is updated
+    lsb, limit : size of a count and the largest count, shape (6,)
+    as_rate : round means over the sample, each alone; otherwise round increments and carry the remainder on
+    remainder : what earlier samples left, in counts, shape (6,), updated
+    """
+    count, bank = increments.shape[0], decay.shape[0]
+    counts = np.empty((count, 6))
+    saturated = np.zeros(count, dtype=np.bool_)
+    for n in range(count):
+        for i in range(6):
+            value = increments[n, i] + white[i] * normals[n, i]
+            for m in range(bank):
+                bias[i, m] = decay[m] * bias[i, m] + driven[i, m] * normals[n, 6 + i * bank + m]
+                value += bias[i, m] * interval
+            exact = value / (lsb[i] * interval) if as_rate else value / lsb[i] + remainder[i]
+            whole = np.floor(exact + 0.5)
+            if abs(whole) > limit[i]:
+                whole = np.sign(whole) * limit[i]
+                saturated[n] = True
+                exact = whole
+            if not as_rate:
+                remainder[i] = exact - whole
+            counts[n, i] = whole
+    return counts, saturated

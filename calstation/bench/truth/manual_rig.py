@@ -1,0 +1,173 @@
+"""A manual rig: the unit on an inner rail in an outer rail, pushed by hand from position to position.
+
+Hands stop where they like, correct themselves, tremble, push sideways and shake the rig; the rails have play. At rest
+the rig only vibrates. The unit sits off the rails' centre, so turning it also carries it round.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.bench.truth.earth import earth_rate_n, normal_gravity
+from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, tremor
+from calstation.bench.truth.free_unit import Field, Place, sampled
+from calstation.bench.truth.imu import ImuTruth
+from calstation.bench.truth.simulate import Simulated
+from calstation.bench.truth.table import rotation
+from calstation.physics.arrays import FloatArray
+
+Pose = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class HandRig:
+    """The rig and the hands; angles in rad, s, m.
+
+    Attributes
+    ----------
+    latitude, height : rad, m; gravity : m/s², None for the normal gravity
+    outer_axis, inner_axis : in b at home
+    initial_rest, rest : length of the first stillness and of the others, the latter varied by a fifth
+    speed : of a push, rad/s
+    stop_sigma : where a hand stops about the position meant
+    play : largest turn about the third axis during a push, and what stays of it
+    shake : rms acceleration of the rig while pushed, m/s²
+    tilt : of the rig's foot; arm : of the unit from the rails' centre, m
+    velocity_sigma : vibration of the foot, rms m/s
+    """
+
+    latitude: float = np.deg2rad(34.25)
+    height: float = 400.0
+    gravity: float | None = None
+    outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    inner_axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    initial_rest: float = 20.0
+    rest: float = 5.0
+    speed: float = np.deg2rad(60.0)
+    stop_sigma: float = np.deg2rad(3.0)
+    play: float = np.deg2rad(3.0)
+    shake: float = 1.0
+    tilt: float = np.deg2rad(1.0)
+    arm: tuple[float, float, float] = (0.12, -0.05, 0.2)
+    velocity_sigma: float = 1e-3
+
+    @property
+    def field(self) -> Field:
+        """What a body at rest on the rig senses."""
+        gravity = normal_gravity(self.latitude, self.height) if self.gravity is None else self.gravity
+        return Field(np.array([0.0, 0.0, gravity]), earth_rate_n(self.latitude), self.velocity_sigma)
+
+
+def around(step: float = np.deg2rad(45.0)) -> list[Pose]:
+    """Inner rail once round and back, the outer rail the same, and once more with the inner one a quarter turn on."""
+    count = round(2.0 * np.pi / step)
+    sweep = [k * step for k in (*range(1, count + 1), *range(count - 1, -1, -1))]
+    quarter = 0.5 * np.pi
+    return [(0.0, a) for a in sweep] + [(a, 0.0) for a in sweep] + [(a, quarter) for a in (0.0, *sweep)]
+
+
+def record(
+    imu: ImuTruth, rig: HandRig, poses: list[Pose], seed: int | np.random.SeedSequence
+) -> tuple[Simulated, FreeMotion]:
+    """A recording of the unit carried through `poses` (outer, inner) from (0, 0), and the true motion.
+
+    There are no encoders: the angles are NaN, and the step is 0 throughout.
+    """
+    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    hand_seed, sensor_seed = root.spawn(2)
+    motion, duration = push(rig, poses, np.random.default_rng(hand_seed))
+    count = int(duration * imu.sample_rate)
+    counts, _ = sampled(imu, motion, Place(np.eye(3), np.asarray(rig.arm)), rig.field, count, sensor_seed)
+    seq = np.arange(count)
+    recorded = Simulated(
+        stage="multi_position",
+        seq=seq,
+        time=(seq + 1) / imu.sample_rate,
+        counts=counts,
+        angles=np.full((count, 2), np.nan),
+        step=np.zeros(count, np.int64),
+        temperature=np.full(count, np.nan),
+    )
+    return recorded, motion
+
+
+def push(rig: HandRig, poses: list[Pose], random: np.random.Generator) -> tuple[FreeMotion, float]:
+    """The motion through `poses` and how long it takes, s."""
+    hands, time = Hands(rig, random), rig.initial_rest
+    for pose in poses:
+        time = hands.push(pose, time) + rig.rest * random.uniform(0.8, 1.2)
+    return hands.motion(foot(rig, random)), time
+
+
+def foot(rig: HandRig, random: np.random.Generator) -> FloatArray:
+    """How the rig stands, tilted about any direction, shape (3, 3)."""
+    direction = random.standard_normal(3)
+    return rotation(rig.tilt * direction / np.linalg.norm(direction))
+
+
+class Hands:
+    """Hands at the rails, one push after another.
+
+    Attributes
+    ----------
+    at : where the rails stand, or will at the end of the last push, rad
+    """
+
+    def __init__(self, rig: HandRig, random: np.random.Generator) -> None:
+        self._rig, self._random = rig, random
+        self.at = np.zeros(2)
+        self._leaning = 0.0
+        self._rails: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
+        self._shaken: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
+        self._settled = np.zeros(3)
+
+    def push(self, pose: Pose, time: float) -> float:
+        """Push the rails from `time` on to about `pose` (outer, inner); when they are left alone, s."""
+        rig, random, at = self._rig, self._random, self.at
+        goal = np.asarray(pose) + rig.stop_sigma * random.standard_normal(2)
+        far = float(np.abs(goal - at).max())
+        duration = max(far / rig.speed * random.uniform(0.8, 1.4), 0.6)
+        correction = 0.1 * random.standard_normal(2) * np.abs(goal - at)
+        for rail in range(2):
+            amount = float(goal[rail] - at[rail])
+            if abs(amount) < 2.0 * rig.stop_sigma and abs(pose[rail] - at[rail]) < 3.0 * rig.stop_sigma:
+                goal[rail] = at[rail] + 0.2 * amount  # this rail is only brushed
+                amount, correction[rail] = 0.2 * amount, 0.0
+            first = amount - float(correction[rail])
+            self._rails[rail].append(Pulse(time, duration, first, tremor(random, 0.01 * abs(amount))))
+            self._rails[rail].append(Pulse(time + duration, 0.5, float(correction[rail]), np.empty((0, 3))))
+        lean = rig.play * random.uniform(-1.0, 1.0)
+        stays = 0.3 * lean - self._leaning
+        self._rails[2].append(Pulse(time, 0.5 * duration, lean, tremor(random, 0.05 * rig.play)))
+        self._rails[2].append(
+            Pulse(time + 0.5 * duration, 0.5 * duration + 0.5, stays - lean, np.empty((0, 3)))
+        )
+        self._leaning += stays
+        for axis in range(3):
+            sines = tremor(random, rig.shake)
+            sines[:, 0] /= (2.0 * np.pi * sines[:, 1]) ** 2
+            self._shaken[axis].append(Pulse(time, duration + 0.5, 0.0, sines))
+        self.at = goal
+        return time + duration + 0.5
+
+    def forget(self, time: float) -> None:
+        """Nobody will ask any more for a motion before `time`, s: what has ended by then only stands."""
+        for rail, pulses in enumerate(self._rails):
+            over = [p for p in pulses if p.start + p.duration <= time]
+            self._settled[rail] += sum(p.amount for p in over)
+            pulses[:] = [p for p in pulses if p.start + p.duration > time]
+        for pulses in self._shaken:
+            pulses[:] = [p for p in pulses if p.start + p.duration > time]
+
+    def motion(self, base: FloatArray) -> FreeMotion:
+        """The pushes so far as the motion of the unit on a rig whose foot stands as `base`, shape (3, 3)."""
+        outer, inner = self._rig.outer_axis, self._rig.inner_axis
+        third = np.cross(outer, inner)
+        courses = [Course(tuple(p), float(o)) for p, o in zip(self._rails, self._settled, strict=True)]
+        links = (
+            Link(base, outer, courses[0]),
+            Link(np.eye(3), (float(third[0]), float(third[1]), float(third[2])), courses[2]),
+            Link(np.eye(3), inner, courses[1]),
+        )
+        x, y, z = (Course(tuple(pulses)) for pulses in self._shaken)
+        return FreeMotion(links, np.eye(3), (x, y, z))

@@ -1,0 +1,127 @@
+"""A plan driven over the truth with no protocol between: what the Monte Carlo study solves."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.bench.table.drive import TableDrive
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.stream import SensorStream
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics.motion import Dwell, Move, RoundEnd, Step
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Samples of one stage, as an ideal acquisition would stamp them.
+
+    Attributes
+    ----------
+    stage : name given to `Simulator.run`
+    seq : sample counter from 0, continuous over the simulator's stages, shape (n,)
+    time : end of each sample, s, (seq + 1) / sample rate, shape (n,)
+    counts : gyro x y z, accel x y z, whole numbers, shape (n, 6)
+    angles : encoder angles outer, inner at the end of the sample, rad, NaN between polls, shape (n, 2)
+    step : moves made so far, this one included, shape (n,)
+    temperature : °C, shape (n,)
+    """
+
+    stage: str
+    seq: IntArray
+    time: FloatArray
+    counts: FloatArray
+    angles: FloatArray
+    step: IntArray
+    temperature: FloatArray
+
+
+class Simulator:
+    """Runs stage after stage on one bench; time, joints, noise, counter and step carry on.
+
+    Parameters
+    ----------
+    truth : the bench
+    seed : of all noise; equal seeds and plans give equal samples
+    poll_interval : time between encoder readings, s
+    start_angles : true joint angles at the start, rad
+    temperature : constant, °C
+    """
+
+    def __init__(
+        self,
+        truth: BenchTruth,
+        seed: int | np.random.SeedSequence,
+        *,
+        poll_interval: float = 0.05,
+        start_angles: tuple[float, float] = (0.0, 0.0),
+        temperature: float = 25.0,
+    ) -> None:
+        root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+        stream_seed, encoder_seed = root.spawn(2)
+        self._stream = SensorStream(truth.imu, truth.table, stream_seed)
+        self._drive = TableDrive(truth.encoder, start_angles, encoder_seed)
+        self._every = max(1, round(poll_interval * truth.imu.sample_rate))
+        self._temperature = temperature
+        self._step = 0
+
+    @property
+    def time(self) -> float:
+        """End of the last sample, s."""
+        return self._stream.time
+
+    def run(self, steps: Iterable[Step], stage: str, rounds: int | None = None) -> Simulated:
+        """Drive one stage.
+
+        A move lasts until both joints have settled, a dwell its duration after that; other steps take no
+        time.
+
+        Parameters
+        ----------
+        steps : the stage's plan; an endless one needs `rounds`
+        stage : name
+        rounds : end at the `RoundEnd` that completes this many
+        """
+        parts: list[tuple[FloatArray, FloatArray, IntArray]] = []
+        first = self._stream.produced
+        for step in steps:
+            if isinstance(step, Move):
+                self._step += 1
+                self._drive.move(
+                    self.time,
+                    (step.outer, step.inner),
+                    (step.rate, step.rate),
+                    (step.acceleration, step.acceleration),
+                )
+                parts.append(self._produce(max(self._drive.settled - self.time, 0.0)))
+            elif isinstance(step, Dwell):
+                parts.append(self._produce(step.duration))
+            elif isinstance(step, RoundEnd) and rounds is not None and step.rounds >= rounds:
+                break
+        seq = np.arange(first, self._stream.produced)
+        if not parts:
+            parts.append(self._produce(0.0))
+        counts, angles, numbers = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Simulated(
+            stage=stage,
+            seq=seq,
+            time=self._ends(seq),
+            counts=counts,
+            angles=angles,
+            step=numbers,
+            temperature=np.full(len(seq), self._temperature),
+        )
+
+    def _ends(self, seq: IntArray) -> FloatArray:
+        return np.asarray((seq + 1) * self._stream.interval, dtype=np.float64)
+
+    def _produce(self, duration: float) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Counts, encoder angles and step numbers of the samples in the next `duration` s."""
+        count = int(np.ceil(duration / self._stream.interval - 1e-9))
+        first = self._stream.produced
+        outer, inner = self._drive.profiles
+        counts = self._stream.produce(count, outer, inner).counts
+        angles = np.full((count, 2), np.nan)
+        polled = np.flatnonzero((np.arange(first, first + count) + 1) % self._every == 0)
+        angles[polled] = self._drive.readings(self._ends(first + polled))
+        return counts, angles, np.full(count, self._step, dtype=np.int64)

@@ -1,0 +1,184 @@
+"""True attitude and rotation of the unit on the table, from the true joint angles.
+
+    C_b^n = R_base · Rz(−azimuth) · W_o · R(outer axis, q_o) · R_orth · W_i · R(inner axis, q_i) · R_mount
+
+W is the wobble of a bearing: a tilt of constant size ε whose direction turns with the joint,
+W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), u normal to the axis a. The whole is therefore a chain of constant
+rotations P_j and of turns about constant axes by angles linear in the joints, and rate and acceleration pass
+through each link exactly: with R = R(a, θ),
+
+    ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''        (rigid-body kinematics, rotating axes)
+
+starting from the earth's rotation in n, so that the end of the chain is ω_ib in b.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.bench.truth.compiled import compiled
+from calstation.bench.truth.earth import earth_rate_n, normal_gravity
+from calstation.physics.arrays import FloatArray
+
+#: Turns of the tilt's direction per turn of the joint; 0 and 1 would be constant tilts of stator and rotor.
+WOBBLE_HARMONIC = 2.0
+
+
+def rotation(vector: FloatArray) -> FloatArray:
+    """Matrix of the rotation by |vector| rad about `vector` (Rodrigues), shape (3, 3)."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(vector) / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross))
+
+
+@dataclass(frozen=True)
+class TableTruth:
+    """The table as it really stands.
+
+    Attributes
+    ----------
+    latitude, height : rad, m
+    azimuth : true heading of the table's +y at home, clockwise from north, rad
+    base_tilt : rotation vector of the base in n, rad, shape (3,)
+    outer_axis, inner_axis : nominal unit vectors in b at home
+    non_orthogonality : turn of the inner axis about (outer × inner), rad
+    wobble : tilt of the outer and the inner bearing, rad; wobble_phase : its direction at angle 0, rad
+    mount : rotation vector of the unit on the inner platform (mounted to nominal), rad, shape (3,)
+    velocity_sigma : rms velocity of the centre of rotation along each axis of n, m/s
+    gravity : m/s², None for the normal gravity of the place
+    """
+
+    latitude: float
+    height: float
+    azimuth: float = 0.0
+    base_tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    non_orthogonality: float = 0.0
+    wobble: tuple[float, float] = (0.0, 0.0)
+    wobble_phase: tuple[float, float] = (0.0, 0.0)
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    velocity_sigma: float = 0.0
+    gravity: float | None = None
+
+    @property
+    def up_force_n(self) -> FloatArray:
+        """Specific force of a body at rest, in n, m/s², shape (3,)."""
+        gravity = normal_gravity(self.latitude, self.height) if self.gravity is None else self.gravity
+        return np.array([0.0, 0.0, gravity])
+
+    @property
+    def earth_rate_n(self) -> FloatArray:
+        """Rotation of the earth in n, rad/s, shape (3,)."""
+        return earth_rate_n(self.latitude)
+
+    def chain(self) -> FloatArray:
+        """The chain for the compiled functions, shape (5, 15).
+
+        A row holds P_j transposed (9 numbers), the axis (3), and the gains of θ on q_o and q_i and its phase;
+        the last row is the mount alone.
+        """
+        outer, inner = _unit(self.outer_axis), _unit(self.inner_axis)
+        hinge = _unit(np.cross(outer, inner))
+        base = rotation(np.asarray(self.base_tilt)) @ rotation(np.array([0.0, 0.0, -self.azimuth]))
+        orthogonal = rotation(self.non_orthogonality * hinge)
+        k = WOBBLE_HARMONIC
+        links = [
+            (base, outer, k, 0.0, self.wobble_phase[0]),
+            (rotation(self.wobble[0] * hinge), outer, 1.0 - k, 0.0, -self.wobble_phase[0]),
+            (orthogonal, inner, 0.0, k, self.wobble_phase[1]),
+            (rotation(self.wobble[1] * hinge), inner, 0.0, 1.0 - k, -self.wobble_phase[1]),
+            (rotation(np.asarray(self.mount)), np.zeros(3), 0.0, 0.0, 0.0),
+        ]
+        return np.array([[*p.T.ravel(), *axis, a, b, phase] for p, axis, a, b, phase in links])
+
+    def attitude(self, angles: FloatArray) -> FloatArray:
+        """C_b^n at true joint angles (rad, shape (n, 2)), shape (n, 3, 3)."""
+        chain = self.chain()
+        basis = np.eye(3)
+        columns = [
+            [to_body(chain, float(outer), float(inner), basis[i]) for i in range(3)]
+            for outer, inner in np.atleast_2d(angles)
+        ]
+        return np.array(columns)
+
+    def rotation_states(self, outer: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """ω_ib (rad/s) and its derivative (rad/s²) in b, each shape (n, 3).
+
+        Parameters
+        ----------
+        outer, inner : angle, rate and acceleration of the joints, rad, rad/s, rad/s², shape (n, 3)
+        """
+        chain, earth = self.chain(), self.earth_rate_n
+        vectors = np.zeros((len(outer), 3, 3))
+        for i in range(len(outer)):
+            vectors[i, 1] = earth
+            body_motion(chain, outer[i], inner[i], vectors[i])
+        return vectors[:, 1], vectors[:, 2]
+
+
+def _unit(vector: FloatArray | tuple[float, float, float]) -> FloatArray:
+    array = np.asarray(vector, dtype=np.float64)
+    return array / np.linalg.norm(array)
+
+
+@compiled
+def _turn_back(axis: FloatArray, sine: float, cosine: float, vector: FloatArray) -> None:
+    """Vector ← R(axis, θ)ᵀ vector."""
+    ax, ay, az = axis[0], axis[1], axis[2]
+    x, y, z = vector[0], vector[1], vector[2]
+    along = (ax * x + ay * y + az * z) * (1.0 - cosine)
+    vector[0] = x * cosine - (ay * z - az * y) * sine + ax * along
+    vector[1] = y * cosine - (az * x - ax * z) * sine + ay * along
+    vector[2] = z * cosine - (ax * y - ay * x) * sine + az * along
+
+
+@compiled
+def _constant_back(link: FloatArray, vector: FloatArray) -> None:
+    """Vector ← Pᵀ vector, Pᵀ in the first nine numbers of a link."""
+    x, y, z = vector[0], vector[1], vector[2]
+    vector[0] = link[0] * x + link[1] * y + link[2] * z
+    vector[1] = link[3] * x + link[4] * y + link[5] * z
+    vector[2] = link[6] * x + link[7] * y + link[8] * z
+
+
+@compiled
+def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray) -> FloatArray:
+    """A vector of n in b at joint angles in rad, shape (3,)."""
+    vector = vector_n.copy()
+    for j in range(chain.shape[0]):
+        link = chain[j]
+        _constant_back(link, vector)
+        angle = link[12] * outer + link[13] * inner + link[14]
+        _turn_back(link[9:12], np.sin(angle), np.cos(angle), vector)
+    return vector
+
+
+@compiled
+def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors: FloatArray) -> None:
+    """Carry a fixed vector, ω and its derivative (rows of `vectors`, in n) into b, in place.
+
+    Parameters
+    ----------
+    chain : shape (5, 15); outer, inner : angle, rate, acceleration, shape (3,); vectors : shape (3, 3)
+    """
+    for j in range(chain.shape[0]):
+        link = chain[j]
+        angle = link[12] * outer[0] + link[13] * inner[0] + link[14]
+        rate = link[12] * outer[1] + link[13] * inner[1]
+        acceleration = link[12] * outer[2] + link[13] * inner[2]
+        sine, cosine = np.sin(angle), np.cos(angle)
+        for i in range(3):
+            _constant_back(link, vectors[i])
+            _turn_back(link[9:12], sine, cosine, vectors[i])
+        ax, ay, az = link[9], link[10], link[11]
+        x, y, z = vectors[1, 0], vectors[1, 1], vectors[1, 2]
+        vectors[2, 0] += acceleration * ax - rate * (ay * z - az * y)
+        vectors[2, 1] += acceleration * ay - rate * (az * x - ax * z)
+        vectors[2, 2] += acceleration * az - rate * (ax * y - ay * x)
+        vectors[1, 0] += rate * ax
+        vectors[1, 1] += rate * ay
+        vectors[1, 2] += rate * az

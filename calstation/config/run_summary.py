@@ -1,0 +1,121 @@
+"""What a station and a product amount to before a run: who and what is there, the stages, their time, the targets."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from calstation.config.request import RunRequest
+from calstation.config.resolved import Setup
+from calstation.config.resolving import check_station, configured
+from calstation.devices.imu.registers import RegisterMap
+from calstation.physics.motion import Carry
+from calstation.physics.parameters import GROUPS, NAMES, group_indices
+from calstation.physics.table import TableGeometry
+from calstation.records.meta import context_from_meta
+from calstation.sequencer.fresh_data import DURATION
+from calstation.sequencer.preview import plan_time
+from procedures import method
+
+
+@dataclass(frozen=True)
+class StageOutline:
+    """A stage to come: its name and what its plan takes, s of device time."""
+
+    name: str
+    duration: float
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What a run on a station with a product would be.
+
+    Attributes
+    ----------
+    station, product : names
+    bench : None for hardware; else the virtual bench's settings as its file has them
+    table, outer_axis, inner_axis : the table's name and its axes in b at home
+    serial_pattern : regular expression for a whole serial number
+    stages : in order
+    transfer : what writing and verifying the registers takes, about, s; None for a unit without registers
+    targets : per group the largest sigma that the product allows at the end of these stages, SI; a group that no
+        stage estimates or no limit names is left out
+    attempts_allowed : times in a row that a unit may be outside its limits before it is set aside; None for any
+    load_angle : where the table stands while units are changed, degrees
+    by_hand : the operator turns the rails; nothing drives them
+    positions : direction of gravity in b at every position to which the unit is to be carried, unit vectors
+    """
+
+    station: str
+    product: str
+    bench: Mapping[str, object] | None
+    table: str
+    outer_axis: tuple[float, float, float]
+    inner_axis: tuple[float, float, float]
+    serial_pattern: str
+    stages: tuple[StageOutline, ...]
+    transfer: float | None
+    targets: Mapping[str, float]
+    attempts_allowed: int | None
+    load_angle: tuple[float, float]
+    by_hand: bool = False
+    positions: tuple[tuple[float, float, float], ...] = ()
+
+    @property
+    def virtual(self) -> bool:
+        """Whether the table is one in software."""
+        return self.bench is not None
+
+
+def outline(request: RunRequest) -> Outline:
+    """Read what a request names; its serial number is not looked at, but must not be empty.
+
+    Raises ConfigurationError with file, field and mend.
+    """
+    setup, product_path = configured(request)
+    check_station(setup, product_path)
+    load = setup.product.load_angle
+    geometry = setup.table.geometry()
+    meta = setup.meta(datetime.now(UTC), 1, {})
+    plans = setup.task(meta).stages
+    return Outline(
+        station=setup.station.name,
+        product=setup.product.name,
+        bench=setup.station.bench,
+        table=setup.table.name,
+        outer_axis=geometry.outer_axis,
+        inner_axis=geometry.inner_axis,
+        serial_pattern=setup.product.serial_pattern,
+        stages=tuple(
+            StageOutline(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s)))
+            for p in plans
+        ),
+        transfer=DURATION if RegisterMap(tuple(setup.imu.registers)).parameters else None,
+        targets=_targets(setup),
+        attempts_allowed=setup.product.attempts_allowed,
+        load_angle=(load.outer_deg, load.inner_deg),
+        by_hand=setup.by_hand,
+        positions=tuple(
+            _up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry)
+        )
+        if setup.by_hand
+        else (),
+    )
+
+
+def _up(geometry: TableGeometry, step: Carry) -> tuple[float, float, float]:
+    x, y, z = geometry.body_to_home(step.outer, step.inner)[2]
+    return float(x), float(y), float(z)
+
+
+def _targets(setup: Setup) -> dict[str, float]:
+    context = context_from_meta(setup.meta(datetime.now(UTC), 1, {}))
+    last = {name: stage for stage in setup.stages for name in method(stage).estimates(context)}
+    limits = setup.product.limits
+    found: dict[str, float] = {}
+    for group in GROUPS:
+        for name in (NAMES[i] for i in group_indices(group)):
+            limit = limits.get(name, limits.get(group))
+            sigma = limit.sigma_limit(last[name]) if limit is not None and name in last else None
+            if sigma is not None:
+                found[group] = min(sigma, found.get(group, sigma))
+    return found

@@ -1,0 +1,56 @@
+"""What keeps a product from being calibrated at a station whose links are right: its rig, its gravity, its place.
+
+The same that `preparation.check_station` refuses before a run, all of it at once.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from calstation.config import library
+from calstation.config.resolved import Setup
+from calstation.config.resolving import HandsError, check_hands
+from calstation.config.site_check import normal_unlike, this_computer, unfelt, vouched, vouching
+from calstation.config.station import load_station, schedule_values
+from calstation.messages.finding import Finding, Value
+from calstation.schema import validate
+from procedures import method
+
+EXAMPLE = "example_hardware"
+"""Station that new ones are copied from."""
+
+
+def unfit(setup: Setup) -> Iterator[Finding]:
+    """Findings for all stages of the setup's product. Raises ConfigurationError where a schedule is wrong."""
+    product, site = setup.product, setup.station.site
+    schedules = {
+        stage: validate(method(stage).schedule, schedule_values(product, stage, {}), f"schedule.{stage}")
+        for stage in product.stages
+    }
+    setup = replace(setup, stages=tuple(product.stages), schedules=schedules)
+    try:
+        check_hands(setup, Path(product.name))
+    except HandsError as error:
+        values: dict[str, Value] = {"rig": setup.table.name, "product": product.name}
+        yield Finding("needs_drive" if error.by_hand else "needs_hands", "look", values)
+    blind = unfelt(setup.meta(datetime.now(UTC), 1, {}))
+    normal = normal_unlike(site)
+    if site.gravity_mps2 is not None and normal is not None:
+        values = {"gravity": site.gravity_mps2, "normal": normal}
+        values |= {"latitude": site.latitude_deg, "height": site.height_m}
+        yield Finding("gravity_unlike", "look", values)
+    if site.gravity_mps2 is None and blind:
+        yield Finding("gravity_missing", "look")
+    if setup.station.bench is not None:
+        return
+    if not vouched(site, needed=blind):
+        yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": vouching(site)})
+    example = load_station(library.find("stations", EXAMPLE))[1].site
+    if (site.latitude_deg, site.longitude_deg, site.height_m) == (
+        example.latitude_deg,
+        example.longitude_deg,
+        example.height_m,
+    ):
+        values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
+        yield Finding("example_site", "told", values)

@@ -1,0 +1,213 @@
+"""Tests the links of a station as typed, saved or not: opens, asks, listens; never writes, never moves anything."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.resolved import Setup
+from calstation.config.station import StationConfig, load_product
+from calstation.connection import imu_test as imu_check
+from calstation.connection import table_test as table_check
+from calstation.connection.compatibility import unfit
+from calstation.connection.devices import (
+    Endpoints,
+    endpoints,
+    imu_profile,
+    imu_settings,
+    open_imu,
+    open_table,
+    table_profile,
+    wires,
+)
+from calstation.connection.identify import (
+    OTHER_NUMBER,
+    Heard,
+    imu_on_tables_line,
+    other_unit,
+    table_on_imus_line,
+    units_heard,
+)
+from calstation.connection.listening import LISTEN, listen
+from calstation.connection.text_line_test import wrong_line
+from calstation.devices.links.opening import host_and_port, why_not
+from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_ports import found_ports, resolve
+from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.table import load_table_profile
+from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
+from calstation.jobs.worker import Tell
+from calstation.messages.finding import Finding, Report, Value
+
+_VIRTUAL_UNIT = "SN-000001"
+_ABOUT_LINES = ("no_frames", "no_samples", "no_stream", "one_way", "wrong_checks")
+"""Findings that a line of text explains better."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to test: a station, and the product whose IMU is expected (None for the default one)."""
+
+    station: StationConfig
+    product: Path | None = None
+
+
+def try_table(tell: Tell, order: Order) -> Report:
+    """Work for the workshop: test the table's link. Raises CalstationError where a profile cannot be read."""
+    setup = setup_of(order)
+    found: list[Finding] = []
+    if setup.table.by_hand:
+        return Report("table", (Finding("by_hand", "ok", {"name": setup.table.name}),))
+    with ports_of(tell, setup) as at:
+        tell(0.3, note="opening")
+        settings = setup.station.table.serial or setup.table.serial
+        try:
+            table = open_table(setup, at.table)
+        except (DeviceFaultError, ConfigurationError) as exc:
+            found.append(_not_opened(at.table, settings, table_profile(setup).timeout_s, exc))
+            return Report("table", tuple(found))
+        try:
+            found.append(_opened(at.table))
+            for finding in table_check.ask(table, table_profile(setup), settings, at.table, tell):
+                found.append(finding)
+        finally:
+            table.close()
+        found.extend(_who_else_than_the_table(setup, at, found, tell))
+    return Report("table", tuple(found))
+
+
+def try_imu(tell: Tell, order: Order) -> Report:
+    """Work for the workshop: test the IMU's link. Raises CalstationError where a profile cannot be read."""
+    setup = setup_of(order)
+    found: list[Finding] = []
+    with ports_of(tell, setup) as at:
+        tell(0.2, note="opening")
+        settings = imu_settings(setup)
+        try:
+            imu = open_imu(setup, at.imu)
+        except (DeviceFaultError, ConfigurationError) as exc:
+            found.append(_not_opened(at.imu, settings, imu_profile(setup).timeout_s, exc))
+            return Report("imu", tuple(found))
+        try:
+            found.append(_opened(at.imu))
+            for finding in imu_check.ask(imu, setup, at, settings, tell):
+                found.append(finding)
+        finally:
+            imu.close()
+        if any(finding.id in ("gravity", "wrong_gravity") for finding in found):
+            found.extend(unfit(setup))
+        found = _by_a_line(setup, at, found)
+        found.extend(_who_else_than_the_imu(setup, at, found, tell))
+    return Report("imu", tuple(found))
+
+
+def setup_of(order: Order) -> Setup:
+    """What opening the devices needs of a run's setup."""
+    _, product = load_product(order.product)
+    return Setup(
+        request=RunRequest(_VIRTUAL_UNIT),
+        station=order.station,
+        product=product,
+        table=load_table_profile(library.find("tables", order.station.table.profile)),
+        imu=load_imu_profile(library.find("imus", product.imu)),
+        stages=(),
+        schedules={},
+        texts={},
+    )
+
+
+@contextmanager
+def ports_of(tell: Tell, setup: Setup) -> Iterator[Endpoints]:
+    """The station's ports; its virtual bench takes some seconds to start."""
+    tell(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
+    with endpoints(setup) as at:
+        yield at
+
+
+def _who_else_than_the_table(
+    setup: Setup, at: Endpoints, found: list[Finding], tell: Tell
+) -> Iterator[Finding]:
+    """Who answers in the table's place, where that can be found out."""
+    around, ids = wires(setup, at.table, at.imu), {finding.id for finding in found}
+    if ids & {"garbled", "garbled_text", "unlike_text", "unlike_answer", "silent_rtu", "silent_text", "crc"}:
+        tell(0.6, note="listening_around")
+        if around.two_lines and imu_on_tables_line(around):
+            yield Finding("imus_line", "told", {"profile": around.imu.name})
+            return
+    refused = next((finding.values["code"] for finding in found if finding.id == "exception"), None)
+    if ids & {"silent_rtu", "silent_tcp"} or refused in OTHER_NUMBER:
+        other = other_unit(around, lambda share: tell(0.6 + 0.4 * share, note="trying_units"))
+        if other is not None:
+            values: dict[str, Value] = {"found": other[0], "model": other[1], "unit": around.table.unit or 0}
+            yield Finding("unit_heard", "told", values)
+            return
+    if ids & {"silent_rtu", "silent_tcp", "exception", "wrong_model"}:
+        heard = units_heard(around, lambda share: tell(0.6 + 0.4 * share, note="trying_units"))
+        yield from _units([one for one in heard if one.profile or "wrong_model" not in ids])
+
+
+def _units(heard: list[Heard]) -> Iterator[Finding]:
+    """The device whose profile is another one, or whoever answers."""
+    for one in heard:
+        if one.profile:
+            values: dict[str, Value] = {"found": one.unit, "model": one.model, "profile": one.profile}
+            yield Finding("profile_heard", "told", values)
+            return
+    if heard:
+        named = [f"{one.unit} (“{one.model}”)" if one.model else str(one.unit) for one in heard]
+        yield Finding("units_heard", "told", {"units": ", ".join(named)})
+
+
+def _who_else_than_the_imu(
+    setup: Setup, at: Endpoints, found: list[Finding], tell: Tell
+) -> Iterator[Finding]:
+    """Who answers in the IMU's place, or at which baud it does, where that can be found out."""
+    around, ids = wires(setup, at.table, at.imu), {finding.id for finding in found}
+    if ids & {"silent", "no_frames"} and around.two_lines and not setup.table.by_hand:
+        tell(0.4, note="listening_around")
+        if table_on_imus_line(around):
+            yield Finding("tables_line", "told")
+            return
+    if "no_frames" in ids and "://" not in at.imu:
+        yield from imu_check.heard_elsewhere(at.imu, around.imu_serial, around.imu, tell)
+
+
+def _by_a_line(setup: Setup, at: Endpoints, found: list[Finding]) -> list[Finding]:
+    """Of a unit that sends text, what is wrong is told by one of its lines instead."""
+    told = next((i for i, f in enumerate(found) if f.id in _ABOUT_LINES), None)
+    if told is None or setup.imu.frame.format != "text":
+        return found
+    try:
+        link = SerialLink(at.imu, imu_settings(setup), "IMU")
+    except CalstationError:
+        return found
+    try:
+        wrong = wrong_line(setup.imu.frame, listen(link, LISTEN))
+    except CalstationError:
+        return found
+    finally:
+        link.close()
+    return found if wrong is None else [*found[:told], wrong, *found[told + 1 :]]
+
+
+def _opened(port: str) -> Finding:
+    address = host_and_port(port)
+    if address is not None:
+        return Finding("connected", "ok", {"host": address[0], "port": address[1]})
+    return Finding("opened", "ok", {"port": port, "device": resolve(port, "port")})
+
+
+def _not_opened(port: str, settings: SerialSettings, timeout: float, exc: CalstationError) -> Finding:
+    reason, words = why_not(port, settings, timeout)
+    listed = ", ".join(f.device for f in found_ports())
+    values: dict[str, Value] = {"port": port, "words": words or str(exc), "found": listed, "seconds": timeout}
+    address = host_and_port(port)
+    if address is not None:
+        values |= {"host": address[0], "number": address[1]}
+    if reason == "no_adapter":
+        values["found"] = ", ".join(f.usb for f in found_ports() if f.usb)
+    if reason == "bad_settings":
+        values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
+    return Finding(reason, "wrong", values)

@@ -1,0 +1,137 @@
+"""Work for the workshop: an answer applied to what its unit says now, some seconds of its stream by its own driver."""
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.resolved import Setup
+from calstation.config.resolving import configured
+from calstation.config.station import load_product
+from calstation.connection.imu_session import samples_in_a_row, unit_alone
+from calstation.devices.interfaces import SampleBatch
+from calstation.devices.profiles.imu import load_imu_profile
+from calstation.errors import DeviceFaultError
+from calstation.estimation.common.samples import SampleBlock
+from calstation.jobs.worker import Tell
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import NAMES
+from calstation.records.log import open_log
+from calstation.records.meta import ImuSection, LogMeta, context_from_meta
+from calstation.results.plots.applied import Applied, applied
+from calstation.simulation.recordings import read_truth
+
+SECONDS = 10.0
+"""Of the unit's stream."""
+
+_TAKEN = (0.4, 0.95)
+"""Told when the first sample is taken, and the last."""
+
+_OWN_UNIT = "SN-000001"
+"""The unit in the virtual fixture where nothing tells which one the recording is of."""
+
+
+@dataclass(frozen=True)
+class OtherUnit:
+    """Not the answer's unit answered, but one with this serial number; nothing was applied to it."""
+
+    serial: str
+
+
+def apply_to_unit(
+    tell: Tell,
+    path: Path,
+    station: Path | None,
+    product: Path | None,
+    before: FloatArray,
+    found: FloatArray,
+    seconds: float = SECONDS,
+) -> Applied | OtherUnit:
+    """Apply an answer to the unit in the fixture, without the table. Nothing moves, nothing is written.
+
+    A stream that the unit's registers have corrected already is left as it comes. On the virtual bench the unit that
+    the recording was made of lies in the fixture, where the recording tells which.
+
+    Parameters
+    ----------
+    path : recording that the answer was found from
+    station, product : files; None for the default
+    before, found : parameters, SI, shape (30,) each
+    seconds : to take, s
+
+    Raises DeviceFaultError, ConfigurationError; InputError where the recording cannot be read; InsufficientDataError
+    where the unit is not at rest.
+    """
+    tell(0.0)
+    log_meta = open_log(path).meta
+    serial = log_meta.imu.serial
+    setup, _ = configured(RunRequest(serial, station, product))
+    if setup.station.bench is not None:
+        setup = _with_the_unit(path, log_meta, setup)
+    meta = setup.meta(datetime.now(UTC), 1, {})
+    context = context_from_meta(meta)
+    count = round(seconds * context.imu.sample_rate)
+    begin, end = _TAKEN
+    with unit_alone(tell, setup) as unit:
+        if unit.identity.serial != serial:
+            return OtherUnit(unit.identity.serial)
+        parts = samples_in_a_row(
+            unit.imu,
+            unit.clock,
+            setup.imu.status.ready,
+            count,
+            lambda taken: tell(begin + (end - begin) * taken / count),
+        )
+    if parts is None:
+        raise DeviceFaultError(
+            "IMU: samples are lost again and again; check cable, baud and the load of this computer"
+        )
+    corrected, said = setup.after_registers, setup.imu.protocol != "stream"
+    if corrected:
+        before = found = np.zeros(len(NAMES))
+    return replace(applied([_block(parts)], context, before, found), corrected=corrected, named=said)
+
+
+def _with_the_unit(path: Path, meta: LogMeta, setup: Setup) -> Setup:
+    """The virtual bench with the recording's unit in its fixture: drawn as in its run, or by the truth beside it."""
+    seed = None if meta.run is None else meta.run.seed
+    truth = {name: value for name, value in read_truth(path).items() if name in NAMES}
+    known = seed is not None or bool(truth)
+    request = replace(
+        setup.request,
+        serial=meta.imu.serial if known else _OWN_UNIT,
+        product=_product_like(meta.imu, setup.request.product) if known else setup.request.product,
+        seed=seed,
+    )
+    setup, _ = configured(request)
+    if truth:
+        bench = {**(setup.station.bench or {}), "parameters": truth}
+        setup = replace(setup, station=setup.station.model_copy(update={"bench": bench}))
+    return setup
+
+
+def _product_like(imu: ImuSection, chosen: Path | None) -> Path | None:
+    """The product whose units are as quiet as the recording's, the chosen one first."""
+    shipped = [library.find("products", name) for name in library.names("products")]
+    for path in (chosen, *shipped):
+        noise = load_imu_profile(library.find("imus", load_product(path)[1].imu)).noise
+        if np.allclose([noise.gyro_arw, noise.accel_vrw], [imu.gyro_arw, imu.accel_vrw], rtol=1e-3, atol=0.0):
+            return path
+    return chosen
+
+
+def _block(parts: list[SampleBatch]) -> SampleBlock:
+    counts = np.concatenate([part.counts for part in parts])
+    return SampleBlock(
+        stage="",
+        seq=np.concatenate([part.seq for part in parts]),
+        time=np.concatenate([part.time for part in parts]),
+        counts=counts,
+        angles=np.full((len(counts), 2), np.nan),
+        step=np.zeros(len(counts), np.int64),
+        valid=np.isfinite(counts).all(axis=1),
+        temperature=np.concatenate([part.temperature for part in parts]),
+    )

@@ -1,0 +1,172 @@
+"""A sensor's parameters as a unit's own registers have them: matrix and offset by its formula, and back, exactly.
+
+The error model is measured = (I + M) true + b; what a unit computes from its registers' matrix R and offset B is one of
+
+    corrected = C (measured − B)        offset before the matrix
+    corrected = C measured − B          offset after it
+
+with C given by R: C itself ("correction"), or its inverse E = C⁻¹, the error matrix that the unit inverts ("error");
+with the identity or without it, C = I + R; with that part negated, C = I − R; and with B added instead of subtracted.
+Whatever the convention, corrected = true exactly, not to first order.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from calstation.errors import DeviceFaultError
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import AXES, NAMES
+from calstation.schema import StrictModel
+
+SENSORS = ("gyro", "accel")
+PAIRS = tuple(a + b for a in AXES for b in AXES)
+"""Places of a matrix, row by row."""
+
+_TRIANGULAR = 1e-6
+"""Above the diagonal of an accelerometer's matrix, what is smaller than this is rounding."""
+
+
+class Convention(StrictModel):
+    """`convention` of a register entry with a matrix or an offset.
+
+    matrix : "correction", what the output is multiplied by, or "error", its inverse
+    identity : the registers hold the ones on the diagonal too
+    negated : of a matrix without identity, the registers hold it with the opposite sign
+    offset : taken off "before" the matrix or "after" it; added : the unit adds it instead
+    """
+
+    matrix: Literal["correction", "error"] = "correction"
+    identity: bool = True
+    negated: bool = False
+    offset: Literal["before", "after"] = "before"
+    added: bool = False
+
+    @model_validator(mode="after")
+    def _sign(self) -> "Convention":
+        if self.negated and self.identity:
+            raise ValueError("negated belongs to identity = false; remove one of both")
+        return self
+
+
+def matrix_slots(sensor: str) -> tuple[str, ...]:
+    """Names of a sensor's matrix elements in registers, row by row."""
+    return tuple(f"{sensor}_matrix_{pair}" for pair in PAIRS)
+
+
+def offset_slots(sensor: str) -> tuple[str, ...]:
+    """Names of a sensor's offsets in registers."""
+    return tuple(f"{sensor}_offset_{axis}" for axis in AXES)
+
+
+SLOTS: tuple[str, ...] = tuple(
+    name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor))
+)
+"""Names that registers may have besides the parameters themselves."""
+
+
+def parameter_of(slot: str) -> str | None:
+    """The parameter that a slot stands for; None for an element that the error model has at 0."""
+    sensor, kind, place = slot.split("_")
+    if kind == "offset":
+        return f"{sensor}_bias_{place}"
+    name = f"{sensor}_scale_{place[0]}" if place[0] == place[1] else f"{sensor}_misalign_{place}"
+    return name if name in NAMES else None
+
+
+def to_registers(
+    sensor: str, values: Mapping[str, float], slots: Iterable[str], matrix: Convention, offset: Convention
+) -> dict[str, float]:
+    """What the registers of a sensor's slots must hold.
+
+    Parameters
+    ----------
+    values : parameters by contract name, SI; those that have no slot here count as 0
+    slots : of this sensor, that have registers
+    matrix, offset : conventions of the two
+    """
+    present = set(slots)
+    held = {slot: parameter_of(slot) for slot in present}
+    error = np.eye(3)
+    bias = np.zeros(3)
+    for slot, name in held.items():
+        if name is None:
+            continue
+        place = slot.rsplit("_", 1)[1]
+        if slot in matrix_slots(sensor):
+            error[AXES.index(place[0]), AXES.index(place[1])] += values[name]
+        else:
+            bias[AXES.index(place)] = values[name]
+    correction = _inverse(error)
+    stored = correction if matrix.matrix == "correction" else error
+    if not matrix.identity:
+        stored = (stored - np.eye(3)) * (-1.0 if matrix.negated else 1.0)
+    shift = bias if offset.offset == "before" else correction @ bias
+    shift = -shift if offset.added else shift
+    every = dict(zip(matrix_slots(sensor), stored.ravel().tolist(), strict=True))
+    every |= dict(zip(offset_slots(sensor), shift.tolist(), strict=True))
+    return {slot: every[slot] for slot in present}
+
+
+def from_registers(
+    sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention
+) -> dict[str, float]:
+    """The parameters that a sensor's slots stand for, SI; NaN where they hold no matrix that can be inverted.
+
+    Raises
+    ------
+    DeviceFaultError
+        where an accelerometer's matrix is not lower triangular: the error model has no such matrix.
+    """
+    stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)
+    for i, slot in enumerate(matrix_slots(sensor)):
+        if slot in held:
+            stored[i // 3, i % 3] = held[slot]
+    if not matrix.identity:
+        stored = np.eye(3) + stored * (-1.0 if matrix.negated else 1.0)
+    error = _inverse(stored) if matrix.matrix == "correction" else stored
+    if sensor == "accel" and np.any(np.abs(np.triu(error, 1)) > _TRIANGULAR):
+        raise DeviceFaultError(
+            "IMU: the unit's accelerometer matrix is not lower triangular, so it is not from this program and cannot be"
+            " calibrated upon; restore the unit's factory settings first"
+        )
+    shift = np.array([held.get(slot, 0.0) for slot in offset_slots(sensor)])
+    shift = -shift if offset.added else shift
+    bias = shift if offset.offset == "before" or not np.any(shift) else error @ shift
+    found: dict[str, float] = {}
+    for slot in held:
+        name = parameter_of(slot)
+        if name is None:
+            continue
+        place = slot.rsplit("_", 1)[1]
+        if slot in matrix_slots(sensor):
+            i, j = AXES.index(place[0]), AXES.index(place[1])
+            found[name] = float(error[i, j] - (1.0 if i == j else 0.0))
+        else:
+            found[name] = float(bias[AXES.index(place)])
+    return found
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """The inverse, NaN where there is none."""
+    try:
+        return np.asarray(np.linalg.inv(matrix)) if np.all(np.isfinite(matrix)) else np.full((3, 3), np.nan)
+    except np.linalg.LinAlgError:
+        return np.full((3, 3), np.nan)
+
+
+def legal_range(slot: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
+    """Lowest and highest value of a slot over all units whose parameters are within `sigmas`; None where not known.
+
+    To first order and half as much again: products of parameters are small.
+    """
+    name = parameter_of(slot)
+    reach = sigmas.get(name) if name is not None else None
+    if reach is None:
+        return None
+    reach *= 1.5
+    _, kind, place = slot.split("_")
+    middle = 1.0 if kind == "matrix" and place[0] == place[1] and convention.identity else 0.0
+    return middle - reach, middle + reach

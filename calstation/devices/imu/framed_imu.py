@@ -1,0 +1,183 @@
+"""Driver of an IMU whose samples and command replies come as binary frames on one serial link."""
+
+import struct
+from collections.abc import Iterator
+
+from calstation.devices.codecs.numbers import number
+from calstation.devices.imu.frames import Reply, command_frame
+from calstation.devices.imu.registered_imu import RegisteredImu
+from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
+from calstation.devices.interfaces import ImuIdentity, OtherModelError
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.imu import OPS, ImuProfile
+from calstation.devices.profiles.registers import RegisterEntry
+from calstation.errors import DeviceFaultError
+
+ERRORS = {
+    "1": "unknown command",
+    "2": "no such register",
+    "3": "flash busy",
+    "4": "it cannot do it in its present state",
+    "5": "the value is refused",
+}
+"""Usual codes of the errors in replies."""
+
+MENDS = {
+    "1": "compare [commands] of the IMU profile with the unit's manual",
+    "2": "check the addresses of the registers in the IMU profile",
+    "3": "wait until it is done, then start again",
+    "4": "switch the unit off and on, then start again",
+    "5": "check type, scale and range of the registers in the IMU profile",
+}
+"""What to do about them."""
+_ATTEMPTS = 3
+_VALUES_PER_TRANSFER = 32
+_PAYLOAD = 255
+
+
+class FramedImu(RegisteredImu):
+    """The IMU of a profile on a link; one thread owns the port, reads samples and sends commands.
+
+    Registers are read and written by address u16, count u8 and the numbers themselves.
+
+    Parameters
+    ----------
+    link : open port
+    profile : what the bytes mean
+    """
+
+    def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
+        assert profile.commands is not None
+        commands = self._commands = profile.commands
+        super().__init__(
+            link,
+            profile,
+            commands,
+            commit_timeout=commands.commit_timeout_s,
+            reset_timeout=commands.reset_timeout_s,
+        )
+
+    def read_words(self, address: int, count: int) -> list[int]:
+        """Read 16-bit registers of the system's own axes; a lost answer is asked for again."""
+        head = struct.pack(self._format("HB"), address, count)
+        answer = self._ask("read_words", head, head)
+        if len(answer) != len(head) + 2 * count:
+            raise DeviceFaultError(
+                f"table: registers {address}-{address + count - 1} cannot be read: the answer has another length;"
+                " compare op read_words of the IMU profile with the unit's manual"
+            )
+        return list(struct.unpack(self._format(f"{count}H"), answer[len(head) :]))
+
+    def write_words(self, address: int, values: list[int], repeat: bool) -> None:
+        """Write 16-bit registers of the system's own axes; a lost answer is asked for again only where `repeat`."""
+        head = struct.pack(self._format("HB"), address, len(values))
+        body = struct.pack(self._format(f"{len(values)}H"), *values)
+        question = self._question("write_words", head + body, head)
+        attempts = _ATTEMPTS if repeat else 1
+        self.exchange(question, timeout=self._commands.timeout_s, attempts=attempts, urgent=repeat)
+
+    def _switch_on(self, *, corrected: bool) -> None:
+        section = self._profile.corrected if corrected else None
+        kind = 1 if section is None or section.stream is None else section.stream
+        self._ask("stream", bytes([kind]))
+
+    def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
+        text = self._ask("identify", b"", attempts=attempts).decode("ascii", errors="replace")
+        parts = [part.strip() for part in text.split(";")]
+        if len(parts) != 3:
+            raise OtherModelError(
+                f"IMU: identity '{text}' is not 'model;serial;firmware'; choose another profile",
+                text,
+                "model;serial;firmware",
+            )
+        return ImuIdentity(*parts)
+
+    def _burn(self) -> None:
+        answer = self._ask("commit", b"", attempts=1, timeout=self._commit_timeout)
+        if answer[:1] != b"\x00":
+            raise DeviceFaultError(
+                "IMU: the unit refused to commit its registers; power it off and on, try again"
+            )
+
+    def _restart(self) -> None:
+        self._ask("reset", b"", attempts=1)
+
+    def _read_entry(self, entry: RegisterEntry) -> list[float]:
+        kind, order = number(entry.type), entry.byte_order or self._profile.frame.byte_order
+        numbers: list[float] = []
+        for begin, count in self._transfers(entry):
+            head = struct.pack(self._format("HB"), entry.place(begin), count)
+            answer = self._ask("read", head, head)
+            if len(answer) != len(head) + kind.width * count:
+                raise DeviceFaultError(
+                    f"IMU: register {entry.place(begin)} answers with {len(answer)} bytes, not"
+                    f" {len(head) + kind.width * count}; check its type and parameters in the IMU profile"
+                )
+            body = answer[len(head) :]
+            numbers += [
+                kind.unpack(body[k : k + kind.width], order, entry.word_order)
+                for k in range(0, len(body), kind.width)
+            ]
+        return numbers
+
+    def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
+        kind, order = number(entry.type), entry.byte_order or self._profile.frame.byte_order
+        for begin, count in self._transfers(entry):
+            head = struct.pack(self._format("HB"), entry.place(begin), count)
+            part = numbers[begin : begin + count]
+            body = b"".join(kind.pack(value, order, entry.word_order) for value in part)
+            if self._ask("write", head + body, head) != head:
+                raise DeviceFaultError(
+                    f"IMU: register {entry.place(begin)} was not taken, nothing was committed; look at the unit's"
+                    " supply and write protection, then check this register in the IMU profile"
+                )
+
+    def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int]]:
+        """First number and count of each transfer of an entry."""
+        most = min(_VALUES_PER_TRANSFER, (_PAYLOAD - 3) // number(entry.type).width)
+        total = len(entry.names)
+        return [(begin, min(most, total - begin)) for begin in range(0, total, most)]
+
+    def _format(self, codes: str) -> str:
+        return ("<" if self._profile.frame.byte_order == "little" else ">") + codes
+
+    def _ask(
+        self,
+        name: str,
+        payload: bytes,
+        begins: bytes = b"",
+        attempts: int = _ATTEMPTS,
+        timeout: float | None = None,
+    ) -> bytes:
+        """Send a command and wait for its reply, whose payload must begin with `begins`."""
+        question = self._question(name, payload, begins)
+        return self.exchange(question, timeout=timeout or self._commands.timeout_s, attempts=attempts)
+
+    def _other_questions(self) -> Iterator[Question[bytes]]:
+        """Who it is, then registers, in ever shorter parts."""
+        yield self._question("identify", b"", b"")
+        transfers = [(e, *part) for e in self._registers.entries for part in self._transfers(e)]
+        for shorter in range(max((count for _, _, count in transfers), default=0)):
+            for entry, begin, count in transfers:
+                if count > shorter:
+                    head = struct.pack(self._format("HB"), entry.place(begin), count - shorter)
+                    yield self._question("read", head, head)
+
+    def _question(self, name: str, payload: bytes, begins: bytes) -> Question[bytes]:
+        ops, meanings = {**OPS, **self._commands.ops}, self._commands.errors or ERRORS
+        op = ops[name]
+
+        def take(reply: Reply) -> bytes | None:
+            if reply.op == ops["error"]:
+                code = reply.payload[0] if reply.payload else 0
+                reason = meanings.get(str(code), f"code {code}")
+                busy = code in self._commands.busy_codes
+                # A unit's own codes mean what its manual says.
+                mends = {} if self._commands.errors else MENDS
+                mend = MENDS["3"] if busy else mends.get(str(code), "look this error up in the unit's manual")
+                text = f"IMU: command '{name}' was refused: {reason}; {mend}"
+                raise ImuBusyError(text, reason) if busy else ImuRefusalError(text, reason)
+            return reply.payload if reply.op == op and reply.payload.startswith(begins) else None
+
+        request = command_frame(self._commands, self._profile.frame, op, payload)
+        return Question(request, (op, begins), take)

@@ -1,0 +1,266 @@
+"""Decodes a byte stream into samples and command replies, in bulk and the same however it was cut."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from calstation.devices.codecs.frame_checks import CRC_WIDTHS, check_bytes
+from calstation.devices.imu.packets import BinaryFrame, Columns, PacketKind
+from calstation.devices.imu.text_frames import TextFrame
+from calstation.devices.profiles.channels import CHANNELS
+from calstation.devices.profiles.frame import FrameSection, hex_bytes
+from calstation.devices.profiles.imu import STATUS_WORDS, CommandSection
+from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+
+_REPLY_HEADER = 2  # op, payload length
+
+
+@dataclass(frozen=True)
+class Reply:
+    """A reply's op and payload; a line of text has op 0 and is its payload."""
+
+    op: int
+    payload: bytes
+
+
+class ReplyKind(PacketKind, Protocol):
+    """Packets that answer commands."""
+
+    def reply(self, packet: bytes) -> Reply:
+        """What a sound packet says."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Sound frames that carry the samples' fields, in order.
+
+    Attributes
+    ----------
+    raw : each frame's bytes
+    columns : raw numbers of their fields, one per frame
+    """
+
+    raw: tuple[bytes, ...]
+    columns: Columns
+
+    def __len__(self) -> int:
+        return len(self.raw)
+
+    def tobytes(self) -> bytes:
+        """The frames' bytes one after the other."""
+        return b"".join(self.raw)
+
+    @property
+    def complete(self) -> BoolArray:
+        """Which frames are samples: those that have the counter and all six channels, shape (n,)."""
+        needed = [self.columns.present.get(name) for name in ("counter", *CHANNELS)]
+        if any(present is None for present in needed):
+            return np.zeros(len(self), np.bool_)
+        # Fields that stand side by side share one array.
+        distinct = {id(present): present for present in needed if present is not None}
+        return np.asarray(np.logical_and.reduce(list(distinct.values())))
+
+    @staticmethod
+    def join(parts: Sequence["Frames"]) -> "Frames":
+        """Frames of one decoder in one."""
+        if len(parts) == 1:
+            return parts[0]
+        names = parts[0].columns.values
+        return Frames(
+            tuple(packet for part in parts for packet in part.raw),
+            Columns(
+                {name: np.concatenate([part.columns.values[name] for part in parts]) for name in names},
+                {name: np.concatenate([part.columns.present[name] for part in parts]) for name in names},
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """What further bytes completed: frames of samples, and replies, each in order."""
+
+    frames: Frames
+    replies: tuple[Reply, ...]
+
+
+class FrameDecoder:
+    """Finds packets by their sync bytes and check; what fits none is skipped byte by byte.
+
+    A partial packet is kept until its rest comes, so the result does not depend on how the stream was cut.
+    What is kept is never more than the largest packet, and bytes that cannot begin one are not kept.
+
+    Parameters
+    ----------
+    frame : of the samples
+    commands : what answers commands between them: a section of the profile or a kind of packet
+
+    Attributes
+    ----------
+    crc_errors : packets whose check was wrong; skipped : bytes that belong to no packet
+    others : sound packets that carry no field of a sample
+    since_frame : bytes skipped since the last whole packet
+    """
+
+    def __init__(self, frame: FrameSection, commands: "CommandSection | ReplyKind | None" = None) -> None:
+        self._frame: BinaryFrame | TextFrame = (
+            TextFrame(frame) if frame.format == "text" else BinaryFrame(frame)
+        )
+        self._replies = CommandReply(commands, frame) if isinstance(commands, CommandSection) else commands
+        kinds: list[PacketKind] = [self._frame, *([self._replies] if self._replies else [])]
+        # Where one sync begins another, the longer is asked first.
+        self._kinds = sorted(kinds, key=lambda kind: -len(kind.sync))
+        self._fields = {f.name: f for f in frame.fields}
+        self._none = Frames((), self._frame.columns(()))
+        self._buffer = b""
+        self.crc_errors = 0
+        self.skipped = 0
+        self.others = 0
+        self.since_frame = 0
+
+    def feed(self, data: bytes) -> Decoded:
+        """Take further bytes and give what they complete."""
+        buffer = self._buffer + data
+        replies: list[Reply] = []
+        packets: list[bytes] = []
+        search = _Search(buffer, [kind.sync for kind in self._kinds])
+        place = 0
+        while (start := search.next(place)) < len(buffer):
+            self._skip(start - place)
+            place = start
+            size, kind = self._packet(buffer, place)
+            if size is None:
+                break
+            if kind is None:
+                self.crc_errors += 1
+                self._skip(1)
+                place += 1
+                continue
+            packet = buffer[place : place + size]
+            place += size
+            self.since_frame = 0
+            if kind is self._frame:
+                if self._frame.sampled(packet):
+                    packets.append(packet)
+                else:
+                    self.others += 1
+            elif self._replies is not None:
+                replies.append(self._replies.reply(packet))
+        else:
+            self._skip(len(buffer) - place)
+            place = len(buffer)
+        self._buffer = buffer[place:]
+        frames = Frames(tuple(packets), self._frame.columns(packets)) if packets else self._none
+        return Decoded(frames, tuple(replies))
+
+    def samples(self, frames: Frames) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+        """Raw counter (n,), counts (n, 6), temperature in °C (n,) and status word (n,) of those that are samples."""
+        complete = frames.complete
+        rows = slice(None) if complete.all() else complete
+        values = frames.columns.values
+        if "counter" not in values or not len(frames):
+            return np.empty(0, np.int64), np.empty((0, 6)), np.empty(0), np.empty(0, np.int64)
+        counter = values["counter"][rows].astype(np.int64)
+        counts = np.empty((len(counter), 6))
+        for i, name in enumerate(CHANNELS):
+            f = self._fields[name]
+            counts[:, i] = values[name][rows] * f.scale + f.offset
+        heat = np.full(len(counter), np.nan)
+        if "temperature" in values:
+            f, there = self._fields["temperature"], frames.columns.present["temperature"][rows]
+            heat[there] = values["temperature"][rows][there] * f.scale + f.offset
+        status = np.zeros(len(counter), dtype=np.int64)
+        for i, name in enumerate(STATUS_WORDS):
+            if name in values:
+                status |= values[name][rows].astype(np.int64) << 16 * i
+        return counter, counts, heat, status
+
+    @property
+    def size(self) -> int:
+        """Bytes of a sample frame, of the shortest where they differ."""
+        return self._frame.shortest
+
+    def _skip(self, count: int) -> None:
+        self.skipped += count
+        self.since_frame += count
+
+    def _packet(self, buffer: bytes, place: int) -> tuple[int | None, PacketKind | None]:
+        """Size and kind of the packet at `place`: size None until more has come, kind None where it is none."""
+        waiting = False
+        for kind in self._kinds:
+            if not buffer.startswith(kind.sync, place):
+                # Only the end of the buffer can still become a longer sync.
+                waiting |= kind.sync.startswith(buffer[place : place + len(kind.sync)])
+                continue
+            size = kind.size(buffer, place)
+            if size is None or (size and place + size > len(buffer)):
+                waiting = True
+            elif size and kind.sound(buffer[place : place + size]):
+                return size, kind
+        return (None if waiting else 0), None
+
+
+class _Search:
+    """The next place in a buffer where a sync begins, or may begin once more bytes have come."""
+
+    def __init__(self, buffer: bytes, syncs: Iterable[bytes]) -> None:
+        self._buffer = buffer
+        self._syncs = tuple(syncs)
+        self._found = dict.fromkeys(self._syncs, -1)
+
+    def next(self, place: int) -> int:
+        """The first such place from `place` on, the buffer's length where there is none."""
+        nearest = len(self._buffer)
+        for sync in self._syncs:
+            # Each sync's next place is looked up once: searching anew from every packet would cost its square.
+            if self._found[sync] < place:
+                at = self._buffer.find(sync, place)
+                self._found[sync] = at if at >= 0 else self._partial(sync, place)
+            nearest = min(nearest, self._found[sync])
+        return nearest
+
+    def _partial(self, sync: bytes, place: int) -> int:
+        """Where the buffer ends with a beginning of `sync`, else its length."""
+        end = len(self._buffer)
+        for begin in range(max(place, end - len(sync) + 1), end):
+            if sync.startswith(self._buffer[begin:]):
+                return begin
+        return end
+
+
+class CommandReply:
+    """Replies of the framed link: sync | op u8 | n u8 | n bytes | check over op to payload.
+
+    Parameters
+    ----------
+    commands : the profile's section; frame : for its byte order
+    """
+
+    def __init__(self, commands: CommandSection, frame: FrameSection) -> None:
+        self.sync = hex_bytes(commands.reply_sync)
+        self._crc, self._width = commands.crc, CRC_WIDTHS[commands.crc]
+        self._order = frame.byte_order
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `PacketKind`."""
+        header = len(self.sync)
+        if len(buffer) - place < header + _REPLY_HEADER:
+            return None
+        return header + _REPLY_HEADER + buffer[place + header + 1] + self._width
+
+    def sound(self, packet: bytes) -> bool:
+        """See `PacketKind`."""
+        body = packet[len(self.sync) : -self._width]
+        return check_bytes(self._crc, body, self._order) == packet[-self._width :]
+
+    def reply(self, packet: bytes) -> Reply:
+        """See `ReplyKind`."""
+        body = packet[len(self.sync) : -self._width]
+        return Reply(body[0], body[_REPLY_HEADER:])
+
+
+def command_frame(commands: CommandSection, frame: FrameSection, op: int, payload: bytes) -> bytes:
+    """A request as it goes out: sync, op, length, payload, check."""
+    body = bytes([op, len(payload)]) + payload
+    return hex_bytes(commands.request_sync) + body + check_bytes(commands.crc, body, frame.byte_order)

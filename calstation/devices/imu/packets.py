@@ -1,0 +1,267 @@
+"""Kinds of packets in a byte stream: how long one is, whether it is sound, where its numbers stand."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from calstation.devices.codecs.numbers import ByteOrder, number
+from calstation.devices.profiles.frame import FrameField, FrameSection, hex_bytes
+from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+
+Column = FloatArray | IntArray
+
+
+class PacketKind(Protocol):
+    """One kind of packet that a stream may carry.
+
+    Attributes
+    ----------
+    sync : bytes that begin it
+    """
+
+    sync: bytes
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """Bytes of the packet that begins at `place`; None until more have come, 0 where none can begin."""
+
+    def sound(self, packet: bytes) -> bool:
+        """Whether a whole packet passes its check."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Numbers of packets in a row.
+
+    Attributes
+    ----------
+    values : raw numbers by field, 0 or NaN where a packet has none, shape (n,)
+    present : which packets have the field, shape (n,)
+    """
+
+    values: dict[str, Column]
+    present: dict[str, BoolArray]
+
+
+class BinaryFrame:
+    """Frames of a binary format: fixed, of told length, or of items with ids.
+
+    Parameters
+    ----------
+    frame : the profile's section
+    """
+
+    def __init__(self, frame: FrameSection) -> None:
+        self.sync = frame.sync_bytes
+        self._frame = frame
+        self._fields = [f for f in frame.fields if not f.name.startswith("spare")]
+        self._check, self._check_size = frame.crc.function(), frame.crc.size
+        self._check_order = frame.crc.byte_order or frame.byte_order
+        self._tail = frame.tail_bytes
+        self._id = hex_bytes(frame.id.value) if frame.id else b""
+        self._places = _places(frame)
+        #: Bytes of a frame, of the shortest where they differ.
+        self.shortest = self._shortest()
+        self._fixed = frame.length is None
+        self._layouts: dict[tuple[int, bytes], Layout] = {}
+
+    def _shortest(self) -> int:
+        behind = self._check_size + len(self._tail)
+        if self._frame.length is None:
+            return _end(self._frame) + behind
+        return max(len(self.sync), self._frame.length.at + number(self._frame.length.type).width) + behind
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `PacketKind`."""
+        length = self._frame.length
+        if length is None:
+            return self.shortest
+        at, width = place + length.at, number(length.type).width
+        if len(buffer) < at + width:
+            return None
+        told = int.from_bytes(buffer[at : at + width], self._frame.byte_order)
+        size = told + length.adds
+        if length.extended and told == (1 << 8 * width) - 1:
+            extra = number(length.extended).width
+            if len(buffer) < at + width + extra:
+                return None
+            told = int.from_bytes(buffer[at + width : at + width + extra], self._frame.byte_order)
+            size = told + length.adds + extra
+        return size if self.shortest <= size <= self._frame.max_size else 0
+
+    def sound(self, packet: bytes) -> bool:
+        """See `PacketKind`; items that do not fill a frame exactly make it unsound."""
+        end = len(packet) - len(self._tail) - self._check_size
+        if not packet.endswith(self._tail):
+            return False
+        check = int.from_bytes(packet[end : end + self._check_size], self._check_order)
+        if self._check(packet[self._frame.crc.start : end]) != check:
+            return False
+        return self._frame.items is None or not self.sampled(packet) or self._walk(packet) is not None
+
+    def sampled(self, packet: bytes) -> bool:
+        """Whether a sound packet is of the samples' id."""
+        at = self._frame.id.at if self._frame.id else 0
+        return packet[at : at + len(self._id)] == self._id
+
+    def columns(self, packets: Sequence[bytes]) -> Columns:
+        """Numbers of sound packets, decoded at once for all that are laid out alike."""
+        count = len(packets)
+        alike: dict[tuple[int, bytes], list[int]] = {}
+        if self._fixed:
+            alike[self.shortest, b""] = []
+        else:
+            for row, packet in enumerate(packets):
+                alike.setdefault(self._layout_key(packet), []).append(row)
+        everywhere, nowhere = np.ones(count, np.bool_), np.zeros(count, np.bool_)
+        if count and len(alike) == 1:
+            values = self._layout(packets[0], *alike).read(b"".join(packets))
+            present = {f.name: everywhere if f.name in values else nowhere for f in self._fields}
+            return Columns(
+                {f.name: values[f.name] if f.name in values else _nothing(f, count) for f in self._fields},
+                present,
+            )
+        found = Columns(
+            {f.name: _nothing(f, count) for f in self._fields}, {f.name: nowhere.copy() for f in self._fields}
+        )
+        for key, rows in alike.items():
+            where = np.asarray(rows, dtype=np.intp)
+            layout = self._layout(packets[rows[0]], key) if rows else Layout(0, [], self._frame.byte_order)
+            for name, column in layout.read(b"".join(packets[row] for row in rows)).items():
+                found.values[name][where] = column
+                found.present[name][where] = True
+        return found
+
+    def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
+        """Packets of one key have their numbers in the same places."""
+        if self._frame.items is None:
+            return len(packet), b""
+        heads = self._walk(packet) or []
+        width = self._frame.items.header
+        return len(packet), b"".join(packet[at - width : at] for _, at, _ in heads)
+
+    def _layout(self, packet: bytes, key: tuple[int, bytes]) -> "Layout":
+        """Where the numbers of packets of a key stand, by one of them."""
+        layout = self._layouts.get(key)
+        if layout is None:
+            layout = Layout(len(packet), self._find(packet), self._frame.byte_order)
+            if len(self._layouts) < _LAYOUTS_KEPT:
+                self._layouts[key] = layout
+        return layout
+
+    def _find(self, packet: bytes) -> list[tuple[FrameField, int]]:
+        if self._frame.items is None:
+            end = len(packet) - len(self._tail) - self._check_size
+            extra = self._extra(packet)
+            return [(f, at + extra) for f, at in self._places if at + extra + f.width <= end]
+        items: dict[bytes, tuple[int, int]] = {}
+        for name, at, size in self._walk(packet) or []:
+            items.setdefault(name, (at, size))
+        places = []
+        for f, at in self._places:
+            begin, size = items.get(hex_bytes(f.item or ""), (0, 0))
+            if at + f.width <= size:
+                places.append((f, begin + at))
+        return places
+
+    def _extra(self, packet: bytes) -> int:
+        """By how much an extended length moves what follows it."""
+        length = self._frame.length
+        if length is None or not length.extended:
+            return 0
+        width = number(length.type).width
+        long = packet[length.at : length.at + width] == b"\xff" * width
+        return number(length.extended).width if long else 0
+
+    def _walk(self, packet: bytes) -> list[tuple[bytes, int, int]] | None:
+        """Id, place of the data and its size of every item; None where they do not fill the packet exactly."""
+        items = self._frame.items
+        assert items is not None
+        place = items.at + self._extra(packet)
+        end = len(packet) - len(self._tail) - self._check_size
+        widths = (number(items.id).width, number(items.length).width)
+        id_at, length_at = (0, widths[0]) if items.order == "id length" else (widths[1], 0)
+        found = []
+        while place < end:
+            data = place + items.header
+            if data > end:
+                return None
+            told = packet[place + length_at : place + length_at + widths[1]]
+            size = int.from_bytes(told, self._frame.byte_order) - (items.header if items.counts_header else 0)
+            if size < 0 or data + size > end:
+                return None
+            found.append((packet[place + id_at : place + id_at + widths[0]], data, size))
+            place = data + size
+        return found
+
+
+class Layout:
+    """Where the numbers of packets of one size stand.
+
+    Parameters
+    ----------
+    size : bytes of each packet
+    places : fields and their first bytes
+    byte_order : of the numbers
+    """
+
+    def __init__(self, size: int, places: list[tuple[FrameField, int]], byte_order: ByteOrder) -> None:
+        self._size = size
+        self._order: ByteOrder = byte_order
+        native = [(f, at, number(f.type).native(byte_order, f.word_order)) for f, at in places]
+        self._plain = np.dtype(
+            {
+                "names": [f.name for f, _, kind in native if kind is not None],
+                "formats": [kind for _, _, kind in native if kind is not None],
+                "offsets": [at for _, at, kind in native if kind is not None],
+                "itemsize": size,
+            }
+        )
+        self._whole = {f.name: number(f.type).whole for f, _, _ in native}
+        self._odd = [(f, at, number(f.type)) for f, at, kind in native if kind is None]
+
+    def read(self, packets: bytes) -> dict[str, Column]:
+        """Numbers by field of packets one after the other."""
+        if not self._size:
+            return {}
+        rows = np.frombuffer(packets, self._plain)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is only a NaN here
+            found: dict[str, Column] = {
+                name: rows[name].astype(np.int64) if self._whole[name] else rows[name].astype(np.float64)
+                for name in self._plain.names or ()
+            }
+        if self._odd:
+            table = np.frombuffer(packets, np.uint8).reshape(-1, self._size)
+            for f, at, kind in self._odd:
+                found[f.name] = kind.column(table[:, at : at + f.width], self._order, f.word_order)
+        return found
+
+
+_LAYOUTS_KEPT = 256
+"""Layouts remembered: noise that passes a check must not fill the memory."""
+
+
+def _places(frame: FrameSection) -> list[tuple[FrameField, int]]:
+    """Fields that are read, each with its first byte in the frame or in its item."""
+    places = []
+    ends: dict[str, int] = {}
+    for f in frame.fields:
+        key = f.item or ""
+        begin = ends.get(key, 0 if f.item else frame.body) if f.at is None else f.at
+        ends[key] = begin + f.width
+        if not f.name.startswith("spare"):
+            places.append((f, begin))
+    return places
+
+
+def _end(frame: FrameSection) -> int:
+    """First byte behind the last field of a frame without items, spare ones included."""
+    end = frame.body
+    for f in frame.fields:
+        end = (end if f.at is None else f.at) + f.width
+    return end
+
+
+def _nothing(f: FrameField, count: int) -> Column:
+    return np.zeros(count, np.int64) if number(f.type).whole else np.full(count, np.nan)

@@ -1,0 +1,188 @@
+"""The register map of a profile: parameters in SI to register values and back."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from calstation.devices.codecs.conventions import (
+    SENSORS,
+    SLOTS,
+    Convention,
+    from_registers,
+    matrix_slots,
+    offset_slots,
+    parameter_of,
+    to_registers,
+)
+from calstation.devices.codecs.numbers import number
+from calstation.devices.profiles.registers import RegisterEntry
+from calstation.errors import DeviceFaultError
+
+_ROUNDINGS = 8
+"""Passes after which a value that is stored and read again has come to rest."""
+
+_LEAST = {"f64": 1e-12}
+"""Of types finer than the conversion to and from a matrix, the difference that is only rounding."""
+
+
+@dataclass(frozen=True)
+class RegisterMap:
+    """Entries of a profile, by rising address, none overlapping."""
+
+    entries: tuple[RegisterEntry, ...]
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Contract names of all parameters that have a register."""
+        named = (name for entry in self.entries for name in entry.names if name)
+        held = (parameter_of(name) if name in SLOTS else name for name in named)
+        return tuple(name for name in held if name is not None)
+
+    def encode(self, values: Mapping[str, float]) -> dict[int, list[float]]:
+        """Numbers of every entry by its key (address, and page above 16 bits), as the registers hold them.
+
+        Parameters
+        ----------
+        values : SI by contract name; must have every parameter of the map, others are left aside
+
+        Raises
+        ------
+        DeviceFaultError
+            for a value that does not fit its register.
+        """
+        held = self._held(values)
+        return {
+            entry.key: [_fitted(entry, i, held.get(name, 0.0)) for i, name in enumerate(entry.names)]
+            for entry in self.entries
+        }
+
+    def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
+        """Parameters in SI from numbers by the entries' keys.
+
+        Raises DeviceFaultError where they hold what no parameters of the error model could be.
+        """
+        held = {
+            name: registers[entry.key][i] * entry.scale
+            for entry in self.entries
+            for i, name in enumerate(entry.names)
+            if name
+        }
+        found = {name: value for name, value in held.items() if name not in SLOTS}
+        for sensor in SENSORS:
+            own = {slot: held[slot] for slot in self._slots(sensor)}
+            if own:
+                found |= from_registers(sensor, own, *self._conventions(sensor))
+        return {name: found[name] for name in self.parameters}
+
+    def rounded(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The values that the registers will hold, SI; raises DeviceFaultError as `encode`."""
+        now = self.decode(self.encode(values))
+        for _ in range(_ROUNDINGS):
+            before, now = now, self.decode(self.encode(now))
+            if before == now:
+                break
+        return now
+
+    def differing(self, wanted: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
+        """Parameters whose registers were not read back as they were written.
+
+        Where an entry has no tolerance every bit counts: an erased NaN equals itself, −0 is not 0.
+        """
+        suspects = [n for n, value in wanted.items() if n not in found or not _same(found[n], value)]
+        if not suspects:
+            return []
+        want, have = self._held(_or_nan(wanted, self)), self._held(_or_nan(found, self))
+        wrong = []
+        for entry in self.entries:
+            for name in filter(None, entry.names):
+                parameter = parameter_of(name) if name in SLOTS else name
+                if parameter in suspects and not _near(entry, want[name], have[name], name in SLOTS):
+                    wrong.append(parameter)
+        mapped = set(self.parameters)
+        return [name for name in suspects if name in wrong or name not in mapped]
+
+    def address(self, name: str) -> int:
+        """Register of a parameter."""
+        for entry in self.entries:
+            for i, held in enumerate(entry.names):
+                if name in (held, parameter_of(held) if held in SLOTS else held):
+                    return entry.place(i)
+        raise KeyError(name)
+
+    def stored(self, values: Mapping[str, float]) -> list[tuple[int, str, str]]:
+        """Address, parameter and content in hexadecimal, high byte first, of each register of `values`."""
+        complete = {**dict.fromkeys(self.parameters, 0.0), **values}
+        rows = []
+        for entry in self.entries:
+            for i, (name, held) in enumerate(zip(entry.names, self.encode(complete)[entry.key], strict=True)):
+                parameter = parameter_of(name) if name in SLOTS else name
+                if parameter and parameter in values:
+                    rows.append(
+                        (entry.place(i), parameter, number(entry.type).pack(held, "big").hex().upper())
+                    )
+        return rows
+
+    def _held(self, values: Mapping[str, float]) -> dict[str, float]:
+        """SI value of every name of the entries."""
+        held = {n: values[n] for entry in self.entries for n in entry.names if n and n not in SLOTS}
+        for sensor in SENSORS:
+            if own := self._slots(sensor):
+                held |= to_registers(sensor, values, own, *self._conventions(sensor))
+        return held
+
+    def _slots(self, sensor: str) -> list[str]:
+        known = {name for entry in self.entries for name in entry.names}
+        return [slot for slot in (*matrix_slots(sensor), *offset_slots(sensor)) if slot in known]
+
+    def _conventions(self, sensor: str) -> tuple[Convention, Convention]:
+        """Of a sensor's matrix and of its offset."""
+        found = []
+        for slots in (matrix_slots(sensor), offset_slots(sensor)):
+            entry = next((e for e in self.entries if set(slots) & set(e.names)), None)
+            found.append(entry.convention if entry and entry.convention else Convention())
+        return found[0], found[1]
+
+
+def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
+    """The number nearest to a value in its register. Raises DeviceFaultError where it does not fit."""
+    kind, name = number(entry.type), entry.names[index]
+    if not name:
+        return 0.0
+    low, high = entry.range
+    try:
+        held = kind.nearest(value / entry.scale)
+        # Compared as held, so that a value at the edge still fits when read back.
+        edges = sorted(kind.nearest(edge / entry.scale) for edge in (low, high))
+        if not edges[0] <= held <= edges[1]:
+            raise ValueError
+    except ValueError:
+        raise DeviceFaultError(
+            f"IMU: {name} = {value:.6g} does not fit register {entry.place(index)}"
+            f" ({low:g} to {high:g}); nothing was written"
+        ) from None
+    return held
+
+
+def _near(entry: RegisterEntry, wanted: float, found: float, converted: bool) -> bool:
+    least = _LEAST.get(entry.type, 0.0) if converted or entry.scale != 1.0 else 0.0
+    if math.isnan(wanted) or math.isnan(found):
+        return math.isnan(wanted) and math.isnan(found)
+    if tolerance := max(entry.tolerance, least):
+        return abs(wanted - found) <= tolerance
+    kind = number(entry.type)
+    return _same(kind.nearest(wanted / entry.scale), kind.nearest(found / entry.scale))
+
+
+def alike(numbers: Sequence[float], others: Sequence[float]) -> bool:
+    """Every bit of all numbers is the same; any NaN is like any other."""
+    return all(_same(a, b) for a, b in zip(numbers, others, strict=True))
+
+
+def _same(a: float, b: float) -> bool:
+    """Every bit of both is the same; any NaN is like any other."""
+    return (a == b and math.copysign(1.0, a) == math.copysign(1.0, b)) or (math.isnan(a) and math.isnan(b))
+
+
+def _or_nan(values: Mapping[str, float], map_: RegisterMap) -> dict[str, float]:
+    return {name: values.get(name, float("nan")) for name in map_.parameters}

@@ -1,0 +1,123 @@
+"""Makes a unit's counter, or its clock, into a continuous count of samples."""
+
+import numpy as np
+
+from calstation.devices.profiles.frame import FrameSection
+from calstation.estimation.common.sequence import unwrap_counter
+from calstation.physics.arrays import IntArray
+
+_OVERTAKEN = 3
+"""Frames that may overtake another; a counter that falls by more was reset."""
+
+_FARTHEST = 2.0**40
+"""Samples in a step of a clock; more is nonsense, and must not run over."""
+
+
+def wrap(frame: FrameSection) -> float:
+    """Samples after which the frame's counter, or its clock, begins again."""
+    counter = frame.field("counter")
+    assert counter is not None
+    return 2.0 ** (8 * counter.width) / counter.per_sample
+
+
+class SampleCount:
+    """Counts samples by the frame's counter field.
+
+    Parameters
+    ----------
+    frame : its field `counter`; where that counts more than one in a sample it is a clock
+
+    Attributes
+    ----------
+    gaps : interruptions met so far
+    restarts : of them those at which the counter, or the clock, began again
+    """
+
+    def __init__(self, frame: FrameSection) -> None:
+        counter = frame.field("counter")
+        assert counter is not None
+        self._bits = 8 * counter.width
+        self._per_sample = counter.per_sample
+        self._is_clock = self._per_sample != 1.0 or self._bits > 32
+        self._last: int | None = None
+        self._last_ticks = 0
+        self._last_raw: int | None = None
+        self.gaps = self.restarts = 0
+
+    def in_order(self, raw: IntArray) -> IntArray:
+        """Which of further samples to take, in the order of their counter.
+
+        A frame that came twice, or so late that those behind it are counted already, is left out; one that was
+        overtaken by a few goes back into its place.
+
+        Parameters
+        ----------
+        raw : the counter as received, shape (n,)
+
+        Returns
+        -------
+        Indices of `raw`, shape (m,), m ≤ n.
+        """
+        if not len(raw):
+            return np.arange(0)
+        steps = self._clock_steps(raw) if self._is_clock else self._counter_steps(raw)
+        if not ((steps <= 0) & (steps >= -_OVERTAKEN)).any():
+            return np.arange(len(raw))
+        # A reset is no late frame: what follows it stays behind.
+        place = np.cumsum(np.where(steps < -_OVERTAKEN, 1, steps))
+        order = np.argsort(place, kind="stable")
+        fresh = np.diff(place[order], prepend=0) > 0
+        return np.asarray(order[fresh])
+
+    def _counter_steps(self, raw: IntArray) -> IntArray:
+        """Samples from each frame to the one received next; few back, or many forward."""
+        modulus = 1 << self._bits
+        first = int(raw[0]) - 1 if self._last_raw is None else self._last_raw
+        steps = (raw.astype(np.int64) - np.concatenate(([first], raw[:-1]))) % modulus
+        return np.asarray(np.where(steps >= modulus - _OVERTAKEN, steps - modulus, steps))
+
+    def _clock_steps(self, ticks: IntArray) -> IntArray:
+        """Samples from each frame to the one received next, rounded; of a clock that runs back, negative."""
+        first = int(ticks[0]) - round(self._per_sample) if self._last is None else self._last_ticks
+        passed = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
+        signed = (passed << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
+        return np.asarray(np.rint(signed / self._per_sample).clip(-_FARTHEST, _FARTHEST).astype(np.int64))
+
+    def feed(self, raw: IntArray) -> IntArray:
+        """Continuous count of further samples.
+
+        Parameters
+        ----------
+        raw : the counter as received, shape (n,)
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        if not len(raw):
+            return raw
+        seq = self._of_clock(raw) if self._is_clock else self._of_counter(raw)
+        if self._last is not None and seq[0] != self._last + 1:
+            self.gaps += 1
+        self.gaps += int(np.count_nonzero(np.diff(seq) != 1))
+        self._last = int(seq[-1])
+        return seq
+
+    def _of_counter(self, raw: IntArray) -> IntArray:
+        """The counter as received is kept beside the count: a reset takes them apart for good."""
+        seq = unwrap_counter(raw, self._last, self._bits, self._last_raw)
+        before = seq[0] - 1 if self._last is None else self._last
+        before_raw = raw[0] - 1 if self._last_raw is None else self._last_raw
+        apart = np.diff(seq, prepend=before) - np.diff(raw, prepend=before_raw)
+        self.restarts += int(np.count_nonzero(apart % (1 << self._bits)))
+        self._last_raw = int(raw[-1])
+        return seq
+
+    def _of_clock(self, ticks: IntArray) -> IntArray:
+        """Steps of a clock are rounded to samples; a clock that runs back was reset: one sample lost."""
+        steps = self._clock_steps(ticks)
+        self.restarts += int((steps < 0).sum())
+        steps = np.where(steps < 0, 2, np.maximum(1, steps))
+        start = round(int(ticks[0]) / self._per_sample) - 1 if self._last is None else self._last
+        self._last_ticks = int(ticks[-1])
+        return np.asarray(start + np.cumsum(steps))

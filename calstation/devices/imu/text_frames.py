@@ -1,0 +1,111 @@
+"""Lines of text in a byte stream: samples in columns, and whatever else comes with a check before its end."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calstation.devices.codecs.numbers import number
+from calstation.devices.imu.packets import Columns
+from calstation.devices.profiles.frame import FrameField, FrameSection
+
+_EXACT = 2.0**53
+"""Whole numbers below are exact as floats."""
+
+
+class TextFrame:
+    """Lines of numbers in ASCII, with a check in hexadecimal before their end.
+
+    Parameters
+    ----------
+    frame : the profile's section
+    """
+
+    def __init__(self, frame: FrameSection) -> None:
+        self.sync = frame.sync_bytes
+        self._frame = frame
+        self._fields = [f for f in frame.fields if not f.name.startswith("spare")]
+        self._line = TextLine(self.sync, frame)
+        columns = [f.at for f in frame.fields]
+        for i, at in enumerate(columns):
+            if at is None:
+                columns[i] = 0 if i == 0 else (columns[i - 1] or 0) + 1
+        #: Column of each field, from 0 behind the first separator.
+        self.places = {f.name: at or 0 for f, at in zip(frame.fields, columns, strict=True)}
+        #: Bytes of the shortest line.
+        self.shortest = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `PacketKind`."""
+        return self._line.size(buffer, place)
+
+    def sound(self, packet: bytes) -> bool:
+        """See `PacketKind`."""
+        return self._line.sound(packet)
+
+    def sampled(self, packet: bytes) -> bool:
+        """Whether its header is the samples' and not only begins alike."""
+        return self._line.body(packet)[len(self.sync) :].startswith(self._frame.separator.encode())
+
+    def columns(self, packets: Sequence[bytes]) -> Columns:
+        """Numbers of sound lines; what is no number is NaN and counts as absent."""
+        rows = [
+            self._line.body(p)[len(self.sync) + 1 :].decode("ascii", "replace").split(self._frame.separator)
+            for p in packets
+        ]
+        found = Columns({}, {})
+        for f in self._fields:
+            numbers = np.array([_parsed(row, self.places[f.name], f) for row in rows], np.float64)
+            present = np.isfinite(numbers)
+            if number(f.type).whole:
+                present &= np.abs(numbers) < _EXACT
+                numbers = np.where(present, numbers, 0.0)
+                found.values[f.name] = numbers.astype(np.int64)
+            else:
+                found.values[f.name] = numbers
+            found.present[f.name] = present
+        return found
+
+
+class TextLine:
+    """A line with a check: sync ... mark, check in hexadecimal, tail.
+
+    Parameters
+    ----------
+    sync : its first characters
+    frame : check, mark, tail and largest size
+    """
+
+    def __init__(self, sync: bytes, frame: FrameSection) -> None:
+        self.sync = sync
+        self._crc, self._check = frame.crc, frame.crc.function()
+        self._mark, self._tail = frame.mark.encode(), frame.tail_bytes
+        self._max_size = frame.max_size
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `PacketKind`."""
+        end = buffer.find(self._tail, place, place + self._max_size)
+        if end >= 0:
+            return end - place + len(self._tail)
+        return 0 if len(buffer) - place >= self._max_size else None
+
+    def sound(self, packet: bytes) -> bool:
+        """See `PacketKind`."""
+        body, mark, told = packet[: -len(self._tail)].rpartition(self._mark)
+        if not mark:
+            return False
+        check = f"{self._check(body[self._crc.start :]):0{2 * self._crc.size}X}"
+        return told.upper() == check.encode()
+
+    def body(self, packet: bytes) -> bytes:
+        """The line up to the mark."""
+        return packet.rpartition(self._mark)[0]
+
+
+def _parsed(row: list[str], column: int, f: FrameField) -> float:
+    if column >= len(row) or not row[column].startswith(f.prefix):
+        return np.nan
+    text = row[column][len(f.prefix) :]
+    try:
+        return float(text) if f.base == 10 else float(int(text, 16))
+    except (ValueError, OverflowError):
+        return np.nan

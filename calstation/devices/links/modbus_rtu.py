@@ -1,0 +1,299 @@
+"""Modbus RTU on a serial line: requests, the answers among the bytes that come, and no answer taken for another's.
+
+An RTU answer says neither what was asked nor when ("Modbus over Serial Line" V1.02, 2.5): one that comes late looks
+like that to the next request. So what went unanswered is remembered, and nothing is asked whose answer would look
+like one that may still come, before a read of another length has been answered.
+"""
+
+import struct
+import time
+from collections.abc import Hashable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import cast
+
+from calstation.devices.codecs.frame_checks import check_bytes
+from calstation.devices.imu.frames import Reply
+from calstation.devices.links.serial_link import PortLostError, SerialLink, SerialSettings
+from calstation.devices.links.unanswered import QUIET, Unanswered
+
+READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
+
+LARGEST = 260
+"""Bytes of the largest frame that an answer may be."""
+
+_KEPT = 16 * LARGEST
+"""Bytes of late answers that are looked into."""
+
+_FRAME_GAP = 3.5
+"""Characters of silence that part two frames."""
+
+
+Look = tuple[int, int, bytes]
+"""Unit, function, and how an answer's data begin."""
+
+
+class UnansweredError(Exception):
+    """No answer came in time, or none that could be told from another's; says what was wrong."""
+
+
+class RefusedError(Exception):
+    """The device answers with a Modbus exception; `code` is its number."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"Modbus exception {code}")
+        self.code = code
+
+
+class RtuReply:
+    """Frames of Modbus RTU that answer; meets `frames.ReplyKind`.
+
+    Parameters
+    ----------
+    unit : number of the unit that answers
+    """
+
+    def __init__(self, unit: int) -> None:
+        self.sync = bytes([unit])
+
+    def size(self, buffer: bytes, place: int) -> int | None:
+        """See `packets.PacketKind`."""
+        if len(buffer) < place + 3:
+            return None
+        function = buffer[place + 1]
+        if function == READ:
+            return 5 + buffer[place + 2]
+        if function in (WRITE, WRITE_MANY):
+            return 8
+        return 5 if function & ~REFUSED in (READ, WRITE, WRITE_MANY) else 0
+
+    def sound(self, packet: bytes) -> bool:
+        """See `packets.PacketKind`."""
+        return check_bytes("crc16_modbus", packet[:-2], "little") == packet[-2:]
+
+    def reply(self, packet: bytes) -> Reply:
+        """Function and data."""
+        return Reply(packet[1], packet[2:-2])
+
+
+@dataclass(frozen=True)
+class RtuRequest:
+    """A request to a unit, and how its answer's data begin."""
+
+    unit: int
+    function: int
+    payload: bytes
+    begins: bytes
+
+    @staticmethod
+    def read(unit: int, address: int, count: int) -> "RtuRequest":
+        """For holding registers."""
+        return RtuRequest(unit, READ, struct.pack(">HH", address, count), bytes([2 * count]))
+
+    @staticmethod
+    def write(unit: int, address: int, values: list[int]) -> "RtuRequest":
+        """To holding registers, in one transfer."""
+        if len(values) == 1:
+            payload = struct.pack(">HH", address, values[0])
+            return RtuRequest(unit, WRITE, payload, payload)
+        head = struct.pack(">HH", address, len(values))
+        body = struct.pack(f">B{len(values)}H", 2 * len(values), *values)
+        return RtuRequest(unit, WRITE_MANY, head + body, head)
+
+    @property
+    def frame(self) -> bytes:
+        """The bytes to send."""
+        body = bytes([self.unit, self.function]) + self.payload
+        return body + check_bytes("crc16_modbus", body, "little")
+
+    @property
+    def look(self) -> Look:
+        """What its answer has in common with others."""
+        return self.unit, self.function, self.begins
+
+    @property
+    def address(self) -> int:
+        """The first register."""
+        return int.from_bytes(self.payload[:2], "big")
+
+    def taken(self, reply: Reply, unanswered: Unanswered) -> bytes | None:
+        """Data of its answer, None where a reply is that to an older request, which is then not due any more.
+
+        Raises RefusedError where it is refused.
+        """
+        if reply.op == self.function and reply.payload.startswith(self.begins):
+            unanswered.answered(self.look)
+            return reply.payload
+        refused = [look for look in unanswered if _refuses(reply, look)]
+        if reply.op == self.function | REFUSED and set(refused) <= {self.look}:
+            unanswered.answered(self.look)
+            raise RefusedError(reply.payload[0])
+        not_due(reply, unanswered)
+        return None
+
+
+def not_due(reply: Reply, unanswered: Unanswered) -> None:
+    """A reply came that nobody waits for: one of the requests that were not answered in time has its answer."""
+    unanswered.late(lambda look: _refuses(reply, look) or _answers(reply, look))
+
+
+def _answers(reply: Reply, look: Hashable) -> bool:
+    _, function, begins = cast(Look, look)
+    return reply.op == function and reply.payload.startswith(begins)
+
+
+def _refuses(reply: Reply, look: Hashable) -> bool:
+    return reply.op == cast(Look, look)[1] | REFUSED
+
+
+class Barriers:
+    """Reads whose answers are of another length than any that may still come.
+
+    Lengths that have been asked are chosen before shorter parts of the longest, which a device might refuse.
+    """
+
+    def __init__(self) -> None:
+        self._asked: dict[int, dict[int, int]] = {}
+
+    def asked(self, unit: int, address: int, count: int) -> None:
+        """The unit has these registers."""
+        self._asked.setdefault(unit, {}).setdefault(count, address)
+
+    def next(self, unit: int, unanswered: Unanswered) -> RtuRequest:
+        """The read to ask now; where all lengths are due already, the one that has been so for longest."""
+        asked = self._asked.get(unit, {1: 0})
+        longest = max(asked)
+        counts = [*asked, *(count for count in range(1, max(longest, 2) + 1) if count not in asked)]
+        reads = [RtuRequest.read(unit, asked.get(count, asked[longest]), count) for count in counts]
+        while True:
+            for read in reads:
+                if read.look not in unanswered:
+                    return read
+            unanswered.forget_oldest()
+
+
+class RtuLine:
+    """A serial line with Modbus units; not for use by two threads at once.
+
+    Parameters
+    ----------
+    port : as in a station file
+    timeout : host time for an answer, s
+    settings : of the port
+
+    Attributes
+    ----------
+    heard : the bytes that came last, whether they make sense or not
+    """
+
+    def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
+        self.heard = b""
+        self._port, self._timeout, self._settings = port, timeout, settings
+        self._gap = _FRAME_GAP * (2 + settings.data_bits + settings.stop_bits) / settings.baud
+        self._link: SerialLink | None = None
+        self._unanswered: dict[int, Unanswered] = {}
+        self._barriers = Barriers()
+        self._last = 0.0
+
+    @property
+    def open(self) -> bool:
+        """Whether the port is open."""
+        return self._link is not None
+
+    def connect(self) -> None:
+        """Open the port that its name means now. Raises ConfigurationError, DeviceFaultError."""
+        self._link = SerialLink(self._port, self._settings, "table")
+
+    def close(self) -> None:
+        """Close the port; never raises."""
+        if self._link is not None:
+            self._link.close()
+        self._link = None
+
+    def read(self, unit: int, address: int, count: int) -> list[int]:
+        """Read holding registers. Raises UnansweredError, RefusedError; PortLostError closes the port."""
+        self._barriers.asked(unit, address, count)
+        data = self._ask(RtuRequest.read(unit, address, count))
+        return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
+
+    def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
+        """Write holding registers. Raises as `read`.
+
+        repeat : they may be written twice. So they are at once, however much is still to come, as it may be a stop
+        again : the same was sent just before: whichever of the two is answered, the values are there
+        """
+        request = RtuRequest.write(unit, address, values)
+        unanswered = self._unanswered.setdefault(unit, Unanswered())
+        if repeat and not again and request.look in unanswered:
+            self._send(request.frame)
+            unanswered.add(request.look)
+        self._ask(request, again)
+
+    def _ask(self, request: RtuRequest, again: bool = False) -> bytes:
+        unanswered = self._unanswered.setdefault(request.unit, Unanswered())
+        if request.look in unanswered and not again:
+            self._listen_until_quiet(request.unit, unanswered)
+        if request.look in unanswered and not again:
+            with suppress(RefusedError):  # which is an answer as well
+                self._exchange(self._barriers.next(request.unit, unanswered), unanswered)
+        return self._exchange(request, unanswered)
+
+    def _exchange(self, request: RtuRequest, unanswered: Unanswered) -> bytes:
+        """Send a request and wait for its answer."""
+        self._listen_until_quiet(request.unit, unanswered, 0.0)
+        self._send(request.frame)
+        deadline = time.monotonic() + self._timeout
+        heard, place, others = b"", 0, False
+        while (left := deadline - time.monotonic()) > 0:
+            heard += self._hear(left)
+            for reply, end in replies(request.unit, heard, place):
+                place, others = end, True
+                taken = request.taken(reply, unanswered)
+                if taken is not None:
+                    return taken
+            heard, place = heard[max(place, len(heard) - LARGEST) :], 0
+        unanswered.add(request.look)
+        raise UnansweredError("what is answered is another request" if others else "no answer")
+
+    def _listen_until_quiet(self, unit: int, unanswered: Unanswered, quiet: float = QUIET) -> None:
+        """Take what comes late, until nothing comes any more, for as long as an answer may take."""
+        deadline = time.monotonic() + self._timeout
+        heard = b""
+        while time.monotonic() < deadline and (data := self._hear(quiet)):
+            heard = (heard + data)[-_KEPT:]
+        for reply, _ in replies(unit, heard, 0):
+            not_due(reply, unanswered)
+
+    def _hear(self, wait: float) -> bytes:
+        assert self._link is not None
+        try:
+            data = self._link.read(wait)
+        except PortLostError:
+            self.close()
+            raise
+        if data:
+            self.heard, self._last = data, time.monotonic()
+        return data
+
+    def _send(self, data: bytes) -> None:
+        assert self._link is not None
+        time.sleep(max(0.0, self._last + self._gap - time.monotonic()))
+        try:
+            self._link.write(data)
+        except PortLostError:
+            self.close()
+            raise
+        self._last = time.monotonic()
+
+
+def replies(unit: int, heard: bytes, place: int) -> Iterator[tuple[Reply, int]]:
+    """A unit's sound answers among bytes from `place` on, each with the place behind it."""
+    kind = RtuReply(unit)
+    while 0 <= (place := heard.find(kind.sync, place)) < len(heard):
+        size = kind.size(heard, place)
+        packet = heard[place : place + size] if size else b""
+        if size and len(packet) == size and kind.sound(packet):
+            place += size
+            yield kind.reply(packet), place
+        else:
+            place += 1

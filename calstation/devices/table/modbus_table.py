@@ -1,0 +1,70 @@
+"""Driver of a two-axis table behind Modbus, over TCP or RTU."""
+
+from calstation.devices.links.modbus_link import ModbusLink
+from calstation.devices.links.serial_link import SerialSettings
+from calstation.devices.profiles.table import TableProfile
+from calstation.devices.table.register_table import RegisterTable, decode, encode
+from calstation.errors import DeviceFaultError
+
+__all__ = ["ModbusTable", "decode", "encode"]
+
+
+class ModbusTable(RegisterTable):
+    """The table of a profile on a port.
+
+    Parameters
+    ----------
+    port : `tcp://host:port`, or a serial port for RTU
+    profile : what the registers mean
+    serial : settings of this place's port; the profile's where None
+    """
+
+    def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
+        modbus = profile.modbus
+        assert modbus is not None
+        link = ModbusLink(port, modbus.unit, modbus.timeout_s, serial or modbus.serial)
+        inner = None if modbus.inner_unit is None else OtherUnit(link, modbus.inner_unit)
+        super().__init__(link, profile, modbus.gap, inner)
+        self._port = port
+        self._told: dict[str, str] = {}
+        link.greet = self._greet
+
+    def _text(self, name: str) -> str:
+        self._told[name] = super()._text(name)
+        return self._told[name]
+
+    def _greet(self) -> None:
+        """A link that was opened anew leads to the table that it led to before."""
+        for name, told in self._told.items():
+            found = super()._text(name)
+            if found != told:
+                raise DeviceFaultError(
+                    f"table: '{found}' answers on {self._port} where '{told}' did; nothing was told to it; check"
+                    " which adapter is plugged in where"
+                )
+
+
+class OtherUnit:
+    """Registers of a second unit on the line of a first, which keeps the port; meets `register_table.RegisterLink`.
+
+    Parameters
+    ----------
+    link : of the first unit
+    unit : number of the second
+    """
+
+    heard = b""
+
+    def __init__(self, link: ModbusLink, unit: int) -> None:
+        self._link, self._unit = link, unit
+
+    def read(self, address: int, count: int) -> list[int]:
+        """See `RegisterLink`."""
+        return self._link.read(address, count, self._unit)
+
+    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
+        """See `RegisterLink`."""
+        self._link.write(address, values, repeat, self._unit)
+
+    def close(self) -> None:
+        """The first unit hangs up."""

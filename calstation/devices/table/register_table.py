@@ -1,0 +1,324 @@
+"""A two-axis table behind 16-bit registers, laid out as its profile says (CiA 402 words), whatever carries them."""
+
+import math
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableIdentity, TableStatus
+from calstation.devices.profiles.table import TableProfile
+from calstation.devices.profiles.table_registers import JOINTS, RATE_COMMAND, ModbusRegister
+from calstation.devices.table.endless import check_endless
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.estimation.common.samples import snap_angles
+from calstation.physics.table import JointLimits
+
+SHUTDOWN, SWITCH_ON, ENABLE, FAULT_RESET = 0x06, 0x07, 0x0F, 0x86
+_POLLED = ("statusword", "status2", "fault", "interlock", "watchdog", "position", "rate", "low", "high")
+_LARGEST_READ = 120  # registers in one transfer
+
+
+class RegisterLink(Protocol):
+    """What carries the registers. Both calls are bounded in time and raise DeviceFaultError where they fail."""
+
+    @property
+    def heard(self) -> bytes:
+        """The bytes that came last, whether they make sense or not."""
+
+    def read(self, address: int, count: int) -> list[int]:
+        """Read registers; a lost transfer is repeated."""
+
+    def write(self, address: int, values: list[int], repeat: bool = True) -> None:
+        """Write registers; a lost transfer is repeated only where `repeat`."""
+
+    def close(self) -> None:
+        """Hang up."""
+
+
+def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
+    """A value in the profile's unit as registers, in their order.
+
+    Raises ConfigurationError where it does not fit.
+    """
+    try:
+        return _words(register, value / register.scale)
+    except ValueError:
+        low, high = register.bounds
+        raise ConfigurationError(
+            f"table: {name} = {value:g} does not fit its register ({low:g} to {high:g}); correct the schedule or the"
+            " table profile"
+        ) from None
+
+
+def decode(register: ModbusRegister, words: list[int]) -> float:
+    """Registers as a value in the profile's unit; NaN or infinite where a float holds no number."""
+    wire = b"".join(word.to_bytes(2, "big") for word in words)
+    return register.number.unpack(wire, "big", register.word_order) * register.scale
+
+
+def _words(register: ModbusRegister, raw: float) -> list[int]:
+    wire = register.number.pack(raw, "big", register.word_order)
+    return [int.from_bytes(wire[i : i + 2], "big") for i in range(0, len(wire), 2)]
+
+
+class RegisterTable:
+    """The table of a profile behind a link.
+
+    Moves are absolute, so a repeated transfer never adds to a motion; homing is never repeated.
+
+    Parameters
+    ----------
+    link : carries the registers
+    profile : what they mean
+    gap : unused registers that may be read along
+    inner : carries those of the inner axis's own drive, where it has one
+    """
+
+    def __init__(
+        self, link: RegisterLink, profile: TableProfile, gap: int, inner: RegisterLink | None = None
+    ) -> None:
+        section = profile.modbus or profile.imu_link
+        assert section is not None
+        self._link, self._inner = link, inner
+        self._profile, self._map = profile, profile.map
+        self._rest_rate = section.rest_rate_dps
+        self._powered = False
+        self._polled = [own for name in _POLLED for own in self._map.names(name)]
+        self._spans = [
+            (drive, *span)
+            for drive in (link, inner)
+            if drive is not None
+            for span in _spans([self._map.registers[n] for n in self._polled if self._drive(n) is drive], gap)
+        ]
+        self._limits = profile.geometry().limits
+
+    def identify(self) -> TableIdentity:
+        """Model and serial number, of two drives both; raises OtherModelError where another model answers."""
+        models = [self._text(name) for name in self._map.names("model")]
+        serials = [self._text(name) for name in self._map.names("serial")]
+        for model in models:
+            if self._profile.model not in model:
+                raise OtherModelError(
+                    f"table: model '{model}' answers, the profile is for '{self._profile.model}';"
+                    " choose the right table profile in the station file",
+                    model,
+                    self._profile.model,
+                )
+        return TableIdentity(" + ".join(dict.fromkeys(models)), " + ".join(serials))
+
+    def status(self) -> TableStatus:
+        """Poll the table, in one transfer of each drive where the profile's layout allows."""
+        words = [(drive, start, drive.read(start, end - start)) for drive, start, end in self._spans]
+        value = {name: self._pick(words, name) for name in self._polled}
+        position, rate = (
+            np.array([value[f"{joint}_{name}"] for joint in JOINTS]) for name in ("position", "rate")
+        )
+        at_rest = bool(np.all(np.abs(rate) < self._rest_rate))
+        return TableStatus(
+            angles=snap_angles(np.deg2rad(position)),
+            rates=np.deg2rad(rate),
+            enabled=all(self._flags("enabled", value)),
+            homed=all(self._flags("homed", value)),
+            moving=any(self._flags("moving", value) or [not at_rest]),
+            settled=all(self._flags("settled", value)),
+            fault=self._fault(value),
+            interlock_closed=all(self._flags("interlock", value))
+            and all(value[name] == 1 for name in self._map.names("interlock")),
+            watchdog=min((value[name] for name in self._map.names("watchdog")), default=math.inf),
+            limits=JointLimits(
+                self._ends("low", value, self._limits.low),
+                self._ends("high", value, self._limits.high),
+                self._limits.rate,
+                self._limits.acceleration,
+            ),
+        )
+
+    def enable(self) -> None:
+        """Switch both axes on, by the CiA 402 sequence."""
+        for word in (SHUTDOWN, SWITCH_ON, ENABLE):
+            self._put("controlword", word)
+        self._powered = True
+
+    def disable(self) -> None:
+        """Switch both axes off, one where the other's drive is gone."""
+        self._powered = False
+        self._on_both([("controlword", SHUTDOWN)])
+
+    def home(self) -> None:
+        """Start homing; a lost answer is a fault, never a second homing."""
+        self._order("home", repeat=False)
+
+    def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
+        """Start both joints towards absolute angles; rad, rad/s, rad/s²."""
+        told = [
+            self._encoded(
+                {
+                    f"{joint}_target": angle,
+                    f"{joint}_target_rate": rate,
+                    f"{joint}_acceleration": acceleration,
+                }
+            )
+            for joint, angle in zip(JOINTS, (outer, inner), strict=True)
+        ]
+        for words in told:
+            self._write_together(words)
+        self._order("move")
+
+    def rate(self, outer: float, inner: float, acceleration: float) -> None:
+        """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
+        if RATE_COMMAND not in self._profile.commands:
+            raise ConfigurationError("table: the profile has no commands.rate; add it")
+        check_endless(self._profile, self.status().watchdog, (outer, inner), acceleration)
+        told = [
+            self._encoded({turning: rate, f"{joint}_acceleration": acceleration})
+            for joint, turning, rate in zip(JOINTS, self._map.turning(), (outer, inner), strict=True)
+        ]
+        for words in told:
+            self._write_together(words)
+        self._order(RATE_COMMAND)
+
+    def stop(self) -> None:
+        """Decelerate to rest, one axis where the other's drive is gone."""
+        self._on_both(self._writes("stop"))
+
+    def reset_fault(self) -> None:
+        """Clear a latched fault by a rising edge of the reset bit; the axes stay off."""
+        self._powered = False
+        for word in (SHUTDOWN, FAULT_RESET, SHUTDOWN):
+            self._put("controlword", word)
+
+    def heartbeat(self) -> None:
+        """Feed the table's watchdog, where it has one to feed."""
+        self._put("heartbeat", 1)
+
+    def close(self) -> None:
+        """Hang up."""
+        self._link.close()
+
+    @property
+    def heard(self) -> bytes:
+        """The bytes that came last, whether they make sense or not."""
+        return self._link.heard
+
+    def _drive(self, name: str) -> RegisterLink:
+        """What carries a register: the inner axis's own may be behind another drive."""
+        return self._inner if self._inner is not None and name.startswith("inner_") else self._link
+
+    def _flags(self, name: str, value: Mapping[str, float]) -> list[bool]:
+        """A flag of each drive; empty where the profile does not say where it stands."""
+        bit = self._profile.status_bits.get(name)
+        if bit is None:
+            return []
+        if bit.bit is None:
+            return [bool(bit.always)]
+        return [bool(int(value[word]) >> bit.bit & 1) for word in self._map.names(bit.word)]
+
+    def _fault(self, value: Mapping[str, float]) -> str | None:
+        """What is latched, or keeps the table from obeying: a fault first, then what bits 5, 9 and 11 say."""
+        codes = [int(value[name]) for name in self._map.names("fault")]
+        if any(self._flags("fault", value)) or any(codes):
+            code = next((code for code in codes if code), 0)
+            return self._profile.faults.get(str(code), f"code {code}") if code else UNTOLD
+        if not all(self._flags("remote", value)):
+            return LOCAL_CONTROL
+        # A drive that is off may show anything in this bit (CiA 402-2, table 30).
+        if self._powered and not all(self._flags("quick_stop", value)):
+            return "quick stop"
+        return "limit" if any(self._flags("limit", value)) else None
+
+    def _writes(self, command: str) -> list[tuple[str, int]]:
+        """Registers and raw values of a command, in order."""
+        return [write for told in self._profile.commands[command] for write in told.items()]
+
+    def _on_both(self, writes: list[tuple[str, int]]) -> None:
+        """Write on every drive that answers. Raises the first DeviceFaultError once the others are done."""
+        lost: dict[int, DeviceFaultError] = {}
+        for name, raw in writes:
+            for own in self._map.names(name):
+                drive = id(self._drive(own))
+                if drive in lost:
+                    continue
+                try:
+                    self._put_one(own, raw)
+                except DeviceFaultError as exc:
+                    lost[drive] = exc
+        if lost:
+            raise next(iter(lost.values()))
+
+    def _put(self, name: str, raw: int, repeat: bool = True) -> None:
+        """Write a raw value, for both axes where each has the register."""
+        for own in self._map.names(name):
+            self._put_one(own, raw, repeat)
+
+    def _put_one(self, own: str, raw: int, repeat: bool = True) -> None:
+        register = self._map.registers[own]
+        self._drive(own).write(register.address, _words(register, raw), repeat)
+
+    def _order(self, command: str, repeat: bool = True) -> None:
+        for name, raw in self._writes(command):
+            self._put(name, raw, repeat)
+
+    def _ends(
+        self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]
+    ) -> tuple[float, float]:
+        """An end of both joints' travel as the table has it set, rad; the profile's where it does not tell."""
+        told = [value.get(f"{joint}_{end}") for joint in JOINTS]
+        outer, inner = (
+            known if degrees is None else float(np.deg2rad(degrees))
+            for degrees, known in zip(told, otherwise, strict=True)
+        )
+        return outer, inner
+
+    def _encoded(self, values: Mapping[str, float]) -> dict[str, list[int]]:
+        """Values (rad, rad/s, rad/s²) of registers of one axis, by rising address; raises where one does not fit."""
+        registers = self._map.registers
+        ordered = sorted(values, key=lambda name: registers[name].address)
+        return {name: encode(registers[name], float(np.rad2deg(values[name])), name) for name in ordered}
+
+    def _write_together(self, encoded: Mapping[str, list[int]]) -> None:
+        """Write neighbouring registers of one axis in one transfer, others in one each."""
+        drive = self._drive(next(iter(encoded)))
+        pending: list[int] = []
+        start = end = -1
+        for name, words in encoded.items():
+            register = self._map.registers[name]
+            if register.address != end:
+                if pending:
+                    drive.write(start, pending)
+                pending, start = [], register.address
+            pending = pending + words
+            end = register.end
+        drive.write(start, pending)
+
+    def _pick(self, words: list[tuple[RegisterLink, int, list[int]]], name: str) -> float:
+        register, drive = self._map.registers[name], self._drive(name)
+        for source, start, values in words:
+            if source is drive and start <= register.address < start + len(values):
+                place = register.address - start
+                value = decode(register, values[place : place + register.count])
+                if not math.isfinite(value):
+                    raise DeviceFaultError(
+                        f"table: registers.{name} ({register}) holds no number; check its address, type and word_order"
+                        " in the table profile"
+                    )
+                return value
+        raise KeyError(name)
+
+    def _text(self, name: str) -> str:
+        register = self._map.registers[name]
+        words = self._drive(name).read(register.address, register.count)
+        raw = b"".join(word.to_bytes(2, "big") for word in words)
+        return raw.split(b"\0")[0].decode("ascii", errors="replace").strip()
+
+
+def _spans(registers: list[ModbusRegister], gap: int) -> list[tuple[int, int]]:
+    """Address ranges [start, end) that cover the registers, joined over at most `gap` unused ones."""
+    spans: list[tuple[int, int]] = []
+    for register in sorted(registers, key=lambda r: r.address):
+        end = register.address + register.count
+        if spans and register.address - spans[-1][1] <= gap and end - spans[-1][0] <= _LARGEST_READ:
+            spans[-1] = (spans[-1][0], end)
+        else:
+            spans.append((register.address, end))
+    return spans

@@ -1,0 +1,116 @@
+"""Start attitude of a segment: a prior from encoders and site, a linearisation point from the data.
+
+The prior says what table and site are worth and is used once. Levelling and gyrocompassing over the first
+rest give only the point about which the filter linearises, so their data are not counted twice.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.stage_data import StageData, mean_angles, rests
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import RATE
+from calstation.physics.imu_model import compensate, compensation
+from calstation.physics.parameters import group_indices
+from calstation.physics.rotation import axis_rotation, level_attitude, rotation_matrix
+from calstation.physics.table import UP, TableGeometry
+
+FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)
+"""Standard deviation of an azimuth of which nothing is known, rad."""
+FREE_TILT_SIGMA = 0.2
+"""Prior worth of a level found from the accelerometers alone, rad: wide, the data decide."""
+HOPELESS_AZIMUTH_SIGMA = 0.35
+"""Above this a gyrocompassed azimuth (rad) is no point to linearise about; several are tried."""
+LONGEST_REST = 20.0
+SHORTEST_REST = 1.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a segment begins and what is known of its attitude.
+
+    begin, end : samples of the segment, the first at rest
+    prior, prior_sigma : C_bn, shape (3, 3), and the sigmas of its error φ in ENU, rad, shape (3,)
+    attitude : C_bn to linearise about, shape (3, 3)
+    azimuth_sigma : of the gyrocompassed heading, rad; None where the azimuth is known
+    """
+
+    begin: int
+    end: int
+    prior: FloatArray
+    prior_sigma: FloatArray
+    attitude: FloatArray
+    azimuth_sigma: float | None
+
+
+def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start]:
+    """A `Start` for every segment that holds a rest of at least a second; the others cannot be aligned.
+
+    The rate at an observation is the mean of the samples before and after it: a sample is left on either side of
+    a gap, or a turn beyond it would pass for motion at rest.
+    """
+    bias = group_indices("gyro_bias")
+    found = []
+    for first, last in data.segments:
+        segment = (first + (first > 0), last - (last < len(data)))
+        sigma = float(belief.sigma[bias].max())
+        for a, b in rests(data, segment, context.imu, belief.mean[bias], sigma):
+            if (b - a) * data.dt >= SHORTEST_REST:
+                found.append(
+                    _align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, belief)
+                )
+                break
+    return found
+
+
+def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, belief: Belief) -> Start:
+    omega, force = compensate(compensation(belief.mean), data.gyro[a:b], data.accel[a:b])
+    rate_b, up_b = omega.mean(axis=0), force.mean(axis=0)
+    table, site = context.table, context.site
+    angles = mean_angles(data, a, b)
+    tilt = np.sqrt(table.mount_sigma**2 + table.base_tilt_sigma**2 + table.encoder_sigma**2)
+    if angles is None:
+        attitude, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
+        return Start(
+            a, end, attitude, np.array([FREE_TILT_SIGMA] * 2 + [FREE_AZIMUTH_SIGMA]), attitude, sigma
+        )
+    geometry = TableGeometry(table.outer_axis, table.inner_axis)
+    if site.azimuth is None:
+        _, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
+        home = geometry.body_to_home(*angles)
+        prior = axis_rotation((0.0, 0.0, 1.0), _heading_offset(home @ rate_b)) @ home
+        prior_sigma = np.array([tilt, tilt, FREE_AZIMUTH_SIGMA])
+        return Start(a, end, prior, prior_sigma, levelled(prior, up_b), sigma)
+    prior = geometry.body_to_level(angles[0], angles[1], site.azimuth)
+    azimuth = np.sqrt(table.azimuth_sigma**2 + table.mount_sigma**2 + table.encoder_sigma**2)
+    return Start(a, end, prior, np.array([tilt, tilt, azimuth]), levelled(prior, up_b), None)
+
+
+def levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
+    """`attitude` turned the shortest way so that the measured up direction is up."""
+    up_n = attitude @ up_b / np.linalg.norm(up_b)
+    axis = np.cross(up_n, UP)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        return attitude
+    return np.asarray(rotation_matrix(axis / sine * np.arctan2(sine, up_n @ UP)) @ attitude)
+
+
+def _heading_offset(rate_level: FloatArray) -> float:
+    """Turn about up (rad) that brings the horizontal part of a levelled earth rate to north."""
+    return float(np.arctan2(rate_level[0], rate_level[1]))
+
+
+def gyrocompass(
+    rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief
+) -> tuple[FloatArray, float]:
+    """Attitude C_bn from mean rate (rad/s) and specific force (m/s²) at rest, and its azimuth sigma (rad).
+
+    sigma = gyro bias sigma / (Ω cos φ), IEEE Std 1780 terms; level by the accelerometers.
+    """
+    level = level_attitude(up_b)
+    attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level
+    bias = float(belief.sigma[group_indices("gyro_bias")].max())
+    return attitude, bias / max(RATE * float(np.cos(latitude)), 1e-12)

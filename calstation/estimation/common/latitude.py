@@ -1,0 +1,136 @@
+"""The latitude as a unit sees it at rest: the earth's rate about the direction that its accelerometers call up.
+
+Nothing else in a calibration tells a wrong latitude: gravity's length is believed, and the earth's rate with it.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common.context import Belief, ImuModel
+from calstation.estimation.common.noise import WANDER_PER_INSTABILITY
+from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common.stage_data import FORCE_STEP, runs
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics.earth import RATE
+from calstation.physics.imu_model import compensate, compensation
+from calstation.physics.parameters import group_indices
+
+SIGMAS = 6.0
+"""A latitude further off than this many standard deviations is another one: noise reaches it once in 10^9 times."""
+DEFLECTION = np.deg2rad(0.02)
+"""Besides: by so much may plumb line and ellipsoid differ, rad, and a latitude be rounded."""
+_WORTH = np.sin(np.deg2rad(5.0)) / SIGMAS
+"""Standard deviation of the rate about the vertical, in earth rates, with which it tells latitudes 5° apart."""
+_WINDOW = 1.0
+_SHORTEST = 3
+"""A rest is so many windows long, its first and last not counted: in these the table may still have moved."""
+_MOVING = 3.0 * RATE
+_NEAR_POLE = 0.02
+_COLUMNS = (*group_indices("gyro_scale"), *group_indices("gyro_misalign"))
+
+
+@dataclass(frozen=True)
+class SeenLatitude:
+    """Latitude, rad, north positive, and its standard deviation."""
+
+    value: float
+    sigma: float
+
+    @property
+    def tolerance(self) -> float:
+        """How far another latitude may be from it before they are two, rad."""
+        return float(SIGMAS * self.sigma + DEFLECTION)
+
+
+def feels_earth(imu: ImuModel) -> bool:
+    """Whether six rests of 30 s tell latitudes 5° apart with gyros like these."""
+    rest = np.hypot(WANDER_PER_INSTABILITY * imu.gyro_bias_instability, _noise(imu) / np.sqrt(30.0))
+    return bool(rest / np.sqrt(6.0) < _WORTH * RATE)
+
+
+class RestingOutput:
+    """Mean output of every second; the same however its samples came in blocks."""
+
+    def __init__(self, imu: ImuModel) -> None:
+        self._imu = imu
+        self._width = max(round(_WINDOW * imu.sample_rate), 1)
+        self._begun: tuple[IntArray, FloatArray] = (np.empty(0, np.int64), np.empty((0, 6)))
+        self._seconds: list[IntArray] = []
+        self._means: list[FloatArray] = []
+
+    def feed(self, block: SampleBlock) -> None:
+        """Take further samples; a second with a missing or spoilt one is left out."""
+        seq = np.concatenate([self._begun[0], block.seq[block.valid]])
+        counts = np.concatenate([self._begun[1], block.counts[block.valid]])
+        second = seq // self._width
+        over = int(np.searchsorted(second, second[-1])) if len(second) else 0
+        if len(second) and seq[-1] % self._width == self._width - 1:
+            over = len(seq)
+        self._begun = seq[over:], counts[over:]
+        known, first, count = np.unique(second[:over], return_index=True, return_counts=True)
+        whole = count == self._width
+        rows = first[whole, None] + np.arange(self._width)
+        self._seconds.append(known[whole])
+        self._means.append(counts[rows].mean(axis=1))
+
+    def latitude(self, belief: Belief) -> SeenLatitude | None:
+        """What the rests so far tell; None where it is too little to tell latitudes 5° apart.
+
+        A gyro's constant bias is an unknown of its own: it is what turning the unit over takes out.
+
+        Parameters
+        ----------
+        belief : parameters as found so far; their matrix of the gyros counts with its sigmas
+        """
+        if not self._means:
+            return None
+        imu, second = self._imu, np.concatenate(self._seconds)
+        per_count = imu.sample_rate if imu.output == "increment" else 1.0
+        output = np.concatenate(self._means) * per_count * np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
+        omega, force = compensate(compensation(belief.mean), output[:, :3], output[:, 3:])
+        noise = _noise(imu)
+        slack = 5.0 * noise + 3.0 * float(belief.sigma[group_indices("gyro_bias")].max())
+        still = np.abs(omega).max(axis=1) < _MOVING + slack
+        rests = _rests(second, still, force)
+        if len(rests) < 4:
+            return None
+        up = force / np.linalg.norm(force, axis=1, keepdims=True)
+        along = (omega * up).sum(axis=1)
+        scatter = sum(float(((along[a:b] - along[a:b].mean()) ** 2).sum()) for a, b in rests)
+        white = max(noise**2, scatter / sum(b - a - 1 for a, b in rests))
+        length = np.array([b - a for a, b in rests])
+        variance = white / length + (WANDER_PER_INSTABILITY * imu.gyro_bias_instability) ** 2
+        rows = np.array([[*up[a:b].mean(axis=0), 1.0] for a, b in rests])
+        seen = np.array([along[a:b].mean() for a, b in rests])
+        information = rows.T @ (rows / variance[:, None])
+        if np.linalg.cond(information) > 1e8:
+            return None
+        covariance = np.linalg.inv(information)
+        rate = float((covariance @ rows.T @ (seen / variance))[3])
+        matrix = RATE * float(belief.sigma[list(_COLUMNS)].max())
+        sigma = float(np.hypot(np.sqrt(covariance[3, 3]), matrix))
+        if sigma > _WORTH * RATE:
+            return None
+        value = float(np.arcsin(np.clip(rate / RATE, -1.0, 1.0)))
+        return SeenLatitude(value, sigma / RATE / max(float(np.cos(value)), _NEAR_POLE))
+
+
+def _noise(imu: ImuModel) -> float:
+    """Of a rate over one window, rad/s."""
+    rounded = imu.gyro_lsb / _WINDOW
+    if imu.output == "rate":
+        rounded = imu.gyro_lsb / np.sqrt(12.0 * imu.sample_rate * _WINDOW)
+    return float(np.hypot(imu.gyro_arw / np.sqrt(_WINDOW), rounded))
+
+
+def _rests(second: IntArray, still: np.ndarray, force: FloatArray) -> list[tuple[int, int]]:
+    """Windows (start, stop) of every rest, without its first and last."""
+    parted = np.zeros(len(second), np.bool_)
+    parted[1:] = (np.diff(second) != 1) | (np.abs(np.diff(force, axis=0)).max(axis=1) > FORCE_STEP)
+    found = []
+    for a, b in runs(still):
+        cuts = [a, *(a + 1 + np.flatnonzero(parted[a + 1 : b])), b]
+        found += [(int(c) + 1, int(d) - 1) for c, d in itertools.pairwise(cuts)]
+    return [(a, b) for a, b in found if b - a >= _SHORTEST]

@@ -1,0 +1,70 @@
+"""Noise of an IMU and a table as the filters use it: spectral densities from the profile's Allan data."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common.context import SolveContext
+from calstation.physics.arrays import FloatArray
+
+WANDER_TIME = 200.0
+"""Correlation time (s) of the Gauss-Markov process that stands in for bias instability."""
+WANDER_PER_INSTABILITY = 1.375
+"""Its sigma in units of B: its Allan deviation at 100 s, half its correlation time, is then the floor 0.664 B."""
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """Process and observation noise.
+
+    rate : angle random walk, rad²/s; force : velocity random walk, (m/s)²/s
+    velocity : variance of a velocity observation, (m/s)²; interval : between observations, s
+    end_rate : variance of the angular rate at an observation, (rad/s)²
+    wander : stationary sigma of each bias about its constant, gyro x y z, accel x y z, rad/s and m/s², shape (6,)
+    """
+
+    rate: float
+    force: float
+    velocity: float
+    interval: float
+    end_rate: float
+    wander: FloatArray
+
+
+def filter_noise(context: SolveContext) -> FilterNoise:
+    """Noise densities for a filter.
+
+    A count is a uniform error of lsb²/12. A rate output rounds every sample anew: white at the sample rate.
+    An increment output carries its remainder on: what stays is one count per observation interval.
+    Bias instability B has an Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It enters as a first-order
+    Gauss-Markov process about the constant bias, so that what is known of the constant is never lost again.
+    """
+    imu, table = context.imu, context.table
+    interval = table.velocity_interval
+    per_count = 1.0 / imu.sample_rate if imu.output == "rate" else 1.0
+    rounding_rate = imu.sample_rate if imu.output == "rate" else 1.0 / interval
+    gyro_count, accel_count = imu.gyro_lsb * per_count, imu.accel_lsb * per_count
+    rate = imu.gyro_arw**2 + gyro_count**2 / 12.0 * rounding_rate
+    force = imu.accel_vrw**2 + accel_count**2 / 12.0 * rounding_rate
+    instability = [imu.gyro_bias_instability] * 3 + [imu.accel_bias_instability] * 3
+    wander = WANDER_PER_INSTABILITY * np.array(instability)
+    end_rate = 0.5 * (imu.gyro_arw**2 * imu.sample_rate + (gyro_count * imu.sample_rate) ** 2 / 12.0)
+    return FilterNoise(
+        rate, force, table.velocity_sigma**2, max(interval, 1.0 / imu.sample_rate), end_rate, wander
+    )
+
+
+def rest_mean_variance(context: SolveContext, duration: float) -> float:
+    """Variance (m/s²)² of the specific force of a rest of `duration` s, averaged with `slope_weights`.
+
+    Slope through m + 1 velocities τ apart: 12 σ_v²/(τ² m (m+1) (m+2)); the white force noise's q/τ Σw², which is
+    6/5 q/T; and the bias' wander.
+    """
+    noise = filter_noise(context)
+    m = max(int(duration / noise.interval + 1e-9), 1)
+    size = m * (m + 1) * (m + 2)
+    return (
+        12.0 * noise.velocity / (noise.interval**2 * size)
+        + noise.force / noise.interval * 1.2 * (m * m + 2 * m + 2) / size
+        + float(noise.wander[3]) ** 2
+    )

@@ -1,0 +1,178 @@
+"""Samples of a plan without noise: what covariance analysis solves in place of a run.
+
+How well parameters will be known depends on the motion and on the noise that the solver is told of, hardly on the
+samples' own values. The real solver, fed with a perfect unit's samples of the planned motion, therefore leaves the
+sigmas that the run will report.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calstation.estimation.common.context import SolveContext
+from calstation.estimation.common.samples import SampleBlock
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.motion import Dwell, Move, Step
+from calstation.physics.parameters import group_matrix, group_vector
+from calstation.physics.rotation import axis_rotation, rotation_matrix, skew
+from calstation.physics.table import TableGeometry
+
+LONGEST_BLOCK = 20_000
+"""Samples made at a time."""
+
+
+class PlannedSamples:
+    """Drives a perfect table and unit through steps; time, joints, counter and step number carry on.
+
+    Parameters
+    ----------
+    context : site, IMU and table as the solvers are told; an unknown azimuth is taken as north
+    parameters : of the unit, SI, shape (30,)
+    geometry : of the table
+    mount : rotation vector of the unit against the inner axis' platform, rad, shape (3,)
+    """
+
+    def __init__(
+        self,
+        context: SolveContext,
+        parameters: FloatArray,
+        geometry: TableGeometry,
+        mount: FloatArray,
+    ) -> None:
+        site, imu = context.site, context.imu
+        self._geometry = geometry
+        self._mount = rotation_matrix(mount)
+        self._dt = 1.0 / imu.sample_rate
+        self._azimuth = site.azimuth or 0.0
+        self._earth = rotation_rate(site.latitude)
+        self._gravity = site.gravity or normal_gravity(site.latitude, site.height)
+        gyro = np.eye(3) + group_matrix(parameters, "gyro_scale", "gyro_misalign")
+        accel = np.eye(3) + group_matrix(parameters, "accel_scale", "accel_misalign")
+        self._matrices = (gyro, accel)
+        self._biases = tuple(group_vector(parameters, f"{sensor}_bias") for sensor in ("gyro", "accel"))
+        self._quadratic = group_vector(parameters, "accel_quadratic")
+        self._levers = tuple(group_vector(parameters, f"{kind}_lever") for kind in ("outer", "inner"))
+        per_count = self._dt if imu.output == "increment" else 1.0
+        self._per_count = per_count / np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
+        self._joints = (0.0, 0.0)
+        self._produced = 0
+        self._step = 0
+
+    @property
+    def time(self) -> float:
+        """End of the last sample, s."""
+        return self._produced * self._dt
+
+    @property
+    def joints(self) -> tuple[float, float]:
+        """Joint angles outer, inner, rad."""
+        return self._joints
+
+    def run(self, step: Step, seconds: float, stage: str) -> Iterator[SampleBlock]:
+        """The samples of a step that takes `seconds`; steps that take no time have none."""
+        last = round((self.time + seconds) / self._dt)
+        begin, first = self.time, self._produced
+        start, target = self._joints, self._joints
+        if isinstance(step, Move):
+            self._step += 1
+            target = (step.outer, step.inner)
+        for a in range(first, last, LONGEST_BLOCK):
+            b = min(a + LONGEST_BLOCK, last)
+            if isinstance(step, Move):
+                halves = 0.5 * self._dt * np.arange(2 * a, 2 * b + 1, dtype=np.float64) - begin
+                joints = np.stack(
+                    [
+                        profile(halves, s, e, step.rate, step.acceleration)
+                        for s, e in zip(start, target, strict=True)
+                    ],
+                    axis=1,
+                )
+            elif isinstance(step, Dwell):
+                joints = np.tile(self._joints, (2 * (b - a) + 1, 1))
+            else:
+                return
+            yield self._block(stage, a, joints)
+            self._produced = b
+        self._joints = target
+
+    def _block(self, stage: str, first: int, joints: FloatArray) -> SampleBlock:
+        """One block from the joint angles at the samples' ends and middles, rad, shape (2 n + 1, 2)."""
+        rate, turning = self._rates(joints)
+        level = self._level(joints[1::2])
+        omega = rate + level.transpose(0, 2, 1) @ self._earth
+        force = self._gravity * level[:, 2, :] + self._lever_force(rate, turning)
+        gyro, accel = self._matrices
+        counts = np.hstack(
+            [
+                omega @ gyro.T + self._biases[0],
+                force @ accel.T + self._quadratic * force**2 + self._biases[1],
+            ]
+        )
+        n = len(counts)
+        seq = np.arange(first, first + n)
+        return SampleBlock(
+            stage=stage,
+            seq=seq,
+            time=np.asarray((seq + 1) * self._dt, dtype=np.float64),
+            counts=counts * self._per_count,
+            angles=joints[2::2],
+            step=np.full(n, self._step, dtype=np.int64),
+            valid=np.ones(n, dtype=np.bool_),
+            temperature=np.full(n, np.nan),
+        )
+
+    def _rates(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean ω_nb over each sample, rad/s, and the change of ω_nb over it, rad/s², each shape (n, 3).
+
+        The outer axis turns with the inner joint; its mean over a sample is Simpson's.
+        """
+        axes = self._outer_axis(joints[:, 1])
+        mean_axis = (axes[:-2:2] + 4.0 * axes[1::2] + axes[2::2]) / 6.0
+        inner_axis = np.array(self._geometry.inner_axis)
+        joint_rate = np.diff(joints[::2], axis=0) / self._dt
+        rate = mean_axis * joint_rate[:, :1] + inner_axis * joint_rate[:, 1:]
+        half_rate = np.diff(joints, axis=0) / (0.5 * self._dt)
+        halves = 0.5 * (axes[1:] + axes[:-1]) * half_rate[:, :1] + inner_axis * half_rate[:, 1:]
+        turning = (halves[1::2] - halves[::2]) / (0.5 * self._dt)
+        return rate @ self._mount, turning @ self._mount
+
+    def _outer_axis(self, inner: FloatArray) -> FloatArray:
+        """The outer axis in b at inner angles, rad, shape (n,); shape (n, 3)."""
+        k, v = np.array(self._geometry.inner_axis), np.array(self._geometry.outer_axis)
+        c, s = np.cos(inner)[:, None], np.sin(inner)[:, None]
+        return np.asarray(v * c - np.cross(k, v) * s + k * ((k @ v) * (1.0 - c)))
+
+    def _level(self, joints: FloatArray) -> FloatArray:
+        """C_bn at joint angles, rad, shape (n, 2); shape (n, 3, 3)."""
+        heading = axis_rotation((0.0, 0.0, 1.0), -self._azimuth)
+        outer = _turns(self._geometry.outer_axis, joints[:, 0])
+        inner = _turns(self._geometry.inner_axis, joints[:, 1])
+        return np.asarray(heading @ outer @ inner @ self._mount)
+
+    def _lever_force(self, rate: FloatArray, turning: FloatArray) -> FloatArray:
+        """What the levers add to the specific force: α × r + ω × (ω × r), sensed axis by axis, shape (n, 3)."""
+        outer, inner = self._levers
+        square = rate**2
+        along = inner * (square - square.sum(axis=1, keepdims=True))
+        return np.asarray(np.cross(turning, outer) + np.cross(rate, np.cross(rate, outer)) + along)
+
+
+def profile(time: FloatArray, start: float, end: float, rate: float, acceleration: float) -> FloatArray:
+    """Joint angle, rad, of a trapezoidal (or triangular) move at times from its begin on, s; rests at its end."""
+    distance = abs(end - start)
+    ramp = min(rate / acceleration, float(np.sqrt(distance / acceleration)))
+    cruise = max(distance - acceleration * ramp**2, 0.0) / rate
+    t = np.clip(time, 0.0, 2.0 * ramp + cruise)
+    begun = 0.5 * acceleration * np.minimum(t, ramp) ** 2
+    cruised = acceleration * ramp * np.clip(t - ramp, 0.0, cruise)
+    left = np.clip(t - ramp - cruise, 0.0, ramp)
+    ended = acceleration * (ramp * left - 0.5 * left**2)
+    return np.asarray(start + np.sign(end - start) * (begun + cruised + ended))
+
+
+def _turns(axis: tuple[float, float, float], angles: FloatArray) -> FloatArray:
+    """Rotation matrices about a unit vector by angles, rad, shape (n,); shape (n, 3, 3). Rodrigues' formula."""
+    K = skew(np.array(axis))
+    s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
+    return np.asarray(np.eye(3) + s * K + (1.0 - c) * (K @ K))

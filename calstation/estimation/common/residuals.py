@@ -1,0 +1,95 @@
+"""What is left at every rest once the answer has been applied: gravity's length, and the earth's rate, seen anew.
+
+None of it needs an attitude: the specific force must be as long as gravity, the rate along it the earth's vertical
+rate and the rate across it the earth's horizontal one, however the unit lies.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.noise import filter_noise, rest_mean_variance
+from calstation.estimation.common.stage_data import StageData, mean_angles, rests, slope_weights
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.imu_model import compensate, compensation
+from calstation.physics.parameters import group_indices
+
+SHORTEST_REST = 1.0
+"""A shorter rest, s, is a pause in a turn and no position."""
+CREEP = 0.5
+"""Left out at the begin of a rest, s: a table's last microradians are nothing to a solver and much to a mean rate."""
+
+
+@dataclass(frozen=True)
+class RestResiduals:
+    """Residuals of k rests, measured less expected.
+
+    Attributes
+    ----------
+    first_seq, last_seq : of each rest, shape (k,)
+    up : measured direction of up in b, unit vectors, shape (k, 3)
+    angles : mean encoder angles outer, inner, rad, NaN where there were none, shape (k, 2)
+    force : length of the specific force less gravity, m/s², shape (k,)
+    vertical_rate, horizontal_rate : rate along and across up, rad/s, shape (k,)
+    force_sigma, rate_sigma : what the noise of the rest alone explains, m/s² and rad/s, shape (k,)
+    """
+
+    first_seq: IntArray
+    last_seq: IntArray
+    up: FloatArray
+    angles: FloatArray
+    force: FloatArray
+    vertical_rate: FloatArray
+    horizontal_rate: FloatArray
+    force_sigma: FloatArray
+    rate_sigma: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.first_seq)
+
+
+def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> RestResiduals:
+    """Residuals of every rest of a stage, compensated with the answer `found`."""
+    constants = compensation(found.mean)
+    bias = group_indices("gyro_bias")
+    earth = rotation_rate(context.site.latitude)
+    site = context.site
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    noise = filter_noise(context)
+    stride = max(round(noise.interval / data.dt), 1)
+    rows: list[tuple[float, ...]] = []
+    seqs: list[tuple[int, int]] = []
+    for segment in data.segments:
+        still = rests(data, segment, context.imu, found.mean[bias], float(found.sigma[bias].max()))
+        for begin, b in still:
+            a = begin + round(CREEP / data.dt)
+            duration = (b - a) * data.dt
+            if duration < SHORTEST_REST:
+                continue
+            omega, force = compensate(
+                constants,
+                data.gyro[a:b].mean(axis=0, keepdims=True),
+                (slope_weights(b - a, stride) @ data.accel[a:b])[None],
+            )
+            length = float(np.linalg.norm(force))
+            up = force[0] / length
+            along = float(omega[0] @ up)
+            across = float(np.linalg.norm(omega[0] - along * up))
+            angles = mean_angles(data, a, b)
+            seqs.append((int(data.seq[a]), int(data.seq[b - 1])))
+            rows.append(
+                (
+                    *up,
+                    *(angles if angles is not None else (np.nan, np.nan)),
+                    length - gravity,
+                    along - earth[2],
+                    across - float(np.hypot(earth[0], earth[1])),
+                    float(np.sqrt(rest_mean_variance(context, duration))),
+                    float(np.sqrt(noise.rate / duration + noise.wander[0] ** 2)),
+                )
+            )
+    table = np.array(rows).reshape(-1, 10)
+    seq = np.array(seqs, dtype=np.int64).reshape(-1, 2)
+    return RestResiduals(seq[:, 0], seq[:, 1], table[:, :3], table[:, 3:5], *table[:, 5:].T)

@@ -1,0 +1,165 @@
+"""A stage's samples as contiguous arrays: raw rates, encoder angles, the segments between gaps, rests."""
+
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calstation.estimation.common.context import ImuModel
+from calstation.estimation.common.samples import SampleBlock
+from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+
+REST_WINDOW = 0.5
+"""Width of the window in which rest is judged, s."""
+BIAS_SIGMAS = 3.0
+SLOWEST = np.deg2rad(0.1)
+"""A unit rests where its rate, its bias taken off, is below so many sigmas of the bias and so many rad/s besides."""
+REST_MARGIN = 0.3
+"""Cut from both ends of a rest found in the data, s: a table creeps before it settles."""
+
+FORCE_STEP = 0.5
+"""A larger change of mean specific force from one window to the next, m/s², is another position."""
+
+
+@dataclass(frozen=True)
+class StageData:
+    """Valid samples of one stage.
+
+    Attributes
+    ----------
+    dt : sample period, s
+    seq, time : as in `SampleBlock`, shape (n,)
+    gyro, accel : raw mean rates, rad/s and m/s², shape (n, 3)
+    angles : encoder angles, rad, NaN between polls, shape (n, 2)
+    step : shape (n,)
+    segments : (start, stop) of each stretch without a gap, reset or spoilt sample
+    gaps : gaps and resets inside the stage
+    others, joints : as in `SampleBlock`
+    """
+
+    dt: float
+    seq: IntArray
+    time: FloatArray
+    gyro: FloatArray
+    accel: FloatArray
+    angles: FloatArray
+    step: IntArray
+    segments: tuple[tuple[int, int], ...]
+    gaps: int
+    others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
+    joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+
+def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
+    """Join a stage's blocks; spoilt samples are left out and count as a gap like missing ones."""
+    dt = 1.0 / imu.sample_rate
+    valid = _joined([b.valid for b in blocks], np.bool_)
+    seq = _joined([b.seq for b in blocks], np.int64)[valid]
+    time = _joined([b.time for b in blocks], np.float64)[valid]
+    counts = _joined([b.counts for b in blocks], np.float64, 6)[valid]
+    per_count = imu.sample_rate if imu.output == "increment" else 1.0
+    broken = (np.diff(seq) != 1) | (np.abs(np.diff(time) - dt) > 0.5 * dt)
+    cuts = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(seq)]])
+    return StageData(
+        dt=dt,
+        seq=seq,
+        time=time,
+        gyro=np.ascontiguousarray(counts[:, :3]) * (imu.gyro_lsb * per_count),
+        accel=np.ascontiguousarray(counts[:, 3:]) * (imu.accel_lsb * per_count),
+        angles=_joined([b.angles for b in blocks], np.float64, 2)[valid],
+        step=_joined([b.step for b in blocks], np.int64)[valid],
+        segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
+        gaps=int(np.count_nonzero(broken)),
+        others=np.concatenate([b.others for b in blocks])[valid] if blocks else np.empty((0, 0, 6)),
+        joints=np.concatenate([b.joints for b in blocks])[valid] if blocks else np.empty((0, 0)),
+    )
+
+
+def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarray:
+    if not parts:
+        return np.empty((0, columns) if columns else 0, dtype)
+    return np.concatenate(parts).astype(dtype, copy=False)
+
+
+def window_mean(values: FloatArray, width: int) -> FloatArray:
+    """Mean over `width` samples ending at each index from width − 1 on, shape (n − width + 1, columns)."""
+    total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
+    return np.asarray((total[width:] - total[:-width]) / width)
+
+
+def rests(
+    data: StageData, segment: tuple[int, int], imu: ImuModel, gyro_bias: FloatArray, bias_sigma: float
+) -> list[tuple[int, int]]:
+    """Stretches of a segment in which the unit rests, found from the data, (start, stop).
+
+    Rates are judged as means over `REST_WINDOW`. Where they are small (`BIAS_SIGMAS`, 5 sigma of noise, `SLOWEST`)
+    and flat, their median is the unit's rate at rest, bias and earth; rest is where no window departs from it by
+    more than noise and 0.03 °/s (the earth turns with 0.004), so that a table still creeping does not count. A step
+    of the specific force (`FORCE_STEP`) parts two rests even where no rotation between them was recorded.
+    """
+    start, stop = segment
+    width = max(round(REST_WINDOW / data.dt), 2)
+    if stop - start < 2 * width:
+        return []
+    mean = window_mean(data.gyro[start:stop] - gyro_bias, width)
+    noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.gyro_lsb * (
+        1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
+    )
+    small = np.abs(mean).max(axis=1) < BIAS_SIGMAS * bias_sigma + 5.0 * noise + SLOWEST
+    flat = np.zeros(len(mean), dtype=np.bool_)
+    flat[width:] = np.abs(mean[width:] - mean[:-width]).max(axis=1) < 5.0 * noise + np.deg2rad(0.01)
+    if not np.any(small & flat):
+        return []
+    at_rest = np.median(mean[small & flat], axis=0)
+    still = np.abs(mean - at_rest).max(axis=1) < 5.0 * noise + np.deg2rad(0.03)
+    still &= _steady(window_mean(data.accel[start:stop], width), width)
+    margin = round(REST_MARGIN / data.dt)
+    found = []
+    for first, last in runs(still):
+        begin = start + first + (margin if first > 0 else 0)
+        end = start + last + width - 1
+        end -= margin if end < stop else 0
+        if end - begin >= width:
+            found.append((begin, end))
+    return found
+
+
+def _steady(force: FloatArray, width: int) -> BoolArray:
+    """Whether each window of mean force agrees with those a window before and after, shape (n,)."""
+    steady = np.ones(len(force), dtype=np.bool_)
+    if len(force) > width:
+        stepped = np.abs(force[width:] - force[:-width]).max(axis=1) > FORCE_STEP
+        steady[width:] &= ~stepped
+        steady[:-width] &= ~stepped
+    return steady
+
+
+def runs(flags: BoolArray) -> list[tuple[int, int]]:
+    """Stretches (first, last + 1) in which `flags` holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def slope_weights(count: int, stride: int) -> FloatArray:
+    """Weights, shape (n,), sum 1, whose mean of specific force is the slope of a straight line through velocity.
+
+    Velocity is taken every `stride` samples, as often as it is worth its sigma; a rest shorter than a stride at its
+    end is left out. With velocity noise white from one to the next this is the best linear unbiased mean.
+    """
+    blocks = max(count // stride, 1)
+    used = min(blocks * stride, count)
+    j = np.arange(1, blocks + 1)
+    per_block = 6.0 * j * (blocks + 1 - j) / (blocks * (blocks + 1) * (blocks + 2))
+    weights = np.zeros(count)
+    weights[:used] = np.repeat(per_block / (used / blocks), used // blocks)
+    return weights
+
+
+def mean_angles(data: StageData, start: int, stop: int) -> FloatArray | None:
+    """Mean encoder angles of a rest, rad, shape (2,); None where there was no poll."""
+    polled = data.angles[start:stop]
+    polled = polled[~np.isnan(polled).any(axis=1)]
+    return polled.mean(axis=0) if len(polled) else None

@@ -1,0 +1,138 @@
+"""Rests and the motions between them in a recording of which nothing else is known, found from the data alone.
+
+A recording made by hand says neither where it rests nor how noisy its place is, so the noise is that of its quietest
+windows, and the rate at rest is theirs as well; `stage_data.rests` then finds the rests as it does on a table.
+
+Where force jumps from one quiet stretch to another with no turn between, something was left out: recordings are cut
+together at times, and no motion leads across a cut.
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calstation.estimation.common.context import ImuModel
+from calstation.estimation.common.stage_data import REST_WINDOW, StageData, rests, runs, window_mean
+from calstation.physics.arrays import FloatArray
+
+QUIETEST = 0.1
+"""Share of all windows whose noise is taken for the noise at rest."""
+ALIKE = 1.5
+"""A window up to this much noisier than those belongs to them."""
+LOUDEST = np.deg2rad(1.0)
+"""No window with more gyro noise than this, rad/s rms, is a rest: it is a motion."""
+CUT_WINDOW = 0.15
+"""Stretch that must be quiet on both sides of a cut, s."""
+CUT_STEP = 2.0
+"""Force that jumps across a cut, m/s²; turning by as much in that time is no rest."""
+RESTING_RATE_SIGMA = np.deg2rad(0.2)
+"""How far the rate at rest may lie from that of the quietest windows, rad/s."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """An unbroken motion between two neighbouring rests.
+
+    first, second : places of the rests; start, stop : samples of the motion
+    """
+
+    first: int
+    second: int
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Stillness:
+    """Where a recording rests.
+
+    rests : (start, stop) of each rest; links : the motions between neighbours
+    gyro_noise : white noise of the rates at rest, rad/√s; accel_noise : of the specific force, m/s/√s
+    rate : mean raw rate at rest, rad/s, shape (3,)
+    cuts : samples before which something was left out though the counter does not say so
+    """
+
+    rests: tuple[tuple[int, int], ...]
+    links: tuple[Link, ...]
+    gyro_noise: float
+    accel_noise: float
+    rate: FloatArray
+    cuts: tuple[int, ...] = ()
+
+
+def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:
+    """Rests of at least `shortest` s in all segments, and the motions between those of one segment."""
+    windows = _windows(data)
+    if not len(windows):
+        return Stillness((), (), imu.gyro_arw, imu.accel_vrw, np.zeros(3))
+    gyro_std, accel_std, rate = windows[:, 0], windows[:, 1], windows[:, 2:]
+    quiet = gyro_std <= min(ALIKE * float(np.quantile(gyro_std, QUIETEST)), LOUDEST)
+    if not quiet.any():
+        return Stillness((), (), imu.gyro_arw, imu.accel_vrw, np.zeros(3))
+    noise = max(imu.gyro_arw, float(np.median(gyro_std[quiet])) * np.sqrt(data.dt))
+    accel_noise = max(imu.accel_vrw, float(np.median(accel_std[quiet])) * np.sqrt(data.dt))
+    resting = np.median(rate[quiet], axis=0)
+    seen = replace(imu, gyro_arw=noise)
+    found: list[tuple[int, int]] = []
+    links: list[Link] = []
+    cuts = find_cuts(data, noise, accel_noise, resting)
+    for segment in _cut(data.segments, cuts):
+        here = [
+            (a, b)
+            for a, b in rests(data, segment, seen, resting, RESTING_RATE_SIGMA)
+            if (b - a) * data.dt >= shortest
+        ]
+        for k, ((_, end), (start, _)) in enumerate(itertools.pairwise(here), len(found)):
+            links.append(Link(k, k + 1, end, start))
+        found += here
+    return Stillness(tuple(found), tuple(links), noise, accel_noise, resting, cuts)
+
+
+def find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray) -> tuple[int, ...]:
+    """Samples at which the force jumps between two stretches of rest without a turn.
+
+    Parameters
+    ----------
+    gyro_noise, accel_noise : white noise at rest, rad/√s and m/s/√s; resting : mean raw rate at rest, rad/s, shape (3,)
+    """
+    width = max(round(CUT_WINDOW / data.dt), 4)
+    slow = np.deg2rad(2.0) + 5.0 * gyro_noise / np.sqrt(width * data.dt)
+    loud = 0.1 + 3.0 * accel_noise / np.sqrt(data.dt)
+    cuts = []
+    for start, stop in data.segments:
+        if stop - start < 2 * width:
+            continue
+        rate = window_mean(data.gyro[start:stop] - resting, width)
+        force = window_mean(data.accel[start:stop], width)
+        square = window_mean(data.accel[start:stop] ** 2, width)
+        still = np.abs(rate).max(axis=1) < slow
+        still &= np.sqrt(np.maximum(square - force**2, 0.0)).max(axis=1) < loud
+        step = np.linalg.norm(force[width:] - force[:-width], axis=1)
+        jump = still[width:] & still[:-width] & (step > CUT_STEP)
+        for first, last in runs(jump):
+            cuts.append(start + width + first + int(np.argmax(step[first:last])))
+    return tuple(cuts)
+
+
+def _cut(segments: tuple[tuple[int, int], ...], cuts: tuple[int, ...]) -> list[tuple[int, int]]:
+    parts = []
+    for start, stop in segments:
+        edges = [start, *(c for c in cuts if start < c < stop), stop]
+        parts += list(itertools.pairwise(edges))
+    return parts
+
+
+def _windows(data: StageData) -> FloatArray:
+    """Per window: gyro and accelerometer noise (rms of an axis, rad/s and m/s²) and mean rate, shape (k, 5)."""
+    width = max(round(REST_WINDOW / data.dt), 8)
+    rows = []
+    for start, stop in data.segments:
+        count = (stop - start) // width
+        if count:
+            gyro = data.gyro[start : start + count * width].reshape(count, width, 3)
+            accel = data.accel[start : start + count * width].reshape(count, width, 3)
+            gyro_rms = np.sqrt(gyro.var(axis=1, ddof=1).mean(axis=1))
+            accel_rms = np.sqrt(accel.var(axis=1, ddof=1).mean(axis=1))
+            rows.append(np.column_stack([gyro_rms, accel_rms, gyro.mean(axis=1)]))
+    return np.vstack(rows) if rows else np.empty((0, 5))

@@ -1,0 +1,108 @@
+"""One-shot least squares over a gimbal's recording: every motion's rotation by the gyros against that of the joints.
+
+    Exp(−Ω T) C_before B(gyro parameters) = C_after,  C from the joints, B the body's rotation by the compensated gyros
+
+All twelve gyro parameters, the earth's rate in the base's frame and the joints' error at every rest together, from the
+same samples that the iteration turned into corrections one turn after another.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.noise import filter_noise
+from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.gimbal.data import Motion
+from calstation.estimation.gimbal.iteration import gimbal_attitude
+from calstation.estimation.positions.rows import square_root, turned
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import RATE
+from calstation.physics.imu_model import compensation
+from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices
+from calstation.physics.rotation import rotation_matrix, rotation_vector
+
+MOST_ITERATIONS = 12
+SETTLED = 1e-3
+_GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
+
+
+@dataclass(frozen=True)
+class GimbalFit:
+    """Posterior of the parameters; squared residuals in units of sigma and how many nothing was fitted to.
+
+    residual : of every motion, rad, shape (n, 3)
+    """
+
+    belief: Belief
+    chi2: float
+    freedom: float
+    residual: FloatArray
+
+
+def fit_gimbal(
+    data: StageData,
+    motions: list[Motion],
+    order: str,
+    context: SolveContext,
+    prior: Belief,
+    joint_sigma: float,
+) -> GimbalFit:
+    """Fit all motions; `joint_sigma` : of an attitude from the joints at a rest, per axis, rad."""
+    noise = filter_noise(context)
+    sigma = np.sqrt(np.repeat([noise.rate * m.duration for m in motions], 3))
+    root = square_root(prior.covariance)
+    # a motion's noise is the gyros'; what its joints err by, the motions before and after share
+    scale = np.concatenate([[RATE] * 3, np.full(3 * _rests(motions), joint_sigma)])
+    point, more = prior.mean.copy(), np.zeros(len(scale))
+    bias = group_indices("gyro_bias")
+    shown = np.median(data.gyro[: round(1.0 / data.dt)], axis=0)
+    point[bias] = np.where(prior.sigma[bias] > RATE, shown, point[bias])
+    for _ in range(MOST_ITERATIONS):
+        H, r = _rows(data, motions, order, point, more)
+        left = r + H[:, :COUNT] @ (point - prior.mean) + H[:, COUNT:] @ more
+        columns = np.hstack([H[:, :COUNT] @ root, H[:, COUNT:] * scale]) / sigma[:, None]
+        information = columns.T @ columns + np.eye(columns.shape[1])
+        covariance = np.linalg.inv(information)
+        x = covariance @ (columns.T @ (left / sigma))
+        target, before = prior.mean + root @ x[:COUNT], point
+        point, more = target, scale * x[COUNT:]
+        spread = root @ covariance[:COUNT, :COUNT] @ root.T
+        width = np.sqrt(np.diag(spread))
+        if float(np.max(np.abs(point - before) / np.where(width > 0.0, width, 1.0))) < SETTLED:
+            break
+    rest = left / sigma - columns @ x
+    spare = len(rest) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
+    return GimbalFit(
+        Belief(point, 0.5 * (spread + spread.T)), float(rest @ rest), spare, (rest * sigma).reshape(-1, 3)
+    )
+
+
+def _rows(
+    data: StageData, motions: list[Motion], order: str, point: FloatArray, more: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives, shape (3 n, 33 + 3 rests), and residuals, rad, shape (3 n,).
+
+    more : the earth's rate in the base's frame, rad/s, and the joints' error at every rest as a rotation there, rad
+    """
+    c, earth, wrong = compensation(point), more[:3], more[3:].reshape(-1, 3)
+    H, residuals = np.zeros((3 * len(motions), COUNT + len(more))), []
+    for k, m in enumerate(motions):
+        B, time, rate = turned(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, m.start, m.stop)
+        first, second = m.between
+        before = rotation_matrix(wrong[first]) @ gimbal_attitude(order, m.before)
+        start = rotation_matrix(-earth * m.duration) @ before
+        rows = slice(3 * k, 3 * k + 3)
+        H[rows, group_indices("gyro_bias")] = -start @ time @ c.gyro_inverse
+        for p in _GYRO:
+            H[rows, INDEX[p.name]] = -start @ rate[p.column] @ c.gyro_inverse[:, p.row]
+        H[rows, COUNT : COUNT + 3] = -m.duration * np.eye(3)
+        H[rows, COUNT + 3 + 3 * first : COUNT + 6 + 3 * first] = np.eye(3)
+        H[rows, COUNT + 3 + 3 * second : COUNT + 6 + 3 * second] = -np.eye(3)
+        after = rotation_matrix(wrong[second]) @ gimbal_attitude(order, m.after)
+        residuals.append(rotation_vector(after @ (start @ B).T))
+    return H, np.concatenate(residuals)
+
+
+def _rests(motions: list[Motion]) -> int:
+    return 1 + max(max(m.between) for m in motions)

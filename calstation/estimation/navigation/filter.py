@@ -1,0 +1,282 @@
+"""The 39-state filter: one pass over a stage, linear in the parameters, closed loop in attitude and velocity.
+
+States: φ, δv, δp and the errors of the 30 parameters relative to the point the pass is linearised about; with a
+profile that states bias instability also the wander of the six biases about their constants.
+Observed: the velocity of the table's centre of rotation, which is zero but for the base's vibration, at rest
+and through rotations: `v − C (ω_nb × outer_lever)`. Kalman algebra is filterpy's.
+
+References
+----------
+P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14.
+P. G. Savage, *Strapdown Analytics*, 2nd ed., ch. 15 (closed-loop error resets).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from calstation.estimation.common.alignment import Start
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.noise import WANDER_TIME, filter_noise
+from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.navigation.reference import smoothed_reference
+from calstation.estimation.navigation.velocity_group import (
+    BIAS,
+    Setting,
+    VelocityGroup,
+    inverse_of_positive,
+    make_symmetric,
+    observation,
+    observe,
+    velocity_group,
+    whitened,
+)
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.imu_model import compensation
+from calstation.physics.parameters import group_indices
+from calstation.physics.rotation import rotation_matrix, rotation_vector
+from calstation.physics.strapdown import (
+    PARAMETER_START,
+    STATES,
+    interval_work,
+    propagate,
+)
+
+POSITION_SIGMA = 1e-3
+"""Start of δp, m: the table holds the unit; no observation depends on it."""
+
+START_VELOCITY_SIGMA = 1.0
+"""Start of δv before the first observation, m/s."""
+
+
+GROUP_TIME = 0.5
+"""Observations within this time, s, are handed to the filter together."""
+
+
+@dataclass
+class History:
+    """What a pass saw at every observation, in groups: for consistency, observability, residuals and plots."""
+
+    indices: list[IntArray] = field(default_factory=list)
+    attitudes: list[FloatArray] = field(default_factory=list)
+    rates: list[FloatArray] = field(default_factory=list)
+    innovations: list[FloatArray] = field(default_factory=list)
+
+    @property
+    def index(self) -> IntArray:
+        """Samples before each observation, shape (m,)."""
+        index: IntArray = np.concatenate([np.empty(0, np.int64), *self.indices])
+        return index
+
+    @property
+    def attitude(self) -> FloatArray:
+        """C_bn the pass was linearised about, shape (m, 3, 3)."""
+        return np.concatenate([np.empty((0, 3, 3)), *self.attitudes])
+
+    @property
+    def rate(self) -> FloatArray:
+        """Angular rate, rad/s, shape (m, 3)."""
+        return np.concatenate([np.empty((0, 3)), *self.rates])
+
+    @property
+    def innovation(self) -> FloatArray:
+        """Innovations in units of their sigmas, each freed of what the ones before it told, shape (m, 3)."""
+        return np.concatenate([np.empty((0, 3)), *self.innovations])
+
+    @property
+    def nis(self) -> FloatArray:
+        """Normalised innovation squared, shape (m,)."""
+        return np.asarray(np.sum(self.innovation**2, axis=1))
+
+
+_FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
+"""No reference to follow."""
+
+
+class NavigationFilter:
+    """One pass. Feed it groups of observations in order; read `belief`, `history` and `attitude`.
+
+    Parameters
+    ----------
+    context : site, IMU and table
+    prior : of the parameters
+    point : parameter values to linearise about, SI, shape (30,)
+
+    Notes
+    -----
+    The first pass and the live display close the loop: what the observations say of attitude and velocity is fed
+    back at once. A later pass follows a smoothed `Reference` instead. It must: transitions along a reference that
+    jumps with every observation disagree by the size of the jumps about which direction is still unknown, and a
+    bias and a tilt that only their sum betrays would seem to be known apart (Huang, Mourikis, Roumeliotis,
+    *Observability-based rules for designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
+    """
+
+    def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
+        site = context.site
+        self.noise = filter_noise(context)
+        self.earth = rotation_rate(site.latitude)
+        self.gravity = site.gravity or normal_gravity(site.latitude, site.height)
+        self.dt = 1.0 / context.imu.sample_rate
+        self.stride = max(round(self.noise.interval / self.dt), 1)
+        self.point = point
+        self.constants = compensation(point)
+        self.work = interval_work()
+        self.history = History()
+        self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
+        """Observations in a group."""
+        self._groups: dict[int, VelocityGroup] = {}
+        self._arm_velocity = np.zeros(3)
+        self._wanders = bool(np.any(self.noise.wander))
+        size = STATES + len(BIAS) if self._wanders else STATES
+        kf = KalmanFilter(dim_x=size, dim_z=3)
+        kf.x = np.zeros(size)
+        kf.x[PARAMETER_START:STATES] = prior.mean - point
+        kf.P = np.zeros((size, size))
+        kf.P[PARAMETER_START:STATES, PARAMETER_START:STATES] = prior.covariance
+        kf.inv = inverse_of_positive
+        if self._wanders:
+            wander = np.arange(STATES, size)
+            kf.P[wander, wander] = self.noise.wander**2
+        self.kf = kf
+        self._offset = kf.x.copy()
+        lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
+        variance = self.noise.velocity + lever * self.noise.end_rate
+        self.setting = Setting(
+            self.earth, self.gravity, self.dt, self.stride, self.noise.rate, self.noise.force, variance
+        )
+
+    @property
+    def belief(self) -> Belief:
+        """Posterior of the parameters so far."""
+        s = slice(PARAMETER_START, STATES)
+        return Belief(self.point + self.kf.x[s], self.kf.P[s, s].copy())
+
+    def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
+        """Start (again) at rest: navigation states afresh about `attitude`, parameters carry on.
+
+        The velocity starts unknown and is observed at once: a velocity assumed zero would deny that the rate,
+        hence the lever's velocity, is only as well known as the gyro bias.
+        """
+        kf = self.kf
+        kf.x[:PARAMETER_START] = 0.0
+        kf.x[:3] = rotation_vector(start.prior @ attitude.T)
+        kf.P[:PARAMETER_START, :] = 0.0
+        kf.P[:, :PARAMETER_START] = 0.0
+        variances = [*start.prior_sigma**2, *[START_VELOCITY_SIGMA**2] * 3, *[POSITION_SIGMA**2] * 3]
+        kf.P[range(PARAMETER_START), range(PARAMETER_START)] = variances
+        self._offset = kf.x.copy()
+        self.work.attitude[:] = attitude
+        self.work.velocity[:] = 0.0
+        propagate(
+            self.constants,
+            self.earth,
+            self.gravity,
+            self.dt,
+            data.gyro,
+            data.accel,
+            start.begin,
+            start.begin,
+            self.work,
+        )
+        z, H = np.zeros(3), np.zeros((3, len(kf.x)))
+        self._arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
+        if self._wanders:
+            H[:, STATES:] = H[:, BIAS]
+        kf.update(z, np.eye(3) * self.setting.variance, H)
+
+    def observe(
+        self, data: StageData, start: int, count: int, follow: tuple[FloatArray, FloatArray] | None = None
+    ) -> None:
+        """A group of `count` observations from sample `start` on: strapdown, predict, observe, feed back.
+
+        follow : attitudes and velocities of the reference at the observations, shapes (count, 3, 3), (count, 3);
+            None to close the loop instead
+        """
+        kf, work = self.kf, self.work
+        group = self._group(count)
+        attitudes, velocities = follow or _FREE
+        observe(
+            self.constants, self.setting, data.gyro, data.accel, start, attitudes, velocities,
+            self._arm_velocity, work, group,
+        )  # fmt: skip
+        kf.F, kf.Q, kf.H, kf.R, kf.M = group.transition, group.noise, group.H, group.R, group.M
+        kf.predict()
+        if follow is not None:
+            kf.x[:PARAMETER_START] += group.shift
+        kf.update_correlated(group.z, kf.R, kf.H)
+        make_symmetric(kf.P)
+        history = self.history
+        history.indices.append(start + self.stride * np.arange(1, count + 1))
+        history.attitudes.append(group.attitude.copy())
+        history.rates.append(group.rate.copy())
+        history.innovations.append(whitened(kf.S, kf.y).reshape(count, 3))
+        if follow is None:
+            self._feed_back()
+
+    def _group(self, count: int) -> VelocityGroup:
+        """Arrays for a group of `count` observations, with how a wander decays over it."""
+        if count not in self._groups:
+            group = velocity_group(count, len(self.kf.x))
+            if self._wanders:
+                wander = np.arange(STATES, len(self.kf.x))
+                decay = np.exp(-count * self.stride * self.dt / WANDER_TIME)
+                group.transition[wander, wander] = decay
+                group.noise[wander, wander] = self.noise.wander**2 * (1.0 - decay**2)
+            self._groups[count] = group
+        return self._groups[count]
+
+    def _feed_back(self) -> None:
+        """Close the loop on what the observations said, not on where the prior's mean lies.
+
+        x = offset + correction: the offset is the mean the filter would have, had every observation agreed with
+        the point linearised about. It stays in x and dies away as data come; only the correction turns the
+        reference, which so stays near the levelled start from the first sample on.
+        """
+        kf, work = self.kf, self.work
+        predicted = kf.F @ self._offset
+        self._offset = predicted - kf.K @ (kf.H @ predicted)
+        correction = kf.x[:6] - self._offset[:6]
+        work.attitude[:] = rotation_matrix(correction[:3]) @ work.attitude
+        work.velocity[:] = work.velocity + correction[3:]
+        kf.x[:6] = self._offset[:6]
+
+    @property
+    def attitude(self) -> FloatArray:
+        """Best attitude C_bn now, shape (3, 3)."""
+        return np.asarray(rotation_matrix(self.kf.x[:3]) @ self.work.attitude)
+
+    def run(
+        self,
+        data: StageData,
+        start: Start,
+        attitude: FloatArray,
+        smooth: bool,
+        watch: Callable[["NavigationFilter"], None] | None = None,
+    ) -> None:
+        """The whole of a segment, in intervals of the stride; the rest shorter than one is left.
+
+        smooth : follow a smoothed reference from `attitude`, rather than close the loop
+        watch : called after the start and after every group of observations
+        """
+        span = (start.begin, start.end, self.stride)
+        reference = None
+        if smooth:
+            reference = smoothed_reference(
+                self.constants, self.earth, self.gravity, self.noise, data, span, attitude,
+                float(start.prior_sigma[0]),
+            )  # fmt: skip
+            attitude = reference.attitude[0]
+        self.begin(data, start, attitude)
+        if watch is not None:
+            watch(self)
+        observations = (start.end - start.begin) // self.stride
+        for done in range(0, observations, self.group_size):
+            count = min(self.group_size, observations - done)
+            ends = slice(done + 1, done + count + 1)
+            follow = reference and (reference.attitude[ends], reference.velocity[ends])
+            self.observe(data, start.begin + done * self.stride, count, follow)
+            if watch is not None:
+                watch(self)

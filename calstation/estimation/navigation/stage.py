@@ -1,0 +1,97 @@
+"""The solver that excitation and azimuth flips share: collects a stage, shows sigmas live, solves it by MAP."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from calstation.estimation.common.alignment import starts
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.samples import SampleBlock, since
+from calstation.estimation.common.spool import Spool
+from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.method import Innovations, Progress, Solution
+from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.observability import pwcs
+from calstation.estimation.navigation.relinearise import nis_consistency, restricted, solve_navigation
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import NAMES
+
+LIVE_ALIGNMENT = 5.0
+"""The live filter waits for this much data after a start, s, to align on."""
+
+
+class LiveFilter:
+    """One filter pass that follows the stream, for convergence on the screen and the stop rule."""
+
+    def __init__(self, context: SolveContext, prior: Belief) -> None:
+        self._context, self._prior = context, prior
+        self._filter = NavigationFilter(context, prior, prior.mean)
+        self._pending: list[SampleBlock] = []
+        self._aligned = False
+
+    def feed(self, block: SampleBlock) -> None:
+        """Keep a block until `sigma` is asked for."""
+        self._pending.append(block)
+
+    def sigma(self) -> FloatArray:
+        """Catch up with the stream; sigmas of the 30 parameters, SI, shape (30,)."""
+        run = self._filter
+        data = stage_data(self._pending, self._context.imu)
+        consumed = 0
+        for first, last in data.segments:
+            if first > 0 or not self._aligned:
+                found = starts(replace(data, segments=((first, last),)), self._context, self._prior)
+                self._aligned = bool(found) and (last - found[0].begin) * data.dt >= LIVE_ALIGNMENT
+                consumed = first
+                if not self._aligned:
+                    continue
+                run.begin(data, found[0], found[0].attitude)
+                consumed = found[0].begin
+            while consumed + run.group_size * run.stride < last:
+                run.observe(data, consumed, run.group_size)
+                consumed += run.group_size * run.stride
+        if len(data):
+            self._pending = since(self._pending, int(data.seq[consumed]))
+        return run.belief.sigma
+
+
+class NavigationStage:
+    """A `StageSolver` over the 39-state filter; parameters outside `estimated` are consider states."""
+
+    def __init__(self, stage: str, context: SolveContext, prior: Belief, estimated: tuple[str, ...]) -> None:
+        self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
+        self._spool = Spool()
+        self._live = LiveFilter(context, prior)
+
+    def feed(self, block: SampleBlock) -> None:
+        """Take further samples of the stage."""
+        self._spool.append(block)
+        self._live.feed(block)
+
+    def sigma(self) -> FloatArray:
+        """Sigmas of the 30 parameters so far, SI, shape (30,)."""
+        return self._live.sigma()
+
+    def finish(self, progress: Progress | None = None) -> Solution:
+        """Solve the stored stage. Raises InsufficientDataError where nothing can be aligned on."""
+        data = stage_data(list(self._spool.blocks()), self.context.imu)
+        mask = np.array([name in self.estimated for name in NAMES])
+        result = solve_navigation(self.stage, data, self.context, self.prior, mask, progress)
+        nis = result.history.nis
+        messages: list[tuple[str, dict[str, Any]]] = []
+        if result.azimuth_free:
+            messages.append(("azimuth_from_data", {"stage": self.stage}))
+        if not result.settled:
+            messages.append(("not_settled", {"stage": self.stage, "passes": result.passes}))
+        return Solution(
+            stage=self.stage,
+            belief=restricted(self.prior, result.belief, mask),
+            estimated=self.estimated,
+            consistency=nis_consistency(float(np.sum(nis)), len(nis), 3),
+            gaps=data.gaps,
+            observability=pwcs(data, result.history, self.context, self.prior, result.point),
+            details={"passes": result.passes, "segments": len(result.starts)},
+            messages=tuple(messages),
+            innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
+        )

@@ -1,0 +1,282 @@
+"""A secondary IMU against a primary one on the same body, by least squares over synchronous samples.
+
+    gyro    secondary(t) = C_g ω(t + τ) + b_g
+    accel   secondary(t) = C_a (f + M (α × r + ω × (ω × r)))(t + τ) + b_a
+
+ω, f : raw output of the primary; in the lever term ω, α are compensated with the primary's own errors and M is its
+accelerometer matrix, so that the bracket is what the primary would measure in the secondary's place; r : from the
+primary's reference point to the secondary's; τ, the clock offset, is what is added to the secondary's time to get the
+primary's. Both streams pass the same low pass, so what it does to the motion cancels.
+
+The primary has noise as well: the normal matrix is freed of what it adds (W. A. Fuller, *Measurement Error Models*,
+1987, 2.2). Rows far from the rest (a saturated stretch, a blow) count less (P. J. Huber, *Robust Statistics*, 1981).
+Covariance is the jackknife over blocks of time (K.-Y. Liang and S. L. Zeger, Biometrika 73(1), 1986), which holds
+whatever the residuals' colour and size within a block; what biases wander beyond it comes from the profiles.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calstation.estimation.common.context import ImuModel
+from calstation.estimation.common.noise import WANDER_PER_INSTABILITY, WANDER_TIME
+from calstation.estimation.pairs.data import PairData
+from calstation.estimation.pairs.signals import Signals, coarse_offset, low_pass, signals
+from calstation.physics.arrays import BoolArray, FloatArray
+from calstation.physics.imu_model import Compensation
+from calstation.physics.parameters import PAIR_PARAMETERS
+
+Model = Literal["bias", "scale", "full"]
+BLOCK = 0.5
+"""Length of a block of the jackknife, s: residuals further apart than that are strangers."""
+LARGEST_OFFSET = 1.0
+"""Clock offsets are sought within this, s."""
+FAR = 4.0
+"""Residuals beyond this many times the common size count less, in proportion."""
+MOST_ITERATIONS = 20
+SETTLED = 1e-3
+GYRO_BIAS, GYRO_MATRIX = slice(0, 3), slice(3, 12)
+ACCEL_BIAS, ACCEL_MATRIX = slice(12, 15), slice(15, 24)
+LEVER, OFFSET = slice(24, 27), 27
+COUNT = len(PAIR_PARAMETERS)
+
+
+@dataclass(frozen=True)
+class PairChoice:
+    """What is fitted: per sensor the bias alone, the scale factors too, or the full matrix; lever arm; clock offset.
+
+    gyro, accel : None where the sensor is left as it is
+    """
+
+    gyro: Model | None = "full"
+    accel: Model | None = "full"
+    lever: bool = True
+    offset: bool = True
+
+    @property
+    def fitted(self) -> BoolArray:
+        """Which pair parameters are fitted, shape (28,)."""
+        chosen = np.zeros(COUNT, np.bool_)
+        for model, bias, matrix in (
+            (self.gyro, GYRO_BIAS, GYRO_MATRIX),
+            (self.accel, ACCEL_BIAS, ACCEL_MATRIX),
+        ):
+            if model is not None:
+                chosen[bias] = True
+                chosen[matrix] = {"bias": np.zeros(9), "scale": np.eye(3).ravel(), "full": np.ones(9)}[
+                    model
+                ] > 0
+        chosen[LEVER] = self.lever and self.accel is not None
+        chosen[OFFSET] = self.offset
+        return chosen
+
+
+@dataclass(frozen=True)
+class PairFit:
+    """Answer and covariance of the pair parameters, in the order of `PAIR_PARAMETERS`.
+
+    value : SI, shape (28,), neutral where not fitted; covariance : shape (28, 28), 0 there
+    fitted : which were, shape (28,)
+    rms, expected : what is left of gyro and accelerometer in the band, and what noise explains, rad/s and m/s²
+    blocks : of the jackknife
+    halves : mean squared difference of the answers of both halves of the blocks, in units of their variances: 1 where
+        the covariance is honest
+    settled : the last iteration moved nothing that matters
+    """
+
+    value: FloatArray
+    covariance: FloatArray
+    fitted: BoolArray
+    rms: tuple[float, float]
+    expected: tuple[float, float]
+    blocks: int
+    halves: float
+    settled: bool
+
+
+def neutral() -> FloatArray:
+    """A secondary that is the primary's equal, shape (28,)."""
+    return np.array([p.neutral for p in PAIR_PARAMETERS])
+
+
+def fit_pair(
+    data: PairData,
+    primary: ImuModel,
+    secondary: ImuModel,
+    c: Compensation,
+    choice: PairChoice,
+    start: FloatArray,
+) -> PairFit:
+    """Least squares from `start` (shape (28,)), where parameters that are not `choice`n stay.
+
+    `c` : the primary's own errors. Raises numpy.linalg.LinAlgError where the motion determines nothing.
+    """
+    value, fitted = start.copy(), choice.fitted
+    if choice.offset:
+        value[OFFSET] = coarse_offset(data, LARGEST_OFFSET)
+    noise = np.array([_white(primary), _white(secondary)])
+    settled = False
+    for _ in range(MOST_ITERATIONS):
+        rows = signals(data, float(value[OFFSET]), c)
+        system = _System(rows, value, noise, data, fitted)
+        step = np.zeros(COUNT)
+        step[fitted] = np.linalg.solve(system.normal, system.gradient.sum(axis=0))
+        value = value + step
+        sigma = np.sqrt(np.diag(system.covariance()))
+        if float(np.max(np.abs(step[fitted]) / sigma)) < SETTLED:
+            settled = True
+            break
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[np.ix_(fitted, fitted)] = system.covariance()
+    for place, imu_sigma in _wander(data, primary, secondary):
+        covariance[place, place] += imu_sigma**2 if fitted[place] else 0.0
+    return PairFit(
+        value,
+        covariance,
+        fitted,
+        system.rms,
+        system.expected,
+        len(system.gradient),
+        system.halves(),
+        settled,
+    )
+
+
+class _System:
+    """Normal equations at one point, block by block.
+
+    normal : shape (k, k); gradient : of each block, shape (blocks, k); k fitted parameters
+    """
+
+    def __init__(
+        self, rows: Signals, value: FloatArray, noise: FloatArray, data: PairData, fitted: BoolArray
+    ) -> None:
+        self._fitted = fitted
+        C, A = value[GYRO_MATRIX].reshape(3, 3), value[ACCEL_MATRIX].reshape(3, 3)
+        base = rows.accel + rows.lever @ value[LEVER]
+        left = np.hstack(
+            [
+                rows.gyro2 - rows.gyro @ C.T - value[GYRO_BIAS],
+                rows.accel2 - base @ A.T - value[ACCEL_BIAS],
+            ]
+        )
+        self.rms = (_size(left[:, :3]), _size(left[:, 3:]))
+        band = float(np.sum(low_pass() ** 2))
+        self.expected = (
+            float(np.sqrt(band * np.sum(noise[:, 0] ** 2))),
+            float(np.sqrt(band * np.sum(noise[:, 1] ** 2))),
+        )
+        scale = np.repeat([max(r, 1e-3 * e) for r, e in zip(self.rms, self.expected, strict=True)], 3)
+        weights = np.hstack([_weights(left[:, :3] / scale[:3]), _weights(left[:, 3:] / scale[3:])])
+        block = (data.time[rows.row] // BLOCK).astype(np.int64)
+        edges = np.flatnonzero(np.diff(block, prepend=block[0] - 1)) if len(block) else np.empty(0, np.int64)
+        k = int(fitted.sum())
+        self.gradient, self._normals = np.zeros((len(edges), k)), np.zeros((len(edges), k, k))
+        attenuation = self._attenuation(rows, value, noise, scale)
+        for b, (first, last) in enumerate(zip(edges, [*edges[1:], len(block)], strict=True)):
+            part = slice(int(first), int(last))
+            X = _columns(rows, part, base, C, A)[:, :, fitted] / scale[None, :, None]
+            w, e = weights[part], left[part] / scale
+            added, back = attenuation(w)
+            self._normals[b] = np.einsum("nij,ni,nik->jk", X, w, X) - added
+            self.gradient[b] = np.einsum("nij,ni,ni->j", X, w, e) + back
+        self.normal = self._normals.sum(axis=0)
+
+    def _attenuation(
+        self, rows: Signals, value: FloatArray, noise: FloatArray, scale: FloatArray
+    ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+        """What the primary's noise adds to a block's normal matrix and takes from its gradient, from its weights."""
+        gyro, accel = rows.white * noise[0, 0] ** 2, rows.white * noise[0, 1] ** 2
+        turning = rows.slope * noise[0, 0] ** 2
+        A = value[ACCEL_MATRIX].reshape(3, 3)
+        fitted = self._fitted
+
+        def of(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+            added = np.zeros((COUNT, COUNT))
+            for i in range(3):
+                w = float(weights[:, i].sum()) / scale[i] ** 2
+                w2 = float(weights[:, 3 + i].sum()) / scale[3 + i] ** 2
+                for j in range(3):
+                    added[3 + 3 * i + j, 3 + 3 * i + j] = w * gyro
+                    added[15 + 3 * i + j, 15 + 3 * i + j] = w2 * accel
+                added[LEVER, LEVER] += w2 * turning * (A[i] @ A[i] * np.eye(3) - np.outer(A[i], A[i]))
+            return added[np.ix_(fitted, fitted)], (added @ value)[fitted]
+
+        return of
+
+    def covariance(self) -> FloatArray:
+        """Jackknife over the blocks, shape (k, k)."""
+        return _jackknife(self._normals, self.gradient)
+
+    def halves(self) -> float:
+        """Distance of the answers of every second block from those of the others, see `PairFit`."""
+        answers, covariances = [], []
+        for half in (slice(0, None, 2), slice(1, None, 2)):
+            normals, gradient = self._normals[half], self.gradient[half]
+            answers.append(np.linalg.solve(normals.sum(axis=0), gradient.sum(axis=0)))
+            covariances.append(_jackknife(normals, gradient))
+        apart = answers[0] - answers[1]
+        return float(np.mean(apart**2 / np.diag(covariances[0] + covariances[1])))
+
+
+def _jackknife(normals: FloatArray, gradient: FloatArray) -> FloatArray:
+    """Covariance of the answer from how much it moves when a block is left out, shape (k, k).
+
+    The sandwich with every block freed of its own pull on the answer (R. M. Bell and D. F. McCaffrey, Survey
+    Methodology 28(2), 2002): a block of strong motion that the fit follows would look too good.
+    """
+    normal, total = normals.sum(axis=0), gradient.sum(axis=0)
+    answer = np.linalg.solve(normal, total)
+    moved = np.linalg.solve(normal - normals, (total - gradient)[:, :, None])[:, :, 0] - answer
+    return np.asarray(moved.T @ moved * (len(moved) - 1) / len(moved))
+
+
+def _columns(rows: Signals, part: slice, base: FloatArray, C: FloatArray, A: FloatArray) -> FloatArray:
+    """Derivatives of the six outputs by the 28 parameters, shape (n, 6, 28)."""
+    X = np.zeros((part.stop - part.start, 6, COUNT))
+    lever = rows.lever[part]
+    for i in range(3):
+        X[:, i, i] = 1.0
+        X[:, i, 3 + 3 * i : 6 + 3 * i] = rows.gyro[part]
+        X[:, i, OFFSET] = rows.gyro_slope[part] @ C[i]
+        X[:, 3 + i, 12 + i] = 1.0
+        X[:, 3 + i, 15 + 3 * i : 18 + 3 * i] = base[part]
+        X[:, 3 + i, LEVER] = A[i] @ lever
+        X[:, 3 + i, OFFSET] = rows.accel_slope[part] @ A[i]
+    return X
+
+
+def _size(left: FloatArray) -> float:
+    """Common size of residuals, not swayed by a few: 1.4826 times the median of their magnitudes."""
+    return float(1.4826 * np.median(np.abs(left - np.median(left, axis=0)))) if len(left) else 1.0
+
+
+def _weights(left: FloatArray) -> FloatArray:
+    """Huber's weights of rows by the length of their residual in units of its size, for three axes, shape (n, 3)."""
+    length = np.linalg.norm(left, axis=1) / np.sqrt(3.0)
+    return np.repeat(np.minimum(1.0, FAR / np.maximum(length, 1e-12))[:, None], 3, axis=1)
+
+
+def _white(imu: ImuModel) -> FloatArray:
+    """White noise of a sample's rate and force, counting's included, rad/s and m/s², shape (2,)."""
+    per_count = imu.sample_rate if imu.output == "increment" else 1.0
+    gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.gyro_lsb * per_count) ** 2 / 12.0
+    accel = imu.accel_vrw**2 * imu.sample_rate + (imu.accel_lsb * per_count) ** 2 / 12.0
+    return np.sqrt([gyro, accel])
+
+
+def _wander(data: PairData, primary: ImuModel, secondary: ImuModel) -> list[tuple[int, float]]:
+    """How far the mean of both biases over the recording may lie from their constants: place and sigma.
+
+    Variance of the mean of a Gauss-Markov process over T: 2 σ² τ/T (1 − τ/T (1 − e^(−T/τ))).
+    """
+    T = max(float(data.time[-1] - data.time[0]), data.dt) / WANDER_TIME
+    share = np.sqrt(2.0 / T * (1.0 - (1.0 - np.exp(-T)) / T)) * WANDER_PER_INSTABILITY
+    gyro = share * np.hypot(primary.gyro_bias_instability, secondary.gyro_bias_instability)
+    accel = share * np.hypot(primary.accel_bias_instability, secondary.accel_bias_instability)
+    return [
+        *((GYRO_BIAS.start + i, gyro) for i in range(3)),
+        *((ACCEL_BIAS.start + i, accel) for i in range(3)),
+    ]

@@ -1,0 +1,153 @@
+"""What the fit of two IMUs reads: both streams through one low pass, the primary's moved by any part of a sample."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from calstation.estimation.pairs.data import PairData
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics.imu_model import Compensation
+
+READING = 10
+"""Samples on each side that a reading between samples uses."""
+HALF_WIDTH = 16
+"""And those that the low pass uses."""
+PASS_BAND = 0.2
+"""Cut-off of the low pass, in units of the sample rate: motion is below, most noise above."""
+
+
+@cache
+def low_pass() -> FloatArray:
+    """The kernel of the low pass, shape (2 HALF_WIDTH + 1,)."""
+    from scipy.signal import firwin  # takes long to import, and few runs need it
+
+    return np.asarray(firwin(2 * HALF_WIDTH + 1, 2.0 * PASS_BAND))
+
+
+@dataclass(frozen=True)
+class Signals:
+    """The rows that a fit uses, n of them, in the band.
+
+    Attributes
+    ----------
+    row : places of the rows in the data, shape (n,)
+    gyro, accel : primary at t + τ, rad/s and m/s², shape (n, 3); gyro_slope, accel_slope : their derivatives
+    lever : G with what the lever's force G r adds to the primary's output, 1/s², shape (n, 3, 3)
+    gyro2, accel2 : secondary at t, shape (n, 3)
+    white, slope : how much of the variance of white noise is left in a reading and in its derivative (1/s²)
+    """
+
+    row: IntArray
+    gyro: FloatArray
+    accel: FloatArray
+    gyro_slope: FloatArray
+    accel_slope: FloatArray
+    lever: FloatArray
+    gyro2: FloatArray
+    accel2: FloatArray
+    white: float
+    slope: float
+
+
+def signals(data: PairData, offset: float, c: Compensation) -> Signals:
+    """Rows of all segments long enough for the filters, the primary read `offset` s later.
+
+    `c` : the primary's own errors, for the rates of the lever term and for how the primary would measure it
+    """
+    shift = round(offset / data.dt)
+    reading, slope = _kernels(offset / data.dt - shift)
+    slope, matrix = slope / data.dt, np.linalg.inv(c.accel_inverse)
+    margin = READING + HALF_WIDTH + abs(shift)
+    parts: list[list[FloatArray]] = [[] for _ in range(7)]
+    rows = []
+    for start, stop in data.segments:
+        if stop - start <= 2 * margin + 1:
+            continue
+        primary = np.hstack([data.gyro[start:stop], data.accel[start:stop]])
+        read = np.roll(_filtered(primary, reading), -shift, axis=0)
+        derivative = np.roll(_filtered(primary, slope), -shift, axis=0)
+        omega, alpha = (read[:, :3] - c.gyro_bias) @ c.gyro_inverse.T, derivative[:, :3] @ c.gyro_inverse.T
+        G = matrix @ _lever(omega, alpha, data.dt)
+        columns = (
+            read[:, :3],
+            read[:, 3:],
+            derivative[:, :3],
+            derivative[:, 3:],
+            G.reshape(-1, 9),
+            data.gyro2[start:stop],
+            data.accel2[start:stop],
+        )
+        inside = slice(margin, stop - start - margin)
+        for part, column in zip(parts, columns, strict=True):
+            part.append(_filtered(column, low_pass())[inside])
+        rows.append(np.arange(start + margin, stop - margin))
+    joined = [np.concatenate(part) if part else np.empty((0, 3)) for part in parts]
+    return Signals(
+        np.concatenate(rows) if rows else np.empty(0, np.int64),
+        joined[0],
+        joined[1],
+        joined[2],
+        joined[3],
+        joined[4].reshape(-1, 3, 3),
+        joined[5],
+        joined[6],
+        float(np.sum(np.convolve(reading, low_pass()) ** 2)),
+        float(np.sum(np.convolve(slope, low_pass()) ** 2)),
+    )
+
+
+def _filtered(columns: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Correlation of every column with a kernel of odd length, in place of the middle sample."""
+    from scipy.signal import fftconvolve
+
+    return np.asarray(fftconvolve(columns, kernel[::-1, None], mode="same", axes=0))
+
+
+def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
+    """Kernels that read a band-limited signal and its derivative (per sample) `part` of a sample later.
+
+    Lagrange's polynomial of order 20 (T. I. Laakso et al., *Splitting the unit delay*, IEEE Signal Processing Magazine
+    13(1), 1996): exact where motion is slow, and an all-pass in the band, so that noise looks alike at every offset.
+    """
+    k = np.arange(-READING, READING + 1)
+
+    def reading(at: float) -> FloatArray:
+        others = k[:, None] != k[None, :]
+        ratio = np.where(others, (at - k[None, :]) / np.where(others, k[:, None] - k[None, :], 1.0), 1.0)
+        return np.asarray(np.prod(ratio, axis=1))
+
+    step = 1e-4
+    return reading(part), (reading(part + step) - reading(part - step)) / (2.0 * step)
+
+
+def _lever(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
+    """Mean of [α×] + [ω×]² over a sample of mean rate ω, shape (n, 3, 3).
+
+    The mean of a product is that of the means and α α' dt²/12, as a rate that changes evenly has it.
+    """
+    square = omega[:, :, None] * omega[:, None, :] + alpha[:, :, None] * alpha[:, None, :] * (dt * dt / 12.0)
+    G = square - np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        G[:, i, j] -= alpha[:, k]
+        G[:, i, k] += alpha[:, j]
+    return np.asarray(G)
+
+
+def coarse_offset(data: PairData, largest: float) -> float:
+    """Offset (whole samples, within ± `largest` s) at which the lengths of both rates agree best, s."""
+    length, length2 = (np.linalg.norm(np.where(np.isnan(g), 0.0, g), axis=1) for g in (data.gyro, data.gyro2))
+    used = np.zeros(len(data))
+    for start, stop in data.segments:
+        used[start:stop] = 1.0
+    if not used.any():
+        return 0.0
+    from scipy.signal import fftconvolve
+
+    a, b = ((x - np.average(x, weights=used)) * used for x in (length, length2))
+    reach = min(round(largest / data.dt), len(data) - 1)
+    correlation = fftconvolve(a, b[::-1])
+    middle = len(b) - 1
+    window = correlation[middle - reach : middle + reach + 1]
+    return float(int(np.argmax(window)) - reach) * data.dt

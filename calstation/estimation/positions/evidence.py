@@ -1,0 +1,154 @@
+"""What a stage's samples say for or against an answer: its rests, and the motions between them by the gyros.
+
+Kept small, so that a verdict can be formed with the answer of the last stage when the samples are long gone: a rotation
+is kept for the parameters before the calibration and for the stage's own answer, with its derivative there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common.context import SolveContext
+from calstation.estimation.common.stage_data import StageData, mean_angles
+from calstation.estimation.common.stillness import find_stillness
+from calstation.estimation.positions.rows import turned
+from calstation.physics.arrays import FloatArray
+from calstation.physics.imu_model import compensate, compensation
+from calstation.physics.parameters import INDEX, PARAMETERS, group_indices
+from calstation.physics.rotation import rotation_matrix, rotation_vector
+
+SHORTEST_REST = 1.0
+_GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
+_COLUMNS = [*group_indices("gyro_bias"), *(INDEX[p.name] for p in _GYRO)]
+
+
+@dataclass(frozen=True)
+class RestEvidence:
+    """One rest: sequence numbers, length (s), mean raw force (m/s²) and rate (rad/s), encoder angles (rad) or None."""
+
+    first_seq: int
+    last_seq: int
+    duration: float
+    force: FloatArray
+    rate: FloatArray
+    angles: FloatArray | None
+
+    def compensated(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rate (rad/s) and specific force (m/s²) with these parameters, shape (3,) each."""
+        omega, force = compensate(compensation(parameters), self.rate[None], self.force[None])
+        return omega[0], force[0]
+
+
+@dataclass(frozen=True)
+class MotionEvidence:
+    """One unbroken motion between two rests.
+
+    before, after : the rests' places; first_seq, last_seq : of the motion; duration : s; path : length turned, rad
+    uncalibrated : body rotation with the parameters before, shape (3, 3)
+    point, rotation, derivative : parameters of the stage's answer, the rotation with them, and its derivative by
+        `_COLUMNS` as a rotation vector in the first rest's body, shapes (30,), (3, 3), (3, 12)
+    """
+
+    before: int
+    after: int
+    first_seq: int
+    last_seq: int
+    duration: float
+    path: float
+    uncalibrated: FloatArray
+    point: FloatArray
+    rotation: FloatArray
+    derivative: FloatArray
+
+    def calibrated(self, parameters: FloatArray) -> FloatArray:
+        """Body rotation with parameters near the stage's answer, shape (3, 3)."""
+        change = (parameters - self.point)[_COLUMNS]
+        return np.asarray(rotation_matrix(self.derivative @ change) @ self.rotation)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Rests and motions of one stage, in order."""
+
+    stage: str
+    rests: tuple[RestEvidence, ...]
+    motions: tuple[MotionEvidence, ...]
+
+
+def gather(
+    stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray
+) -> Evidence:
+    """Evidence of a stage; `before`, `found` : parameters before the calibration and the stage's answer, (30,)."""
+    still = find_stillness(data, context.imu, SHORTEST_REST)
+    rests = tuple(
+        RestEvidence(
+            int(data.seq[a]),
+            int(data.seq[b - 1]),
+            (b - a) * data.dt,
+            data.accel[a:b].mean(axis=0),
+            data.gyro[a:b].mean(axis=0),
+            mean_angles(data, a, b),
+        )
+        for a, b in still.rests
+    )
+    c, old = compensation(found), compensation(before)
+    motions = []
+    for link in still.links:
+        span = (data.dt, data.gyro, link.start, link.stop)
+        B, time, rate = turned(c.gyro_inverse, c.gyro_bias, *span)
+        uncalibrated, _, _ = turned(old.gyro_inverse, old.gyro_bias, *span)
+        by_matrix = [-rate[p.column] @ c.gyro_inverse[:, p.row] for p in _GYRO]
+        omega, _ = compensate(c, data.gyro[link.start : link.stop], data.accel[link.start : link.stop])
+        motions.append(
+            MotionEvidence(
+                before=link.first,
+                after=link.second,
+                first_seq=int(data.seq[link.start]),
+                last_seq=int(data.seq[link.stop - 1]),
+                duration=(link.stop - link.start) * data.dt,
+                path=float(np.linalg.norm(omega, axis=1).sum()) * data.dt,
+                uncalibrated=uncalibrated,
+                point=found,
+                rotation=B,
+                derivative=np.column_stack([-time @ c.gyro_inverse, *by_matrix]),
+            )
+        )
+    return Evidence(stage, rests, tuple(motions))
+
+
+def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path: float) -> float:
+    """Angle that a body turned relative to the ground, rad, whole turns included.
+
+    Parameters
+    ----------
+    rotation : relative to inertial space, shape (3, 3); earth : its rate in the body before, rad/s, shape (3,)
+    path : length of the way, rad, which says how many whole turns there were
+    """
+    angle = float(np.linalg.norm(rotation_vector(rotation_matrix(-earth * duration) @ rotation)))
+    turns = 2.0 * np.pi * np.arange(int(path / (2.0 * np.pi)) + 2)
+    candidates = np.concatenate([turns + angle, turns - angle])
+    return float(candidates[int(np.argmin(np.abs(candidates - path)))])
+
+
+def gravity_misses(evidence: Evidence, motion: MotionEvidence, found: FloatArray) -> tuple[float, float]:
+    """Angles between gravity after a motion and where the gyros carry it, before compensation and after.
+
+    Gravity itself is seen by the accelerometers of `found` both times.
+
+    Parameters
+    ----------
+    found : all 30 parameters, SI, shape (30,)
+
+    Returns
+    -------
+    tuple of float
+        rad
+    """
+    earth, up = evidence.rests[motion.before].compensated(found)
+    seen = evidence.rests[motion.after].compensated(found)[1]
+    misses = []
+    for rotation in (motion.uncalibrated, motion.calibrated(found)):
+        carried = (rotation_matrix(-earth * motion.duration) @ rotation).T @ up
+        cosine = carried @ seen / np.linalg.norm(carried) / np.linalg.norm(seen)
+        misses.append(float(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return misses[0], misses[1]

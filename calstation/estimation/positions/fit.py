@@ -1,0 +1,193 @@
+"""Solves rests and motions jointly: gravity seen at rest, rotation between, with the recording's own scatter.
+
+Nothing is said of where a rest stands or which way it faces: the modulus of gravity alone scales the accelerometers
+and the change of its direction alone scales the gyros. Gauss-Newton on the maximum a posteriori of parameters,
+attitudes and wander together (`position_rows`). D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to
+implement method for IMU calibration without external equipments*, ICRA 2014, fits the same two cues one after the
+other and without covariance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common.alignment import levelled
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.common.stillness import Link
+from calstation.estimation.positions.observations import Position, Scatter, excess
+from calstation.estimation.positions.rows import PositionRows, turned
+from calstation.physics.arrays import BoolArray, FloatArray
+from calstation.physics.earth import RATE
+from calstation.physics.imu_model import compensate, compensation
+from calstation.physics.parameters import COUNT, group_indices
+from calstation.physics.rotation import level_attitude, rotation_matrix
+
+MOST_ITERATIONS = 30
+MOST_REWEIGHTINGS = 12
+SETTLED = 1e-3
+LARGEST_STEP = 0.3
+"""A Gauss-Newton step turns no attitude further than this, rad."""
+
+
+@dataclass(frozen=True)
+class PositionFit:
+    """The joint answer.
+
+    belief : posterior of the 30 parameters, consider parameters gaining too; attitudes : C_bn, shape (n, 3, 3)
+    chi2, freedom : squared residuals in units of sigma, and how many of them nothing was fitted to
+    scatter : what the recording shows beyond the profile's noise
+    force_residual, turn_residual : of rests and motions, m/s² and rad, shapes (n, 3) and (m, 3)
+    settled : the last iteration moved nothing that matters
+    """
+
+    belief: Belief
+    attitudes: FloatArray
+    chi2: float
+    freedom: float
+    scatter: Scatter
+    force_residual: FloatArray
+    turn_residual: FloatArray
+    settled: bool
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """Where Gauss-Newton came to rest: whitened rows there, the last step and the covariance of the columns."""
+
+    point: FloatArray
+    attitudes: FloatArray
+    north: FloatArray
+    belief: Belief
+    H: FloatArray
+    left: FloatArray
+    covariance: FloatArray
+    settled: bool
+
+    def spare(self, H: FloatArray) -> float:
+        """How many of the rows `H` are left over by what was fitted: trace of I − H P Hᵀ."""
+        return len(H) - float(np.einsum("ij,jk,ik->", H, self.covariance, H))
+
+
+def fit_positions(
+    data: StageData,
+    rests: list[Position],
+    links: tuple[Link, ...],
+    context: SolveContext,
+    prior: Belief,
+    estimated: BoolArray,
+) -> PositionFit:
+    """The joint maximum a posteriori; parameters outside `estimated` count with their sigma but do not move.
+
+    Residuals that the known noise does not explain widen it, and the fit is made again.
+    """
+    scatter = Scatter()
+    problem = PositionRows(data, rests, links, context, prior, scatter)
+    point = _first_point(problem, estimated)
+    north = np.zeros((len(problem.chains), 2))
+    best = _settle(problem, point, _first_attitudes(problem, point), north, estimated)
+    for _ in range(MOST_REWEIGHTINGS):
+        before, scatter = scatter, _scatter(problem, best)
+        if scatter.near(before):
+            break
+        problem = PositionRows(data, rests, links, context, prior, scatter)
+        best = _settle(problem, best.point, best.attitudes, best.north, estimated)
+    seen = slice(problem.observations)
+    force, turn = _residuals(problem, best)
+    return PositionFit(
+        belief=best.belief,
+        attitudes=best.attitudes,
+        chi2=float(best.left[seen] @ best.left[seen]),
+        freedom=best.spare(best.H[seen]),
+        scatter=scatter,
+        force_residual=force,
+        turn_residual=turn,
+        settled=best.settled,
+    )
+
+
+def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
+    """The prior's mean, but the gyro bias that the rests show where the prior knows less than they do."""
+    prior, bias = problem.prior, group_indices("gyro_bias")
+    point = prior.mean.copy()
+    shown = np.median([r.rate for r in problem.rests], axis=0)
+    doubtful = estimated[bias] & (prior.sigma[bias] > RATE)
+    point[bias] = np.where(doubtful, shown, point[bias])
+    return point
+
+
+def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
+    """Attitudes to linearise about: levelled by gravity, headings carried along the motions."""
+    c, data = compensation(point), problem.data
+    into = {link.second: link for link in problem.links}
+    attitudes = np.empty((len(problem.rests), 3, 3))
+    for k, rest in enumerate(problem.rests):
+        _, force = compensate(c, rest.rate[None], rest.force[None])
+        if k in into:
+            link = into[k]
+            B, _, _ = turned(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop)
+            attitudes[k] = levelled(attitudes[link.first] @ B, force[0])
+        else:
+            attitudes[k] = level_attitude(force[0])
+    return attitudes
+
+
+def _settle(
+    problem: PositionRows,
+    point: FloatArray,
+    attitudes: FloatArray,
+    north: FloatArray,
+    estimated: BoolArray,
+) -> _Settled:
+    n, m, prior, root = len(problem.rests), len(problem.chains), problem.prior, problem.root
+    settled = False
+    for _ in range(MOST_ITERATIONS):
+        H, r = problem.rows(point, attitudes, north)
+        information = H.T @ H
+        scale = 1.0 / np.sqrt(np.diag(information))
+        covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
+        x = covariance @ (H.T @ r)
+        mean, spread = prior.mean + root @ x[:COUNT], root @ covariance[:COUNT, :COUNT] @ root.T
+        target, sigma = np.where(estimated, mean, prior.mean), np.sqrt(np.diag(spread))
+        turns = x[problem.phi : problem.phi + 3 * n].reshape(n, 3)
+        share = min(1.0, LARGEST_STEP / float(np.abs(turns).max()))
+        moved = float(np.max(np.abs(target - point) / np.where(sigma > 0.0, sigma, 1.0)))
+        point = point + share * (target - point)
+        found = x[problem.north : problem.drift].reshape(m, 2) * problem.north_rate
+        north = north + share * (found - north)
+        attitudes = np.array([rotation_matrix(share * t) @ C for t, C in zip(turns, attitudes, strict=True)])
+        if moved < SETTLED and share == 1.0:
+            settled = True
+            break
+    belief = Belief(mean, 0.5 * (spread + spread.T))
+    return _Settled(point, attitudes, north, belief, H, r - H @ x, covariance, settled)
+
+
+def _scatter(problem: PositionRows, at: _Settled) -> Scatter:
+    """What the residuals of rests and motions show beyond the profile's noise, weighted as they were.
+
+    Of a rest's force only the part along gravity tells of the rest alone: across it, a motion's error shows as well.
+    """
+    n, rows = len(problem.rests), problem.observations
+    up = at.attitudes[:, 2, :]
+    force = np.zeros((n, rows))
+    for k in range(n):
+        force[k, 6 * k : 6 * k + 3] = up[k]
+    pick = np.eye(rows)
+    rate = pick[np.add.outer(6 * np.arange(n), np.arange(3, 6)).ravel()]
+    found = []
+    for chosen, weighted, profile in (
+        (force, problem.force_variance, problem.force_noise),
+        (rate, np.repeat(problem.rate_variance, 3), np.repeat(problem.rate_noise, 3)),
+        (pick[6 * n :], np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
+    ):
+        H = chosen @ at.H[:rows]
+        found.append(excess(chosen @ at.left[:rows] * np.sqrt(weighted), profile, at.spare(H)))
+    return Scatter(*found)
+
+
+def _residuals(problem: PositionRows, at: _Settled) -> tuple[FloatArray, FloatArray]:
+    n = len(problem.rests)
+    force = at.left[: 6 * n].reshape(n, 6)[:, :3] * np.sqrt(problem.force_variance)[:, None]
+    turn = at.left[6 * n : problem.observations].reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None]
+    return force, turn

@@ -1,0 +1,94 @@
+"""The rests of a recording as observations: mean outputs with their variances, and how much more they scatter.
+
+The profile's noise is the unit's own. A hand, a rail or a warming unit adds to it, and by how much only the
+recording tells: `Scatter` is what is added, so that the answer's sigma is true of this recording.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common import chi_square
+from calstation.estimation.common.context import SolveContext
+from calstation.estimation.common.noise import filter_noise, rest_mean_variance
+from calstation.estimation.common.stage_data import StageData, slope_weights
+from calstation.estimation.common.stillness import Stillness
+from calstation.physics.arrays import FloatArray
+
+CREEP = 0.5
+"""Left out of the rates at the begin of a rest, s: a rig's last microradians are nothing else but a rate."""
+SIGNIFICANT = 0.9995
+"""Residuals beyond this share of what the known noise explains show a scatter of their own."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Standard deviations beyond the profile's noise.
+
+    force : of the mean specific force of a rest, m/s²; rate : of the gyro bias from rest to rest, rad/s;
+    turn : of the angle of a motion, rad
+    """
+
+    force: float = 0.0
+    rate: float = 0.0
+    turn: float = 0.0
+
+    def near(self, other: "Scatter") -> bool:
+        """Whether both agree to a twentieth."""
+        pairs = ((self.force, other.force), (self.rate, other.rate), (self.turn, other.turn))
+        return all(abs(a - b) <= 0.05 * max(a, b) for a, b in pairs)
+
+
+@dataclass(frozen=True)
+class Position:
+    """One rest.
+
+    start, stop : samples; time : IMU time of its middle, s
+    force : mean raw specific force, m/s², shape (3,), and its variance by the profile, (m/s²)²
+    rate : mean raw rate, rad/s, shape (3,), and its variance by the profile, (rad/s)²
+    """
+
+    start: int
+    stop: int
+    time: float
+    force: FloatArray
+    force_variance: float
+    rate: FloatArray
+    rate_variance: float
+
+
+def positions(data: StageData, still: Stillness, context: SolveContext) -> list[Position]:
+    """The rests with their mean outputs."""
+    noise = filter_noise(context)
+    stride = max(round(noise.interval / data.dt), 1)
+    found = []
+    for a, b in still.rests:
+        duration = (b - a) * data.dt
+        settled = a + round(CREEP / data.dt) if duration > 4.0 * CREEP else a
+        found.append(
+            Position(
+                start=a,
+                stop=b,
+                time=float(0.5 * (data.time[a] + data.time[b - 1])),
+                force=slope_weights(b - a, stride) @ data.accel[a:b],
+                force_variance=rest_mean_variance(context, duration) - float(noise.wander[3]) ** 2,
+                rate=data.gyro[settled:b].mean(axis=0),
+                rate_variance=noise.rate / ((b - settled) * data.dt),
+            )
+        )
+    return found
+
+
+def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> float:
+    """Standard deviation that, added to `variance`, brings the squared residuals to their `redundancy`.
+
+    0 where they are explained already, or where nothing is left over to tell.
+    """
+    total = float(np.sum(residual**2 / variance))
+    if redundancy < 1.0 or total <= chi_square.quantile(SIGNIFICANT, redundancy):
+        return 0.0
+    from scipy.optimize import brentq  # half a second to import, for the few recordings that need it
+
+    most = float(np.sum(residual**2)) / redundancy
+    found = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, most)
+    return float(np.sqrt(found))

@@ -1,0 +1,238 @@
+"""The joint problem of rests and motions as whitened least-squares rows.
+
+    rest       accel = (I + M_a) f + K2∘f² + b_a,  f = C_bnᵀ (0, 0, g);      gyro = (I + M_g) C_bnᵀ Ω + b_g
+    motion     C_second = Exp(−Ω T) C_first B,  B the body's rotation by the compensated gyros
+    attitude   C_true = (I + [φ×]) C
+
+Headings are nobody's business here: each chain of rests has a level frame of its own heading, and where north lies in
+it the earth's horizontal rate says, two unknowns of the size Ω cos φ. So the problem is nearly linear and needs no
+gyrocompassing, which poor gyros could not do; what is given up, that their root sum of squares is known, is worth
+nothing beside the rest.
+
+Columns: the parameters in units of the square root of their prior (30), φ of each rest (3 n), the horizontal earth rate
+of each chain in units of Ω cos φ / √2 (2 m), and where the profile states bias instability how far gyro and
+accelerometer biases have wandered at each rest, in units of its sigma (6 n).
+"""
+
+import numba as nb
+import numpy as np
+
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.noise import WANDER_TIME, filter_noise
+from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.common.stillness import Link
+from calstation.estimation.positions.observations import Position, Scatter
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.imu_model import Compensation, compensation
+from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices, group_matrix, group_vector
+from calstation.physics.rotation import rotation_matrix, rotation_vector, skew
+
+FIXED = 1e3
+"""Weight, 1/rad, with which a chain's first heading is held at what it is."""
+_ACCEL = [p for p in PARAMETERS if p.group in ("accel_scale", "accel_misalign")]
+_GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
+
+
+class PositionRows:
+    """Rows of one recording.
+
+    Attributes
+    ----------
+    columns, phi, north, drift : how many columns, and where φ, the horizontal earth rates and the wander begin
+    observations : rows that observe, 6 of each rest, then 3 of each motion; the prior's rows follow
+    force_noise, rate_noise, turn_noise : variances without the scatter of what they name, *_variance : with it
+    chains : rests into which no motion leads; chain : the place of each rest's chain among them
+    """
+
+    def __init__(
+        self,
+        data: StageData,
+        rests: list[Position],
+        links: tuple[Link, ...],
+        context: SolveContext,
+        prior: Belief,
+        scatter: Scatter,
+    ) -> None:
+        site, noise = context.site, filter_noise(context)
+        self.data, self.rests, self.links, self.prior = data, rests, links, prior
+        self.gravity = site.gravity or normal_gravity(site.latitude, site.height)
+        self.up_rate = float(rotation_rate(site.latitude)[2])
+        self.north_rate = float(rotation_rate(site.latitude)[1]) / np.sqrt(2.0)
+        self.wander = noise.wander
+        self.wanders = bool(np.any(noise.wander))
+        self.root = square_root(prior.covariance)
+        n = len(rests)
+        into = {link.second: link.first for link in links}
+        self.chains = [k for k in range(n) if k not in into]
+        self.chain = np.empty(n, np.int64)
+        for k in range(n):
+            self.chain[k] = self.chain[into[k]] if k in into else self.chains.index(k)
+        self.phi, self.north = COUNT, COUNT + 3 * n
+        self.drift = self.north + 2 * len(self.chains)
+        self.columns = self.drift + (6 * n if self.wanders else 0)
+        self.observations = 6 * n + 3 * len(links)
+        durations = np.array([(link.stop - link.start) * data.dt for link in links])
+        self.force_noise = np.array([r.force_variance for r in rests])
+        self.rate_noise = np.array([r.rate_variance for r in rests])
+        # a bias that differs from rest to rest differs in the motions too, all through each
+        self.turn_noise = noise.rate * durations + (scatter.rate * durations) ** 2
+        self.force_variance = self.force_noise + scatter.force**2
+        self.rate_variance = self.rate_noise + scatter.rate**2
+        self.turn_variance = self.turn_noise + scatter.turn**2
+
+    def rows(
+        self, point: FloatArray, attitudes: FloatArray, north: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point.
+
+        Parameters
+        ----------
+        point : parameters, SI, shape (30,); attitudes : C_bn of the rests, shape (n, 3, 3)
+        north : horizontal earth rate in each chain's level frame, rad/s, shape (m, 2)
+        """
+        c = compensation(point)
+        earth = np.column_stack([north, np.full(len(north), self.up_rate)])[self.chain]
+        parts = [self._rest(k, point, attitudes[k], earth[k]) for k in range(len(self.rests))]
+        parts += [self._link(k, c, attitudes, earth) for k in range(len(self.links))]
+        H, residual = np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+        # parameters and earth rates are unknowns of their own, not steps from the point
+        residual += H[:, :COUNT] @ (point - self.prior.mean)
+        residual += H[:, self.north : self.drift] @ north.ravel()
+        H[:, :COUNT] = H[:, :COUNT] @ self.root
+        H[:, self.north : self.drift] *= self.north_rate
+        extra = self._prior_rows()
+        return np.vstack([H, extra]), np.concatenate([residual, np.zeros(len(extra))])
+
+    def _rest(
+        self, k: int, point: FloatArray, C: FloatArray, earth: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        rest = self.rests[k]
+        M_a = np.eye(3) + group_matrix(point, "accel_scale", "accel_misalign")
+        M_g = np.eye(3) + group_matrix(point, "gyro_scale", "gyro_misalign")
+        K2 = group_vector(point, "accel_quadratic")
+        up = np.array([0.0, 0.0, self.gravity])
+        force, rate = C.T @ up, C.T @ earth
+        H = np.zeros((6, self.columns))
+        H[0:3, group_indices("accel_bias")] = H[3:6, group_indices("gyro_bias")] = np.eye(3)
+        for p in _ACCEL:
+            H[p.row, INDEX[p.name]] = force[p.column]
+        for p in _GYRO:
+            H[3 + p.row, INDEX[p.name]] = rate[p.column]
+        H[0:3, group_indices("accel_quadratic")] = np.diag(force**2)
+        phi = slice(self.phi + 3 * k, self.phi + 3 * k + 3)
+        H[0:3, phi] = (M_a + 2.0 * np.diag(K2 * force)) @ C.T @ skew(up)
+        H[3:6, phi] = M_g @ C.T @ skew(earth)
+        H[3:6, self._north_columns(k)] = (M_g @ C.T)[:, :2]
+        if self.wanders:
+            drift = self.drift + 6 * k
+            H[0:3, drift + 3 : drift + 6] = np.diag(self.wander[3:])
+            H[3:6, drift : drift + 3] = np.diag(self.wander[:3])
+        residual = np.concatenate(
+            [
+                rest.force - M_a @ force - K2 * force**2 - group_vector(point, "accel_bias"),
+                rest.rate - M_g @ rate - group_vector(point, "gyro_bias"),
+            ]
+        )
+        weight = 1.0 / np.sqrt(np.repeat([self.force_variance[k], self.rate_variance[k]], 3))
+        return H * weight[:, None], residual * weight
+
+    def _north_columns(self, rest: int) -> slice:
+        start = self.north + 2 * int(self.chain[rest])
+        return slice(start, start + 2)
+
+    def _link(
+        self, k: int, c: Compensation, attitudes: FloatArray, earth: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        link, data = self.links[k], self.data
+        duration = (link.stop - link.start) * data.dt
+        B, time, rate = turned(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop)
+        E = rotation_matrix(-earth[link.first] * duration)
+        start = E @ attitudes[link.first]
+        H = np.zeros((3, self.columns))
+        # δφ = −∫ C (I + M_g)⁻¹ (δb + δM ω) dt, from the first rest's body to n
+        per_bias = -start @ time @ c.gyro_inverse
+        H[:, group_indices("gyro_bias")] = per_bias
+        for p in _GYRO:
+            H[:, INDEX[p.name]] = -start @ rate[p.column] @ c.gyro_inverse[:, p.row]
+        H[:, self.phi + 3 * link.first : self.phi + 3 * link.first + 3] = E
+        H[:, self.phi + 3 * link.second : self.phi + 3 * link.second + 3] = -np.eye(3)
+        H[:, self._north_columns(link.first)] = -duration * np.eye(3)[:, :2]
+        if self.wanders:
+            half = 0.5 * per_bias * self.wander[:3]
+            for rest in (link.first, link.second):
+                H[:, self.drift + 6 * rest : self.drift + 6 * rest + 3] = half
+        residual = rotation_vector(attitudes[link.second] @ (start @ B).T)
+        weight = 1.0 / np.sqrt(self.turn_variance[k])
+        return H * weight, residual * weight
+
+    def _prior_rows(self) -> FloatArray:
+        """Prior of the parameters and earth rates, each chain's heading held, and the wander from rest to rest."""
+        rows = [np.eye(COUNT, self.columns), np.eye(2 * len(self.chains), self.columns, self.north)]
+        for k in self.chains:
+            row = np.zeros((1, self.columns))
+            row[0, self.phi + 3 * k + 2] = FIXED
+            rows.append(row)
+        if self.wanders:
+            for k, rest in enumerate(self.rests):
+                row = np.zeros((6, self.columns))
+                kept = 0.0 if k == 0 else np.exp(-(rest.time - self.rests[k - 1].time) / WANDER_TIME)
+                scale = 1.0 / np.sqrt(1.0 - kept**2)
+                row[:, self.drift + 6 * k : self.drift + 6 * k + 6] = scale * np.eye(6)
+                if k:
+                    row[:, self.drift + 6 * (k - 1) : self.drift + 6 * k] = -scale * kept * np.eye(6)
+                rows.append(row)
+        return np.vstack(rows)
+
+
+def square_root(P: FloatArray) -> FloatArray:
+    """L with L Lᵀ = P, by the eigenvectors of its correlation, so that zero and dependent variances are allowed."""
+    sigma = np.sqrt(np.diag(P))
+    safe = np.where(sigma > 0.0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(P / np.outer(safe, safe))
+    return np.asarray(sigma[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+@nb.njit(cache=True)
+def turned(
+    gyro_inverse: FloatArray, bias: FloatArray, dt: float, gyro: FloatArray, start: int, stop: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rotation of the body over samples `start` to `stop`, and what a change of the gyro's parameters does to it.
+
+    Parameters
+    ----------
+    gyro_inverse : (I + M_g)⁻¹, shape (3, 3); bias : rad/s, shape (3,); dt : s
+    gyro : raw mean rates, rad/s, shape (n, 3)
+
+    Returns
+    -------
+    B : C_b(start)←b(stop), shape (3, 3)
+    time : ∫ C dt, s, shape (3, 3); rate : ∫ C ω_c dt for each axis c, rad, shape (3, 3, 3), C = C_b(start)←b(t)
+    """
+    B, time, rate = np.eye(3), np.zeros((3, 3)), np.zeros((3, 3, 3))
+    omega, last, rotvec, following = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for k in range(max(start - 1, 0), stop):
+        for i in range(3):
+            last[i] = omega[i]
+            omega[i] = 0.0
+            for j in range(3):
+                omega[i] += gyro_inverse[i, j] * (gyro[k, j] - bias[j])
+        if k < start:
+            continue
+        if k == 0:
+            last[:] = omega
+        for i in range(3):  # coning by the last and the present increment, as `physics.strapdown`
+            j, m = (i + 1) % 3, (i + 2) % 3
+            rotvec[i] = omega[i] * dt + (last[j] * omega[m] - last[m] * omega[j]) * dt * dt / 12.0
+        turn = rotation_matrix(rotvec)
+        for i in range(3):
+            for j in range(3):
+                following[i, j] = B[i, 0] * turn[0, j] + B[i, 1] * turn[1, j] + B[i, 2] * turn[2, j]
+        for i in range(3):
+            for j in range(3):
+                middle = 0.5 * (B[i, j] + following[i, j]) * dt
+                B[i, j] = following[i, j]
+                time[i, j] += middle
+                for c in range(3):
+                    rate[c, i, j] += middle * omega[c]
+    return B, time, rate

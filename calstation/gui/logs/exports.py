@@ -1,0 +1,81 @@
+"""Writes the log as CSV and TOML, and the solution as JSON or CSV, where the user wants them."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtWidgets import QFileDialog, QWidget
+
+from calstation.gui.widgets.job_watch import JobWatch
+from calstation.jobs.queue import Workshop
+from calstation.results.offline_solve import drop_partial, export_log, export_result
+from calstation.results.plots.log_index import Overview
+
+
+class Exports(QObject):
+    """Asks where to and has it done; `began()` once it is on its way, how it goes on `watch` tells."""
+
+    began = Signal()
+
+    def __init__(self, workshop: Workshop, page: QWidget) -> None:
+        super().__init__(page)
+        self._workshop, self._page = workshop, page
+        self.target: Path | None = None
+        self.watch, self._sweeper = JobWatch(self), JobWatch(self)
+        self.watch.cancelled.connect(self._sweep)
+
+    def ask_log(self, log: Overview, first: int, last: int) -> None:
+        """Ask where a log's samples from `first` to `last` are to go."""
+        whole = (first, last) == (log.facts.first_seq, log.facts.last_seq)
+        ending = "export" if whole else f"{first}-{last}"
+        kinds = ["CSV (*.csv)", self.tr("Compressed CSV (*.csv.gz)")]
+        self._ask(
+            self.tr("Export the log") if whole else self.tr("Export the range"),
+            log.path.with_name(f"{_stem(log.path)}-{ending}.csv"),
+            kinds,
+            lambda target: self._begin(target, export_log, log.path, target, first, last),
+        )
+
+    def ask_result(
+        self, log: Path, result: Mapping[str, Any], stored: Mapping[str, Any] | None, ending: str = "offline"
+    ) -> None:
+        """Ask where the solution of a log is to go; `stored`: the run's own result; `ending` of the name proposed."""
+        kinds = ["JSON (*.json)", self.tr("Parameters as CSV (*.csv)")]
+        self._ask(
+            self.tr("Export the result"),
+            log.with_name(f"{_stem(log)}-{ending}.json"),
+            kinds,
+            lambda target: self._begin(target, export_result, result, stored, target),
+        )
+
+    def _ask(self, title: str, proposed: Path, kinds: list[str], act: Callable[[Path], None]) -> None:
+        dialog = QFileDialog(self._page, title, str(proposed.parent))
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setFileMode(QFileDialog.FileMode.AnyFile)
+        dialog.setNameFilters(kinds)
+        dialog.selectFile(proposed.name)
+        dialog.filterSelected.connect(lambda kind: dialog.setDefaultSuffix(_suffix(kind)))
+        dialog.setDefaultSuffix(_suffix(kinds[0]))
+        dialog.fileSelected.connect(lambda name: act(Path(name)))
+        dialog.finished.connect(dialog.deleteLater)
+        dialog.open()
+
+    def _begin(self, target: Path, work: Callable[..., Any], *arguments: Any) -> None:
+        self.target = target
+        self.watch.watch(self._workshop.submit(work, *arguments))
+        self.began.emit()
+
+    def _sweep(self) -> None:
+        """A worker that was killed cannot tidy up."""
+        assert self.target is not None
+        self._sweeper.watch(self._workshop.submit(drop_partial, self.target))
+
+
+def _stem(path: Path) -> str:
+    return path.name.removesuffix(".gz").removesuffix(".csv").removesuffix(".h5")
+
+
+def _suffix(kind: str) -> str:
+    """The suffix in a name filter's brackets, without its dot."""
+    return kind.rpartition("*.")[2].rstrip(")")

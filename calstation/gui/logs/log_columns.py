@@ -1,0 +1,71 @@
+"""Which columns of a log a view of a given width draws, and which single samples would be worth fetching for it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calstation.results.plots.log_index import Overview
+from calstation.results.plots.min_max_pyramid import BINS, Columns, Picture, Values, group_of, joined
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Rows `start` to `stop` of a log in at most `count` columns; they hold sequence numbers `first` to `last`."""
+
+    first: int
+    last: int
+    start: int
+    stop: int
+    count: int
+
+
+class LogColumns:
+    """A log's picture, with the single samples fetched last."""
+
+    def __init__(self, overview: Overview) -> None:
+        self._facts = overview.facts
+        self._picture = Picture(overview.folder)
+        self._fine: tuple[Wanted, Columns] | None = None
+
+    def keep(self, wanted: Wanted, columns: Columns) -> None:
+        """Take the single samples that were wanted."""
+        self._fine = (wanted, columns)
+
+    def view(self, first: int, last: int, count: int) -> tuple[Columns, Wanted | None]:
+        """At most `count` columns over a range of sequence numbers; what would show more of it, or None."""
+        columns = self._picture.columns(first, last, count)
+        if columns.samples > BINS[0] or len(columns) >= count // 2:
+            return columns, None
+        if self._fine is not None:
+            wanted, fine = self._fine
+            near = wanted.first <= first and last <= wanted.last
+            if near and fine.samples <= max(1, (last - first) // count):
+                return _between(fine, first, last, count), None
+        width = last - first
+        reach = max(self._facts.first_seq, first - width), min(self._facts.last_seq, last + width)
+        return columns, Wanted(*reach, *self._picture.rows(*reach), 8 * count)
+
+
+def parted(columns: Columns, wide: float) -> tuple[NDArray[np.float64], Values, Values]:
+    """Columns whose lines end where more than `wide` samples are missing: sequence numbers, lowest and highest values.
+
+    A joined column with such a gap may hold samples from before and behind it, and is left out.
+    """
+    gaps = np.flatnonzero(np.diff(columns.seq) - columns.samples > wide)
+    seq, low, high = columns.seq.astype(np.float64), columns.low, columns.high
+    if len(gaps) and columns.samples == 1:
+        seq = np.insert(seq, gaps + 1, np.nan)
+        low, high = (np.insert(values, gaps + 1, np.nan, axis=0) for values in (low, high))
+    else:
+        seq[gaps] = np.nan
+    return seq, low, high
+
+
+def _between(columns: Columns, first: int, last: int, count: int) -> Columns:
+    """The columns that hold a range, joined to at most `count`."""
+    start = max(0, int(columns.seq.searchsorted(first, side="right")) - 1)
+    stop = int(columns.seq.searchsorted(last, side="right")) + 1
+    k = slice(start, stop)
+    group = group_of(len(columns.seq[k]), count)
+    return joined(columns.seq[k], columns.low[k], columns.high[k], group, columns.samples)

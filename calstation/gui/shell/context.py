@@ -1,0 +1,106 @@
+"""What every page is given: the workshop, the engine, the role, the settings and where things lie."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, QSettings, Signal
+
+from calstation.config import library
+from calstation.gui.shell.engine_link import EngineLink
+from calstation.gui.shell.role import RoleLock
+from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.text import language
+from calstation.gui.widgets import theme
+from calstation.jobs.queue import Workshop
+
+
+class AppContext(QObject):
+    """Shared by all pages of a window.
+
+    Attributes
+    ----------
+    workshop : where slow work is done, in a process of its own
+    engine_link : starts runs and tells their events
+    run : where the run stands
+    role : operator or engineer
+    settings : language, theme, recent files; nothing that changes a result
+    station_path : the station file, None for the default, the virtual bench
+    product_path : the product file chosen on the operator page
+    stages, schedule : what an engineer chose to run in place of the product's; None for all of it as it stands
+    runs_folder : where logs and results go and history looks
+    """
+
+    station_changed = Signal()
+    product_changed = Signal()
+    choice_changed = Signal()
+    open_log = Signal(object)
+    open_run = Signal(object)
+    resume_run = Signal(object)
+    theme_changed = Signal()
+    runs_folder_changed = Signal()
+
+    def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
+        super().__init__()
+        self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
+        self.workshop = Workshop()
+        self.engine_link = EngineLink(self)
+        self.run = RunStatus(self.engine_link, self)
+        self.role = RoleLock(self)
+        self.station_path = station or self._last_station()
+        self.product_path: Path | None = None
+        self.stages: tuple[str, ...] | None = None
+        self.schedule: Mapping[str, Mapping[str, Any]] | None = None
+        self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
+
+    def set_station(self, path: Path | None) -> None:
+        """Use another station file."""
+        self.station_path = path
+        self.station_changed.emit()
+
+    def set_product(self, path: Path) -> None:
+        """Use another product file."""
+        if path != self.product_path:
+            self.product_path = path
+            self.product_changed.emit()
+
+    def choose(
+        self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None
+    ) -> None:
+        """Run these stages with these departures from the product's schedule from now on; None for the product's."""
+        if (stages, schedule) != (self.stages, self.schedule):
+            self.stages, self.schedule = stages, schedule
+            self.choice_changed.emit()
+
+    def set_runs_folder(self, folder: Path) -> None:
+        """Put the logs and results of new runs elsewhere; the history looks there too."""
+        self.runs_folder = folder
+        self.settings.setValue("runs_folder", str(folder))
+        self.runs_folder_changed.emit()
+
+    def set_theme(self, name: str) -> None:
+        """Change between light and dark."""
+        theme.apply(name)
+        self.settings.setValue("theme", theme.current())
+        self.theme_changed.emit()
+
+    def set_language(self, code: str) -> None:
+        """Speak another language."""
+        language.use(code)
+        self.settings.setValue("language", language.current())
+
+    def _last_station(self) -> Path | None:
+        """The station chosen last on its page, where it still exists."""
+        name = str(self.settings.value("station", ""))
+        return library.find("stations", name) if name in library.names("stations") else None
+
+    def close(self) -> None:
+        """End what runs beside the window; a run that is still going stops safely."""
+        self.engine_link.close()
+        self.workshop.close()
+
+
+def _runs_folder() -> Path:
+    """`runs` where the window was started, as in the terminal; in the site's folder where nothing can be written."""
+    return Path("runs") if os.access(Path.cwd(), os.W_OK) else library.site_folder() / "runs"

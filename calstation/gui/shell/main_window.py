@@ -1,0 +1,294 @@
+"""The main window: top bar, pages, and STOP in one place on all of them."""
+
+from functools import partial
+from itertools import pairwise
+
+from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QMainWindow,
+    QPushButton,
+    QStackedWidget,
+    QTabWidget,
+    QWidget,
+)
+
+from calstation.config.station import load_station
+from calstation.errors import CalstationError
+from calstation.gui.engineer.page import EngineerPage
+from calstation.gui.history.page import HistoryPage
+from calstation.gui.logs.methods.page import MethodsPage
+from calstation.gui.logs.page import OfflinePage
+from calstation.gui.operator.page import OperatorPage
+from calstation.gui.settings.page import StationPage
+from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.page import Page
+from calstation.gui.shell.role_panel import RolePanel
+from calstation.gui.shell.run_strip import RunStrip
+from calstation.gui.text import language
+from calstation.gui.widgets import icons, theme
+
+_PAGES: tuple[type[Page], ...] = (
+    OperatorPage,
+    EngineerPage,
+    OfflinePage,
+    HistoryPage,
+    StationPage,
+    MethodsPage,
+)
+_STRIP = theme.BIG_BUTTON + 2 * theme.GRID
+"""Height of the strip with STOP above every page, px."""
+
+_SMALLEST = QSize(1280, 720)
+
+
+class MainWindow(QMainWindow):
+    """All pages, the language, the theme, the role and STOP."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__()
+        self.app = app
+        self._closing = False
+        self._shown = 0
+        self.setFont(theme.font())
+        self.page_tabs = QTabWidget(self)
+        self.page_tabs.setObjectName("page_tabs")
+        self.page_tabs.tabBar().setDrawBase(False)
+        self.page_tabs.tabBar().setExpanding(False)
+        self.setCentralWidget(self.page_tabs)
+        name = QLabel("calstation")
+        name.setFont(theme.font(theme.SECTION, bold=True))
+        name.setFixedHeight(theme.TOP_BAR)
+        name.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
+        self.page_tabs.setCornerWidget(name, Qt.Corner.TopLeftCorner)
+        self.page_tabs.setCornerWidget(self._corner(), Qt.Corner.TopRightCorner)
+        self._strip = QWidget(self.page_tabs)
+        self._headers = QStackedWidget()
+        self.stop_button = QPushButton()
+        self.stop_button.setObjectName("stop_button")
+        self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
+        self.stop_button.clicked.connect(app.run.stop)
+        row = QHBoxLayout(self._strip)
+        row.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        row.setSpacing(2 * theme.GRID)
+        row.addWidget(self._headers, 1)
+        row.addWidget(self.stop_button)
+        self.pages: list[Page] = []
+        for kind in _PAGES:
+            self._add(kind(app))
+        self._role_panel = RolePanel(app.role, self)
+        self._order_tabs()
+        self.operator_page.header.guard(self.language_combo)
+        self.page_tabs.currentChanged.connect(self._turn)
+        QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
+        app.station_changed.connect(self._show_station)
+        app.role.changed.connect(self.retranslate)
+        app.role.wanted.connect(self._place_role_panel)
+        app.theme_changed.connect(self._dress)
+        app.engine_link.running_changed.connect(self._running_changed)
+        operator = self.operator_page
+        operator.station_wanted.connect(lambda: self.show_page("station_page"))
+        self.methods_page.live_wanted.connect(lambda: self.show_page("operator_page"))
+        app.open_log.connect(lambda _: self.show_page("offline_page"))
+        app.open_run.connect(lambda _: self.show_page("engineer_page"))
+        app.resume_run.connect(lambda _: self.show_page("operator_page"))
+        self.retranslate()
+        self._dress()
+        self.setMinimumSize(_SMALLEST)
+        self.resize(1366, 768)
+        geometry = app.settings.value("geometry")
+        if isinstance(geometry, QByteArray):
+            self.restoreGeometry(geometry)
+
+    @property
+    def operator_page(self) -> OperatorPage:
+        """The first page."""
+        page = self.pages[0]
+        assert isinstance(page, OperatorPage)
+        return page
+
+    @property
+    def methods_page(self) -> MethodsPage:
+        """The last page."""
+        page = self.pages[-1]
+        assert isinstance(page, MethodsPage)
+        return page
+
+    def show_page(self, name: str) -> None:
+        """Turn to a page by its object name."""
+        for page in self.pages:
+            if page.objectName() == name:
+                self.page_tabs.setCurrentWidget(page)
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self.setWindowTitle("calstation")
+        self.stop_button.setText(self.tr("STOP"))
+        self.stop_button.setToolTip(
+            self.tr("Stops the run safely; Esc does the same. It is no emergency stop.")
+        )
+        self._theme_button.setToolTip(self.tr("Light or dark"))
+        self._theme_button.setAccessibleName(self.tr("Light or dark"))
+        engineer = self.app.role.engineer
+        self._lock_button.setText(self.tr("Engineer") if engineer else self.tr("Operator"))
+        self._lock_button.setToolTip(
+            self.tr("Lock: back to the operator's role")
+            if engineer
+            else self.tr("Unlock with the engineer's PIN")
+        )
+        for index, page in enumerate(self.pages):
+            self.page_tabs.setTabText(index, page.title())
+        with QSignalBlocker(self.language_combo):
+            self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
+        self._dress()
+        self._show_station()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Keep the strip at the top of whatever page is shown."""
+        if event.type() in (QEvent.Type.Resize, QEvent.Type.Move, QEvent.Type.Show):
+            self._place_strip()
+        return super().eventFilter(watched, event)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """What no widget has taken may be a scan."""
+        if self._role_panel.isVisible() or not self.operator_page.header.take_key(event):
+            super().keyPressEvent(event)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """Ask while a run is going on; otherwise end what runs beside the window."""
+        if self.app.engine_link.running and not self._closing:
+            event.ignore()
+            self.show_page("operator_page")
+            self.operator_page.ask_close(self.stop_and_close, self._close_now)
+            return
+        if not self._closing and not self.pages[self._shown].may_leave(self.close):
+            event.ignore()
+            return
+        self.app.settings.setValue("geometry", self.saveGeometry())
+        self.app.close()
+        super().closeEvent(event)
+
+    def stop_and_close(self) -> None:
+        """Stop a run that is going on, and close when it has ended."""
+        self._closing = True
+        self.app.run.stop()
+        self._running_changed(self.app.engine_link.running)
+
+    def _close_now(self) -> None:
+        self._closing = True
+        self.app.engine_link.give_up()
+
+    def _running_changed(self, running: bool) -> None:
+        if self._closing and not running:
+            self.close()
+
+    def _corner(self) -> QWidget:
+        corner = QWidget()
+        corner.setFixedHeight(theme.TOP_BAR)
+        row = QHBoxLayout(corner)
+        row.setContentsMargins(0, 0, 2 * theme.GRID, 0)
+        row.setSpacing(theme.GRID)
+        row.addStrut(theme.TOP_BAR)
+        self._station = QLabel()
+        self._station.setObjectName("station_label")
+        self._station.setProperty("kind", "pill")
+        self.language_combo = language.language_combo()
+        self.language_combo.setProperty("kind", "tall")
+        self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
+        self.language_combo.currentIndexChanged.connect(self._choose_language)
+        self._theme_button = QPushButton()
+        self._theme_button.setObjectName("theme_button")
+        self._theme_button.setFixedWidth(theme.BUTTON)
+        self._theme_button.clicked.connect(self._other_theme)
+        self._lock_button = QPushButton()
+        self._lock_button.setObjectName("role_button")
+        self._lock_button.clicked.connect(self._lock_pressed)
+        for widget in (self._station, self.language_combo, self._theme_button, self._lock_button):
+            row.addWidget(widget, 0, Qt.AlignmentFlag.AlignVCenter)
+        return corner
+
+    def _add(self, page: Page) -> None:
+        page.setContentsMargins(0, _STRIP, 0, 0)
+        page.installEventFilter(self)
+        self.pages.append(page)
+        self.page_tabs.addTab(page, page.title())
+        self._headers.addWidget(page.header or RunStrip(self.app.run))
+
+    def _order_tabs(self) -> None:
+        """Tab goes as the eye reads: the top bar, the header, STOP, the page."""
+        header = self.operator_page.header
+        chain = (
+            self.page_tabs.tabBar(),
+            self.language_combo,
+            self._theme_button,
+            self._lock_button,
+            header.operator_edit,
+            header.serial_edit,
+            header.product_combo,
+            header.start_button,
+            header.pause_button,
+            self.stop_button,
+        )
+        for before, after in pairwise(chain):
+            QWidget.setTabOrder(before, after)
+
+    def _turn(self, index: int) -> None:
+        left = self.pages[self._shown]
+        if index != self._shown and not left.may_leave(partial(self.page_tabs.setCurrentIndex, index)):
+            self.page_tabs.setCurrentIndex(self._shown)
+            return
+        self._shown = index
+        self._headers.setCurrentIndex(index)
+        self._place_strip()
+
+    def _place_strip(self) -> None:
+        page = self.page_tabs.currentWidget()
+        if page is not None:
+            top = page.mapTo(self.page_tabs, QPoint(0, 0))
+            self._strip.setGeometry(top.x(), top.y(), page.width(), _STRIP)
+            self._strip.raise_()
+
+    def _place_role_panel(self) -> None:
+        """Below the padlock, beside STOP: nothing ever covers STOP."""
+        stop = self.stop_button.mapTo(self, QPoint(0, 0))
+        self._role_panel.move(stop.x() - self._role_panel.width() - theme.GRID, stop.y() - theme.GRID // 2)
+
+    def _lock_pressed(self) -> None:
+        if self.app.role.engineer:
+            self.app.role.lock()
+        elif self._role_panel.isVisible():
+            self._role_panel.hide()
+        else:
+            self.app.role.ask()
+
+    def _choose_language(self) -> None:
+        self.app.set_language(str(self.language_combo.currentData()))
+        self.operator_page.await_scan()
+
+    def _other_theme(self) -> None:
+        self.app.set_theme("light" if theme.current() == "dark" else "dark")
+        self.operator_page.await_scan()
+
+    def _dress(self) -> None:
+        self._theme_button.setIcon(icons.half_disc())
+        self._theme_button.setIconSize(QSize(24, 24))
+        self._lock_button.setIcon(icons.padlock(closed=not self.app.role.engineer))
+        self._lock_button.setIconSize(QSize(24, 24))
+
+    def _show_station(self) -> None:
+        try:
+            _, station = load_station(self.app.station_path)
+        except CalstationError:  # said where it can be mended, on the operator's and the station's page
+            self._station.setText(self.tr("no station"))
+            return
+        virtual = station.bench is not None
+        self._station.setText(self.tr("virtual bench") if virtual else station.name)
+        self._station.setToolTip(self.tr("Table and unit are software: nothing moves.") if virtual else "")

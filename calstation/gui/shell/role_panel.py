@@ -1,0 +1,164 @@
+"""Where the engineer's PIN is entered or first set: a panel below the padlock, with keys for touch."""
+
+from PySide6.QtCore import QEvent, Qt, QTimer
+from PySide6.QtWidgets import (
+    QFrame,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from calstation.errors import ConfigurationError
+from calstation.gui.shell.role import RoleLock
+from calstation.gui.widgets import theme
+
+_TICK = 250
+"""Between two looks at the time to wait, ms."""
+
+
+class RolePanel(QFrame):
+    """Hidden until it is wanted; closes by itself once the role is the engineer's."""
+
+    def __init__(self, role: RoleLock, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self.setAutoFillBackground(True)
+        self._role = role
+        self._wrong = ""
+        self._title, self._text, self._error = QLabel(), QLabel(), QLabel()
+        self._title.setProperty("kind", "section")
+        self._error.setProperty("kind", "error")
+        for label in (self._text, self._error):
+            label.setWordWrap(True)
+        self.pin_edit, self._again_edit = QLineEdit(), QLineEdit()
+        self.pin_edit.setObjectName("pin_edit")
+        self._again_edit.setObjectName("pin_again_edit")
+        for edit in (self.pin_edit, self._again_edit):
+            edit.setEchoMode(QLineEdit.EchoMode.Password)
+            edit.setFont(theme.font(theme.SECTION))
+            edit.setProperty("kind", "tall")
+            edit.returnPressed.connect(self._enter)
+            edit.textEdited.connect(lambda _: self._complain(""))
+        self._unlock, self._cancel = QPushButton(), QPushButton()
+        self._unlock.setObjectName("unlock_button")
+        self._unlock.setProperty("kind", "primary")
+        self._unlock.clicked.connect(self._enter)
+        self._cancel.clicked.connect(self.hide)
+        buttons = QHBoxLayout()
+        buttons.addWidget(self._unlock, 1)
+        buttons.addWidget(self._cancel, 1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
+        layout.setSpacing(theme.GRID)
+        for widget in (self._title, self._text, self.pin_edit, self._again_edit, self._error):
+            layout.addWidget(widget)
+        layout.addLayout(self._keys())
+        layout.addLayout(buttons)
+        self.setFixedWidth(42 * theme.GRID)
+        self._timer = QTimer(self)
+        self._timer.setInterval(_TICK)
+        self._timer.timeout.connect(self._count_down)
+        role.wanted.connect(self.open)
+        self.retranslate()
+        self.hide()
+
+    def open(self) -> None:
+        """Ask for the PIN."""
+        self.pin_edit.clear()
+        self._again_edit.clear()
+        self._complain("")
+        self.retranslate()
+        self.show()
+        self.raise_()
+        self.pin_edit.setFocus()
+        self._count_down()
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        new = self._role.new
+        self._again_edit.setVisible(new)
+        self._title.setText(self.tr("Choose the engineer's PIN") if new else self.tr("Engineer"))
+        self._text.setText(
+            self.tr("No PIN has been set here yet. At least four characters; it opens what changes results.")
+            if new
+            else self.tr("The PIN opens settings that change results, and registers.")
+        )
+        self.pin_edit.setPlaceholderText(self.tr("new PIN") if new else self.tr("PIN"))
+        self._again_edit.setPlaceholderText(self.tr("the same again"))
+        self._unlock.setText(self.tr("Set PIN") if new else self.tr("Unlock"))
+        self._cancel.setText(self.tr("Cancel"))
+        self.adjustSize()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.retranslate()
+        super().changeEvent(event)
+
+    def _keys(self) -> QGridLayout:
+        grid = QGridLayout()
+        grid.setSpacing(theme.GRID)
+        for place, text in enumerate("123456789"):
+            grid.addWidget(self._key(text), place // 3, place % 3)
+        grid.addWidget(self._key("0"), 3, 1)
+        back = QPushButton("⌫")
+        back.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        back.clicked.connect(lambda: self._field().backspace())
+        grid.addWidget(back, 3, 2)
+        return grid
+
+    def _key(self, digit: str) -> QPushButton:
+        key = QPushButton(digit)
+        key.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        key.clicked.connect(lambda: self._field().insert(digit))
+        return key
+
+    def _field(self) -> QLineEdit:
+        """The field that the keys write into."""
+        return self._again_edit if self._again_edit.hasFocus() else self.pin_edit
+
+    def _enter(self) -> None:
+        try:
+            if self._role.new:
+                self._set_first()
+            elif self._role.unlock(self.pin_edit.text()):
+                self.hide()
+            else:
+                self._complain(self.tr("The PIN is wrong."))
+                self.pin_edit.selectAll()
+        except ConfigurationError as error:
+            self._complain(str(error))
+        self._count_down()
+
+    def _set_first(self) -> None:
+        if self._again_edit.text() != self.pin_edit.text():
+            self._complain(self.tr("The two are not the same."))
+            self._again_edit.setFocus()
+            return
+        self._role.set_first_pin(self.pin_edit.text())
+        self.hide()
+
+    def _complain(self, text: str) -> None:
+        self._wrong = text
+        self._error.setText(text)
+        self._error.setVisible(bool(text))
+        self.adjustSize()
+
+    def _count_down(self) -> None:
+        """After several wrong PINs the next one has to wait."""
+        wait = 0.0 if self._role.new else self._role.wait
+        self._unlock.setEnabled(wait <= 0.0)
+        if wait > 0.0:
+            seconds = self.tr("Wait {seconds:.0f} s.").format(seconds=max(1.0, wait))
+            self._error.setText(f"{self._wrong} {seconds}".strip())
+            self._error.setVisible(True)
+            self._timer.start()
+        else:
+            self._timer.stop()
+            self._error.setText(self._wrong)
+            self._error.setVisible(bool(self._wrong))
+        self.adjustSize()

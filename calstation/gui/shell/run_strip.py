@@ -1,0 +1,55 @@
+"""How the run is doing, in one line beside STOP: what every page shows that has no header of its own."""
+
+from PySide6.QtCore import QEvent
+from PySide6.QtWidgets import QGridLayout, QLabel, QProgressBar, QWidget
+
+from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.text.wording import KINDS, word_stage, word_state, word_time
+from calstation.gui.widgets import theme
+from calstation.gui.widgets.badge import StateBadge
+
+
+class RunStrip(QWidget):
+    """State, stage, progress and time left."""
+
+    def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._run = run
+        self._badge = StateBadge(theme.SECTION)
+        self._text = QLabel()
+        self._bar = QProgressBar()
+        self._bar.setRange(0, 1000)
+        self._bar.setTextVisible(False)
+        self._bar.setFixedHeight(theme.GRID)
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, theme.GRID, 0)
+        grid.setHorizontalSpacing(2 * theme.GRID)
+        grid.addWidget(self._badge, 0, 0)
+        grid.addWidget(self._text, 0, 1)
+        grid.addWidget(self._bar, 1, 0, 1, 2)
+        grid.setColumnStretch(1, 1)
+        run.changed.connect(self.refresh)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Follow the run."""
+        run = self._run
+        words = word_state(run.shown)
+        if run.ended or run.fault is not None:  # of a unit that is named nowhere else on the page
+            words = f"{run.serial}  ·  {words}"
+        self._badge.show_state(KINDS.get(run.shown, "none"), words)
+        parts = []
+        if run.stage is not None:
+            parts.append(word_stage(run.stage.name))
+            parts.append(f"{100.0 * run.stage.fraction:.0f} %")
+        if run.remaining is not None:
+            parts.append(self.tr("{time} left").format(time=word_time(run.remaining)))
+        self._text.setText("  ·  ".join(parts))
+        self._bar.setVisible(run.going)
+        self._bar.setValue(round(1000 * run.fraction))
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.refresh()
+        super().changeEvent(event)

@@ -1,0 +1,80 @@
+"""What stands in words inside the sentences of faults: what codes mean and their mends, what was asked and when."""
+
+from calstation.messages.marked import QT_TRANSLATE_NOOP
+
+PHRASES: tuple[str, ...] = (
+    QT_TRANSLATE_NOOP("faults", "{0} (Modbus exception {1})"),
+    QT_TRANSLATE_NOOP("faults", "{0} of unit {1}"),
+    QT_TRANSLATE_NOOP("faults", "page {0} register {1}"),
+    QT_TRANSLATE_NOOP("faults", "register {0}"),
+    QT_TRANSLATE_NOOP("faults", "commit"),
+    QT_TRANSLATE_NOOP("faults", "reset"),
+    QT_TRANSLATE_NOOP("faults", "before the commit"),
+    QT_TRANSLATE_NOOP("faults", "after the restart"),
+    QT_TRANSLATE_NOOP("faults", "code {0}"),
+    QT_TRANSLATE_NOOP("faults", "exception {0}"),
+    # What came instead of an answer.
+    QT_TRANSLATE_NOOP("faults", "no answer"),
+    QT_TRANSLATE_NOOP("faults", "what is answered is another request"),
+    QT_TRANSLATE_NOOP("faults", "an answer of the wrong length"),
+    QT_TRANSLATE_NOOP("faults", "the answer has another length"),
+    QT_TRANSLATE_NOOP("faults", "the link is gone"),
+    QT_TRANSLATE_NOOP("faults", "the port was lost: {0}"),
+    # What a table has latched.
+    QT_TRANSLATE_NOOP("faults", "cause not told"),
+    QT_TRANSLATE_NOOP("faults", "quick stop"),
+    # Modbus exceptions, and what to do about them.
+    QT_TRANSLATE_NOOP("faults", "the function is not supported"),
+    QT_TRANSLATE_NOOP("faults", "no such register"),
+    QT_TRANSLATE_NOOP("faults", "the value is refused"),
+    QT_TRANSLATE_NOOP("faults", "the device cannot do it in its present state"),
+    QT_TRANSLATE_NOOP("faults", "acknowledged, not done yet"),
+    QT_TRANSLATE_NOOP("faults", "the device is busy"),
+    QT_TRANSLATE_NOOP("faults", "memory parity error"),
+    QT_TRANSLATE_NOOP("faults", "gateway path unavailable"),
+    QT_TRANSLATE_NOOP("faults", "no answer behind the gateway"),
+    QT_TRANSLATE_NOOP("faults", "check the table profile's registers"),
+    QT_TRANSLATE_NOOP("faults", "wait until it is done, then start again"),
+    QT_TRANSLATE_NOOP("faults", "check the gateway and the unit number"),
+    QT_TRANSLATE_NOOP("faults", "look at the drive's display"),
+    QT_TRANSLATE_NOOP("faults", "compare op read_words of the IMU profile with the unit's manual"),
+    QT_TRANSLATE_NOOP("faults", "compare [modbus] of the IMU profile with the unit's manual"),
+    QT_TRANSLATE_NOOP(
+        "faults",
+        "look at its supply (a unit that restarts forgets its page), then check the registers in the IMU profile",
+    ),
+    QT_TRANSLATE_NOOP("faults", "switch the unit off and on, then start again"),
+    QT_TRANSLATE_NOOP("faults", "switch the unit off and on, replace it where that does not help"),
+    QT_TRANSLATE_NOOP("faults", "check the gateway and modbus.unit of the IMU profile"),
+    QT_TRANSLATE_NOOP("faults", "look this exception up in the unit's manual"),
+    # Errors of the framed link.
+    QT_TRANSLATE_NOOP("faults", "unknown command"),
+    QT_TRANSLATE_NOOP("faults", "flash busy"),
+    QT_TRANSLATE_NOOP("faults", "it cannot do it in its present state"),
+    QT_TRANSLATE_NOOP("faults", "compare [commands] of the IMU profile with the unit's manual"),
+    QT_TRANSLATE_NOOP("faults", "check the addresses of the registers in the IMU profile"),
+    QT_TRANSLATE_NOOP("faults", "check type, scale and range of the registers in the IMU profile"),
+    QT_TRANSLATE_NOOP("faults", "look this error up in the unit's manual"),
+    # Errors of a VectorNav.
+    QT_TRANSLATE_NOOP("faults", "hard fault, the unit restarts"),
+    QT_TRANSLATE_NOOP("faults", "serial buffer overflow"),
+    QT_TRANSLATE_NOOP("faults", "invalid checksum"),
+    QT_TRANSLATE_NOOP("faults", "invalid command"),
+    QT_TRANSLATE_NOOP("faults", "not enough parameters"),
+    QT_TRANSLATE_NOOP("faults", "too many parameters"),
+    QT_TRANSLATE_NOOP("faults", "invalid parameter"),
+    QT_TRANSLATE_NOOP("faults", "invalid register"),
+    QT_TRANSLATE_NOOP("faults", "unauthorized access"),
+    QT_TRANSLATE_NOOP("faults", "watchdog reset"),
+    QT_TRANSLATE_NOOP("faults", "output buffer overflow"),
+    QT_TRANSLATE_NOOP("faults", "insufficient baud rate"),
+    QT_TRANSLATE_NOOP("faults", "error buffer overflow"),
+    QT_TRANSLATE_NOOP(
+        "faults", "look at its supply, switch it off and on; replace it where that does not help"
+    ),
+    QT_TRANSLATE_NOOP("faults", "raise its baud, or have it send less"),
+    QT_TRANSLATE_NOOP("faults", "check the cable, and vectornav.check of the IMU profile"),
+    QT_TRANSLATE_NOOP("faults", "compare this line with the unit's manual, and correct the IMU profile"),
+    QT_TRANSLATE_NOOP("faults", "look at the unit's write protection"),
+)
+"""Values of `fault_sentences.SENTENCES`, and values of theirs."""

@@ -1,0 +1,310 @@
+"""Registers written, finished or restored outside a run: the same guards, the same turns, the same safe stop.
+
+Where a table is driven it is made ready before the first register is written, and turns the restarted unit behind it.
+Rails that hands turn, and a table that is to be left alone, prove at rest. Who wanted what stands in the unit's journal
+(`register_journal`), with the old values, on disk before the first register is written.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from calstation.config.request import OR_AT_REST, RegisterErrand
+from calstation.config.resolved import Setup
+from calstation.config.resolving import configured
+from calstation.connection.devices import connected
+from calstation.connection.imu_session import rest_of, unit_alone
+from calstation.devices.imu.transfer import (
+    Closing,
+    Holds,
+    Step,
+    Transferred,
+    check_serial,
+    finish,
+    put_back,
+    recognise,
+    transfer,
+)
+from calstation.devices.interfaces import Imu, ImuIdentity
+from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
+from calstation.registers import journal as register_journal
+from calstation.registers.flash_wear import check_flash
+from calstation.registers.interrupted import refuse_interrupted, register_map
+from calstation.registers.journal import Transfer, site_of
+from calstation.registers.manual import held
+from calstation.registers.other_type import refuse_other_map, refuse_other_model
+from calstation.registers.unit_type import UnitSort
+from calstation.registers.verify_type import at_once, judge, judge_old, proved_by
+from calstation.sequencer.control import Control, StopRequested
+from calstation.sequencer.driving import Aside, Driving
+from calstation.sequencer.events import Message, Settled, StateChanged
+from calstation.sequencer.fresh_data import FreshData
+from calstation.sequencer.ports import Emit
+from calstation.sequencer.states import State
+from calstation.sequencer.task import Output, Task
+
+_OF_TABLES = ("table:", "schedule:")
+"""Beginnings of what is told of a table, and of moves that it cannot make."""
+
+Hear = Callable[[], None]
+"""Takes the operator's commands; raises StopRequested."""
+
+
+def turning(errand: RegisterErrand) -> bool:
+    """Whether a table is going to move for it. Raises InputError where there is nothing to do, ConfigurationError."""
+    setup, _ = configured(errand.request)
+    _Work.of(errand, setup, lambda event: None)
+    return not (errand.at_rest or setup.by_hand)
+
+
+def attend(errand: RegisterErrand, emit: Emit, control: Control) -> None:
+    """Do an errand to its end: its last event is `Settled`, or the `Fault` that ended it.
+
+    New registers that turn out wrong are taken back. A stop, or a fault of the table, behind the write leaves them
+    written and their transfer open: the next start offers to finish or to restore it.
+
+    Raises
+    ------
+    InputError
+        where there is nothing to finish, or the journal knows no such set.
+    ConfigurationError
+        where the journal cannot be written; nothing was written to the unit then.
+    DeviceFaultError
+        where another unit answers, an earlier transfer is open, a value does not fit, or the link fails.
+    """
+
+    def hear() -> None:
+        control.take()
+        if control.stopping:
+            raise StopRequested
+
+    setup, _ = configured(errand.request)
+    work = _Work.of(errand, setup, emit)
+    try:
+        if errand.at_rest or setup.by_hand:
+            settled: Settled | None = _at_rest(work, hear)
+        else:
+            settled = _with_turns(work, control, hear)
+    except StopRequested:
+        settled = work.stopped
+    if settled is not None:
+        emit(settled)
+
+
+@dataclass
+class _Work:
+    """An errand in hand.
+
+    Attributes
+    ----------
+    entry : the interrupted transfer that is to be settled; None where a new one is to begin
+    values, source : of the new one, SI by parameter, and where they come from
+    earlier : the transfer before which the unit held these values, None for those of a result
+    identity : of the unit, as it answered
+    """
+
+    errand: RegisterErrand
+    setup: Setup
+    emit: Emit
+    entry: Transfer | None
+    values: Mapping[str, float]
+    source: str
+    earlier: Transfer | None = None
+    identity: ImuIdentity = field(init=False)
+
+    @classmethod
+    def of(cls, errand: RegisterErrand, setup: Setup, emit: Emit) -> "_Work":
+        """Raises InputError where there is nothing to finish or restore, or what there is belongs to another sort of
+        unit; ConfigurationError for a worn out flash."""
+        runs, serial, site = errand.request.out, errand.request.serial, site_of(setup.station)
+        entry = register_journal.interrupted(runs, serial, site)
+        if entry is not None:
+            refuse_other_map(entry, setup)
+        if errand.what == "write":
+            check_flash(setup, runs, emit)
+            return cls(errand, setup, emit, None, errand.values, errand.source)
+        if entry is not None and errand.transfer is None:
+            return cls(errand, setup, emit, entry, {}, "")
+        if errand.what == "finish":
+            raise InputError(
+                f"{site or runs}: no transfer to unit '{serial}' is open; there is nothing to finish"
+            )
+        wanted = _earlier(runs, serial, errand.transfer, site)
+        refuse_other_map(wanted, setup)
+        check_flash(setup, runs, emit)
+        return cls(errand, setup, emit, None, wanted.old, f"before {wanted.id}", wanted)
+
+    @property
+    def back(self) -> bool:
+        """Whether the old registers of an interrupted transfer are put back."""
+        return self.entry is not None and self.errand.what == "restore"
+
+    @property
+    def stopped(self) -> Settled:
+        """The answer where it was stopped."""
+        return Settled(self.errand.request.serial, "stopped", "")
+
+    def untouched(self, imu: Imu) -> Settled | None:
+        """The answer for a unit that has the old registers already; None where something is to be done.
+
+        Raises DeviceFaultError for another unit, or one with another transfer open.
+        """
+        request = self.errand.request
+        check_serial(imu, request.serial)
+        self.identity = imu.identify()
+        for entry in filter(None, (self.entry, self.earlier)):
+            refuse_other_model(entry, self.identity.model)
+        if self.entry is None:
+            refuse_interrupted(imu, self.setup, request.out, request.serial)
+        elif self.back and recognise(imu, self.entry, register_map(self.setup)) is Holds.OLD:
+            self.entry.close(Closing.KEPT)
+            return self._settled(self.entry.old, Closing.KEPT, "")
+        return None
+
+    def write(self, imu: Imu) -> Transferred:
+        """Write, read back, commit, restart, read again. Raises DeviceFaultError, ConfigurationError."""
+        entries = register_map(self.setup)
+        if self.entry is not None:
+            return (put_back if self.back else finish)(imu, entries, self.entry)
+        return transfer(imu, entries, self.errand.request.serial, self.values, self._begin)
+
+    @contextmanager
+    def looking(self, hear: Hear) -> Iterator[None]:
+        """While the restarted unit is looked at; whatever ends that early, it is told how the unit is left."""
+        try:
+            try:
+                hear()
+            except StopRequested:
+                self.emit(Message("transfer_finished"))
+                raise
+            self.emit(Message("verifying"))
+            yield
+        except (StopRequested, CalstationError):
+            self.emit(Message("old_unproved" if self.back else "transfer_unproved"))
+            raise
+
+    def judge(self, imu: Imu, done: Transferred, fresh: FreshData, aside: Aside) -> Settled:
+        """Close the journal's entry by the fresh data. Raises DeviceFaultError where they are wrong."""
+        if self.back:
+            judge_old(self.setup, done, fresh)
+        else:
+            judge(self.setup, imu, done, fresh, aside)
+        proof = {Step.TURNED: "turn", Step.AT_REST: "rest"}.get(proved_by(fresh), "read_back")
+        told = "registers_read_back" if proof == "read_back" else "registers_proved"
+        self.emit(Message(told, {"count": len(done.found), "proof": proof}))
+        return self._settled(done.found, Closing.RESTORED if self.back else Closing.DONE, proof)
+
+    def _settled(self, found: Mapping[str, float], closing: Closing, proof: str) -> Settled:
+        request = self.errand.request
+        unit = held(self.setup, self.identity, found, request.out)
+        return Settled(request.serial, str(closing), proof, unit.to_json())
+
+    def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Transfer:
+        request = self.errand.request
+        why = "hand" if self.errand.what == "write" else "restore"
+        return register_journal.begin(
+            request.out,
+            request.serial,
+            old,
+            new,
+            by=request.operator,
+            why=why,
+            source=self.source,
+            site=site_of(self.setup.station),
+            sort=UnitSort.of(self.setup, self.identity.model),
+        )
+
+
+def _at_rest(work: _Work, hear: Hear) -> Settled:
+    """Leave the table alone."""
+    with unit_alone(_untold, work.setup, hear) as unit:
+        work.emit(StateChanged(State.PREPARING, State.IDLE))
+        untouched = work.untouched(unit.imu)
+        if untouched is not None:
+            return untouched
+        hear()
+        work.emit(StateChanged(State.RUNNING, State.PREPARING))
+        work.emit(Message("registers_writing"))
+        done = work.write(unit.imu)
+        with work.looking(hear):
+            fresh = rest_of(unit, work.setup, hear)
+        return work.judge(unit.imu, done, fresh, at_once)
+
+
+def _with_turns(work: _Work, control: Control, hear: Hear) -> Settled | None:
+    """Make the table ready, write, turn the unit, and bring it to the load angle; None where a fault was told."""
+    settled: Settled | None = None
+    with ExitStack() as stack:
+        with _or_at_rest():
+            devices = stack.enter_context(connected(work.setup, hear))
+        imu = devices.imu
+        untouched = work.untouched(imu)
+        if untouched is not None:
+            return untouched
+        imu.start()
+        imu.read()  # what came before belongs to nothing
+        drive = Driving(_task(work.setup), devices.table, imu, devices.clock, control, work.emit)
+
+        def write_and_turn() -> State:
+            nonlocal settled
+            drive.go(State.PREPARING)
+            with _or_at_rest():
+                drive.begin()
+                drive.preflight()
+                drive.check_turns()
+            drive.go(State.RUNNING)
+            if work.entry is None or work.setup.corrected is Output.ASKED:
+                work.emit(Message("reference"))
+                with _or_at_rest():
+                    drive.reference()
+            drive.pulse.hear()
+            work.emit(Message("registers_writing"))
+            done = drive.aside(lambda: work.write(imu))
+            with work.looking(drive.pulse.hear):
+                fresh = drive.fresh_data()
+            settled = work.judge(imu, done, fresh, drive.aside)
+            drive.finish()
+            return State.DONE
+
+        if drive.run(write_and_turn) is not None:
+            return None
+    return settled or work.stopped
+
+
+def _task(setup: Setup) -> Task:
+    """A run without stages; registers that may be wrong are not judged before they are mended."""
+    task = setup.task(setup.meta(datetime.now(UTC), 1, {}))
+    preflight = replace(task.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
+    return replace(task, stages=(), preflight=preflight)
+
+
+def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> Transfer:
+    """The transfer before which the unit held what is to be restored. Raises InputError."""
+    known = register_journal.history(runs, serial, site)
+    if not known:
+        mend = "check the number" if site else "give the folder of its runs with --out"
+        raise InputError(f"{site or runs}: no transfer to unit '{serial}' is known; {mend}")
+    found = [transfer_ for transfer_ in known if ident in (None, transfer_.id)]
+    if not found:
+        raise InputError(
+            f"{site or runs}: unit '{serial}' has no transfer '{ident}'; see calstation registers list {serial}"
+        )
+    return found[-1]
+
+
+@contextmanager
+def _or_at_rest() -> Iterator[None]:
+    """Nothing is written yet: what keeps the table from moving is told with the way around it."""
+    try:
+        yield
+    except CalstationError as error:
+        if not str(error).startswith(_OF_TABLES):
+            raise
+        kind = DeviceFaultError if isinstance(error, DeviceFaultError) else ConfigurationError
+        raise kind(f"{error}{OR_AT_REST}") from error
+
+
+def _untold(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Events tell how it gets on."""

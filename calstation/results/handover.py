@@ -1,0 +1,206 @@
+"""Hands every run's result to the factory's own system: a JSON file and a CSV line each, once, sooner or later.
+
+A run is put down as waiting when it begins, so that whatever ends it, its result is not forgotten. What cannot be
+handed over waits beside the runs and goes with the next one. Columns and files: docs/handover.md.
+"""
+
+import csv
+import io
+import json
+import os
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from calstation.config.station import StationConfig, load_station
+from calstation.jobs.worker import Tell
+from calstation.records.atomic import sync_folder, write_atomic
+from calstation.records.locked import locked
+from calstation.records.raw_log import SUFFIX
+from calstation.sequencer.events import Message
+from calstation.sequencer.ports import Emit
+
+CSV_NAME = "handover.csv"
+
+WAITING = ".handover"
+"""Folder beside the runs with an empty file for each run that is to be handed over."""
+
+_SAID_WITHIN = 10.0
+"""How long a run waits for a folder that does not answer before it says so and ends, s."""
+
+_LOCKED_WITHIN = 5.0
+_TAIL = 65_536
+"""How much of the CSV's end is searched for a line that a power cut left without its receipt, bytes."""
+
+COLUMNS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+    "started_utc": lambda r: r["started_utc"],
+    "serial": lambda r: r["unit"]["serial"],
+    "outcome": lambda r: r["outcome"],
+    "attempt": lambda r: r["attempt"],
+    "product": lambda r: r["product"],
+    "station": lambda r: r["station"],
+    "operator": lambda r: r["operator"],
+    "stages": lambda r: " ".join(r.get("finished_stages") or r["stages"]),
+    "duration_s": lambda r: f"{r['duration_s']:.1f}",
+    "advice": lambda r: r.get("advice"),
+    "failed_checks": lambda r: "; ".join(c["name"] for c in r["checks"] if not c["passed"]),
+    "error": lambda r: r.get("error") or r.get("stop_reason"),
+    "registers_written": lambda r: int(bool((r["registers"] or {}).get("verified"))),
+    "configuration_sha256": lambda r: r["configuration_sha256"],
+    "log_sha256": lambda r: r["log"]["sha256"],
+    "log": lambda r: r["log"]["file"],
+}
+"""Columns of the CSV before the last, `result`, which names the JSON file beside it."""
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """What came of a try: results handed over, results still waiting, and why (empty where none does)."""
+
+    folder: Path
+    done: int
+    waiting: int
+    reason: str
+
+
+class HandOver:
+    """A run's side of it; what the folder's file system takes its time for, it takes from nobody else's."""
+
+    def __init__(self, runs: Path, station_path: Path, station: StationConfig, emit: Emit) -> None:
+        self._runs = runs
+        self._folder, self._make = _target(runs, station_path, station)
+        self._emit = emit
+        self._thread: threading.Thread | None = None
+        self._delivery: Delivery | None = None
+
+    def start(self) -> None:
+        """Begin to hand over what waits from before."""
+        self._thread = threading.Thread(target=self._deliver, name="handover", daemon=True)
+        self._thread.start()
+
+    def finish(self) -> None:
+        """Hand over what waits now; says where something has to wait on."""
+        if self._thread is not None:
+            self._thread.join(_SAID_WITHIN)
+        before = 0 if self._delivery is None else self._delivery.done
+        self._delivery = None
+        if self._thread is None or not self._thread.is_alive():
+            self.start()
+            assert self._thread is not None
+            self._thread.join(_SAID_WITHIN)
+        given = self._delivery or Delivery(
+            self._folder, 0, len(_waiting(self._runs)), f"no answer within {_SAID_WITHIN:g} s"
+        )
+        if given.waiting:
+            values = {"folder": str(given.folder), "count": given.waiting, "reason": given.reason}
+            self._emit(Message("handover_waiting", values))
+        elif before or given.done > 1:
+            count = before + given.done
+            self._emit(Message("handover_done", {"folder": str(given.folder), "count": count}))
+
+    def _deliver(self) -> None:
+        self._delivery = _deliver(self._runs, self._folder, self._make)
+
+
+def expect(runs: Path, name: str) -> None:
+    """Put a run, by its log's stem, down as to be handed over. Raises OSError."""
+    folder = runs / WAITING
+    folder.mkdir(exist_ok=True)
+    (folder / name).touch()
+    sync_folder(folder)
+
+
+def deliver_waiting(tell: Tell, runs: Path, station: Path | None) -> Delivery:
+    """Work for the workshop: hand over what waits beside the runs to the folder of a station file."""
+    path, config = load_station(station)
+    return _deliver(runs, *_target(runs, path, config))
+
+
+def _target(runs: Path, station_path: Path, station: StationConfig) -> tuple[Path, bool]:
+    """The hand-over folder, and whether it may be made: a missing share must not become a folder of this disk."""
+    if station.handover is None:
+        return runs.absolute().parent / "handover", True
+    return station_path.absolute().parent / Path(station.handover.folder).expanduser(), False
+
+
+def _waiting(runs: Path) -> list[str]:
+    """Stems of the runs that wait, oldest first; those without any file are forgotten."""
+    names = []
+    for entry in (runs / WAITING).glob("*"):
+        if (runs / f"{entry.name}.json").exists():
+            names.append((entry.stat().st_mtime, entry.name))
+        elif not (runs / f"{entry.name}{SUFFIX}").exists() and not entry.name.startswith("."):
+            entry.unlink(missing_ok=True)
+    return [name for _, name in sorted(names)]
+
+
+def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
+    """Hand over what waits, each once. What fails waits on, and so does the rest where the folder has gone."""
+    done, reason = 0, ""
+    try:
+        if not _waiting(runs):
+            return Delivery(folder, 0, 0, "")
+        if make:
+            folder.mkdir(parents=True, exist_ok=True)
+        with locked(runs / WAITING / ".lock", _LOCKED_WITHIN):
+            for name in _waiting(runs):
+                try:
+                    _hand_over(runs, name, folder)
+                    done += 1
+                except OSError as exc:
+                    reason = _why(exc)
+                    if not folder.is_dir():
+                        break
+    except OSError as exc:
+        reason = _why(exc)
+    return Delivery(folder, done, len(_waiting(runs)) if reason else 0, reason)
+
+
+def _why(error: OSError) -> str:
+    return error.strerror or str(error)
+
+
+def _hand_over(runs: Path, name: str, folder: Path) -> None:
+    content = (runs / f"{name}.json").read_bytes()
+    write_atomic(folder / f"{name}.json", content)
+    with suppress(
+        ValueError, KeyError, TypeError, AttributeError
+    ):  # no line can be made of another program's JSON
+        _append(folder, name, json.loads(content))
+    (runs / WAITING / name).unlink(missing_ok=True)
+
+
+def _append(folder: Path, name: str, result: Mapping[str, Any]) -> None:
+    """Add the run's line in one write, the header before the first; not where it is there already."""
+    cells = [*(_cell(column(result)) for column in COLUMNS.values()), f"{name}.json"]
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(locked(folder / ".handover.lock", _LOCKED_WITHIN))
+        except OSError as exc:
+            if isinstance(exc, TimeoutError):
+                raise  # else a share without locks: one write at the end of the file is still whole
+        flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
+        handle = os.open(folder / CSV_NAME, flags, 0o644)
+        stack.callback(os.close, handle)
+        size = os.fstat(handle).st_size
+        os.lseek(handle, max(0, size - _TAIL), os.SEEK_SET)
+        tail = os.read(handle, _TAIL)
+        if f",{name}.json\n".encode() in tail:
+            return
+        begin = "" if not tail or tail.endswith(b"\n") else "\n"  # a line that a power cut tore
+        header = "" if size else _line([*COLUMNS, "result"])
+        os.write(handle, (begin + header + _line(cells)).encode())
+        os.fsync(handle)
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else " ".join(str(value).split())
+
+
+def _line(cells: list[str]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(cells)
+    return text.getvalue()

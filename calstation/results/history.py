@@ -1,0 +1,261 @@
+"""What was run before: found by serial number, outcome and date in an index that is made from the runs' own files."""
+
+import json
+import math
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from calstation.errors import InputError
+from calstation.jobs.worker import Tell
+from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_read import RawLogContents, being_written, read_contents, solved_stages
+from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
+from calstation.results.merge_previous import InForce
+from calstation.results.result import SCHEMA
+
+_AT_ONCE = 100
+"""Runs read between two words of progress."""
+
+_SOLVED = ("passed", "failed")
+
+_NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
+"""What comes of a JSON that is no result, or one that somebody else has written."""
+
+_MOST_ATTEMPTS = 1_000_000
+
+T = TypeVar("T")
+
+
+class History:
+    """The runs of a folder.
+
+    Queries answer from the index and take milliseconds. `refresh` brings it up to date with the folder's files;
+    every run does so before its first event and before its verdict, so only files that came otherwise (an index
+    that is missing, a folder copied here) need it from elsewhere.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._index = RunIndex(folder)
+
+    def refresh(self, tell: Callable[[float], None] | None = None) -> int:
+        """Read what is new or changed in the folder and forget what is gone; returns how many runs changed."""
+        known = self._index.stamps()
+        files = _files(self._folder)
+        gone = [name for name in known if name not in files]
+        changed = [name for name, stamp in files.items() if known.get(name) != stamp]
+        self._index.put([], gone)
+        count = len(gone)
+        for start in range(0, len(changed), _AT_ONCE):
+            names = changed[start : start + _AT_ONCE]
+            read = {name: _read(self._folder, name, files[name]) for name in names}
+            runs = [run for run in read.values() if run is not None]
+            no_runs = [name for name, run in read.items() if run is None and name in known]
+            self._index.put(runs, no_runs)
+            count += len(runs) + len(no_runs)
+            if tell is not None:
+                tell((start + len(names)) / len(changed))
+        return count
+
+    def runs(self, search: str = "", outcome: str | None = None, limit: int = 200) -> list[RunRecord]:
+        """Runs, the latest first.
+
+        `search` : part of a serial number, date (``2026-11-21``), product, station, operator or file name;
+        `outcome` : passed, failed, stopped, fault, incomplete, None for all
+        """
+        return self._ask(lambda: self._index.find(search, outcome, limit))
+
+    def of(self, serial: str) -> list[RunRecord]:
+        """All runs of a unit, the latest first."""
+        return [run.record for run in self._ask(lambda: self._index.of(serial))]
+
+    def passed_before(self, serial: str) -> RunRecord | None:
+        """The unit's latest run that passed."""
+        found = self._ask(lambda: self._index.of(serial, ("passed",)))
+        return found[0].record if found else None
+
+    def attempts(self, serial: str) -> int:
+        """How many runs of the unit were begun; one that was resumed counts once."""
+        return self._ask(lambda: self._index.count(serial))
+
+    def failures(self, serial: str) -> int:
+        """How often the unit was outside its limits since it last passed."""
+        count = 0
+        for run in self._ask(lambda: self._index.of(serial, _SOLVED)):
+            if run.record.outcome == "passed":
+                break
+            count += 1
+        return count
+
+    def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
+        """The unit's latest solved value of each parameter, SI, from runs begun before `before` (ISO 8601)."""
+        values: dict[str, float] = {}
+        for run in self._ask(lambda: self._index.of(serial, _SOLVED, before)):
+            values = {**run.values, **values}
+        return values
+
+    def in_force(self, serial: str) -> Mapping[str, InForce]:
+        """Registers as the latest run that found them wrote and proved them; kept ones are of an earlier run."""
+        found: dict[str, InForce] = {}
+        for run in self._ask(lambda: self._index.of(serial, ("passed",))):
+            written = {
+                name: InForce(value, sigma, run.record.started_utc)
+                for name, (value, sigma) in run.written.items()
+            }
+            found = {**written, **found}
+        return found
+
+    def solved(self, serial: str) -> list[IndexedRun]:
+        """The unit's solved runs with their values, the oldest first."""
+        return self._ask(lambda: self._index.of(serial, _SOLVED))[::-1]
+
+    def _ask(self, question: Callable[[], T]) -> T:
+        answer = question()
+        if self._index.lost:
+            self._index.lost = False
+            self.refresh()
+            answer = question()
+        return answer
+
+
+def refresh_history(tell: Tell, folder: Path) -> int:
+    """Work for the workshop: bring a folder's index up to date; returns how many runs changed."""
+    return History(folder).refresh(tell)
+
+
+def _files(folder: Path) -> dict[str, str]:
+    """Stamp of each run's files by stem; a log that is being written is left out unless its result is there."""
+    stamps: dict[str, str] = {}
+    logs: dict[str, str] = {}
+    if not folder.is_dir():
+        return {}
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            stem, suffix = os.path.splitext(entry.name)  # noqa: PTH122 - thousands of them, and a Path is slow
+            if suffix not in (SUFFIX, ".json") or stem.startswith("."):
+                continue
+            status = entry.stat()
+            stamp = f"{status.st_mtime_ns} {status.st_size}"
+            if suffix == ".json":
+                stamps[stem] = stamp
+            else:
+                logs[stem] = stamp
+    left = {stem: stamp for stem, stamp in logs.items() if stem not in stamps and not _going(folder, stem)}
+    return {**{stem: f"log {stamp}" for stem, stamp in left.items()}, **stamps}
+
+
+def _going(folder: Path, stem: str) -> bool:
+    """Whether a run is still going, or nothing can be said of its log."""
+    try:
+        return being_written(folder / f"{stem}{SUFFIX}")
+    except InputError:
+        return True
+
+
+def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
+    """A run from its result, or from its log where there is none; None where the file is neither, or damaged."""
+    try:
+        return _found(folder, name, stamp)
+    except (OSError, InputError, *_NO_RESULT):
+        return None
+
+
+def _found(folder: Path, name: str, stamp: str) -> IndexedRun | None:
+    beside = folder / f"{name}.json"
+    if not stamp.startswith("log "):
+        result = json.loads(beside.read_text(encoding="utf-8"))
+        return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
+    contents = read_contents(folder / f"{name}{SUFFIX}")
+    if contents.outcome is None:
+        return _from_log(folder, name, stamp, contents)
+    for result in reversed(contents.results):
+        if _is_run(result, name):
+            return _from_result(folder, name, stamp, result, None)
+    return None
+
+
+def _is_run(result: Any, name: str) -> bool:
+    """Whether a JSON is the result of the run of this name, and not a copy or another log's solution."""
+    return (
+        isinstance(result, dict)
+        and result.get("schema") == SCHEMA
+        and result.get("outcome") != "resolved"
+        and Path(str(result["log"]["file"]).replace("\\", "/")).stem == name
+    )
+
+
+def _from_result(
+    folder: Path, name: str, stamp: str, result: Mapping[str, Any], beside: Path | None
+) -> IndexedRun:
+    record = RunRecord(
+        serial=_words(result["unit"]["serial"]) or "",
+        started_utc=_words(result.get("started_utc")) or "",
+        outcome=_words(result["outcome"]) or "",
+        attempt=min(int(result.get("attempt") or 1), _MOST_ATTEMPTS),
+        product=_words(result.get("product")),
+        station=_words(result.get("station")),
+        operator=_words(result.get("operator")),
+        stages=tuple(_words(stage) or "" for stage in result.get("finished_stages") or result["stages"]),
+        log=folder / f"{name}{SUFFIX}",
+        result=beside,
+        duration=_finite(result.get("duration_s")),
+        error=_words(result.get("error") or result.get("stop_reason")),
+        resumed_from=_words(result.get("resumed_from")),
+        closed="closed_utc" in result,
+    )
+    values = {_words(parameter) or "": float(row["value"]) for parameter, row in result["parameters"].items()}
+    finite = {parameter: value for parameter, value in values.items() if math.isfinite(value)}
+    return IndexedRun(name, stamp, record, finite, _written(result))
+
+
+def _written(result: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Value and sigma of each register that a run wrote from its own answer and proved, SI."""
+    registers = result.get("registers") or {}
+    if result["outcome"] != "passed" or not registers.get("verified"):
+        return {}
+    kept, parameters = registers.get("kept") or {}, result["parameters"]
+    pairs = {
+        name: (float(value), float(parameters[name]["sigma"]))
+        for name, value in registers["new"].items()
+        if name in parameters and name not in kept
+    }
+    return {name: pair for name, pair in pairs.items() if all(map(math.isfinite, pair))}
+
+
+def _finite(value: Any) -> float:
+    """A number, 0 where there is none. Raises TypeError or ValueError where it is something else."""
+    number = float(value or 0.0)
+    return number if math.isfinite(number) else 0.0
+
+
+def _words(value: Any) -> str | None:
+    """A text that can be stored, or None. Raises TypeError or ValueError for anything else."""
+    if value is None:
+        return None
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    value.encode()  # half of a character pair is no character
+    return value
+
+
+def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:
+    """A run that died and has not been given its result yet."""
+    meta = contents.meta
+    run = meta.run
+    record = RunRecord(
+        serial=meta.imu.serial,
+        started_utc=run.started_utc if run else "",
+        outcome="incomplete",
+        attempt=run.attempt if run else 1,
+        product=meta.product.name if meta.product else None,
+        station=run.station if run else None,
+        operator=run.operator if run else None,
+        stages=solved_stages(contents.events),
+        log=folder / f"{name}{SUFFIX}",
+        result=None,
+        duration=0.0,
+        resumed_from=run.resumed_from if run else None,
+    )
+    return IndexedRun(name, stamp, record, {})

@@ -1,0 +1,167 @@
+"""Works for the workshop around solving a stored log again: the solution, and exports of log and result."""
+
+import contextlib
+import csv
+import io
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from calstation.errors import ConfigurationError
+from calstation.records.convert import export_csv, partial_path
+from calstation.results.plots.log_index import Span
+from calstation.results.resolve import Resolved, resolve
+
+_BATCH = {"rate": 2.5, "six_position": 1.0}
+_FILTER = 10.0
+"""What solving costs per sample where reading one costs 1, measured; filters take several passes."""
+
+CSV_COLUMNS = (
+    "parameter",
+    "value",
+    "sigma",
+    "unit",
+    "stage",
+    "online_value",
+    "online_sigma",
+    "difference_in_sigma",
+)
+
+
+def offline_solve(
+    tell: Callable[..., None],
+    path: Path,
+    stages: tuple[str, ...] | None,
+    first_seq: int,
+    last_seq: int,
+    spans: Sequence[Span],
+) -> Resolved:
+    """Solve a log between two sequence numbers; the note told is the stage at hand.
+
+    Parameters
+    ----------
+    stages, first_seq, last_seq : as `resolve`
+    spans : the log's stages, from its overview, to know how much there is to do
+
+    Raises
+    ------
+    CalstationError
+        as `resolve`.
+    """
+    meter = _Meter(tell, stages, first_seq, last_seq, spans)
+    return resolve(path, stages, first_seq, last_seq, meter.watch)
+
+
+class _Meter:
+    """Weighs samples read and stages solved into one fraction."""
+
+    def __init__(
+        self,
+        tell: Callable[..., None],
+        stages: tuple[str, ...] | None,
+        first_seq: int,
+        last_seq: int,
+        spans: Sequence[Span],
+    ) -> None:
+        self._tell = tell
+        self._range = (first_seq, last_seq)
+        self._spans = [s for s in spans if stages is None or s.stage in stages]
+        self._total = 0.0
+        self._shares: dict[str, float] = {}
+        for span in self._spans:
+            samples = span.within(first_seq, last_seq)
+            share = samples * _BATCH.get(span.stage, _FILTER)
+            self._shares[span.stage] = self._shares.get(span.stage, 0.0) + share
+            self._total += samples + share
+        self._solved: dict[str, float] = {}
+        self._read = 0
+        self._most = 0.0
+
+    def watch(self, stage: str, seq: int, solved: float) -> None:
+        """How `resolve` gets on."""
+        first, last = self._range
+        self._read = max(self._read, sum(s.within(first, min(seq, last)) for s in self._spans))
+        for name in self._shares:
+            if name == stage:
+                self._solved[name] = max(solved, self._solved.get(name, 0.0))
+                break
+        for name in self._solved:
+            if name != stage:
+                self._solved[name] = 1.0  # one stage is begun when the one before is done
+        done = self._read + sum(self._solved[name] * self._shares[name] for name in self._solved)
+        self._most = max(self._most, min(done / max(self._total, 1.0), 0.99))
+        self._tell(self._most, note=stage)
+
+
+def export_log(tell: Callable[..., None], source: Path, target: Path, first_seq: int, last_seq: int) -> Path:
+    """Write samples `first_seq` to `last_seq` of a log as CSV and TOML, see `export_csv`; nothing of it remains where
+    that fails."""
+    count = max(last_seq - first_seq + 1, 1)
+    export_csv(source, target, lambda done: tell(min(done / count, 0.99)), first_seq, last_seq)
+    return target
+
+
+def drop_partial(tell: Callable[..., None], target: Path) -> None:
+    """Remove what a cancelled `export_log` left behind."""
+    partial_path(target).unlink(missing_ok=True)
+    tell(1.0)
+
+
+def export_result(
+    tell: Callable[..., None], result: Mapping[str, Any], stored: Mapping[str, Any] | None, target: Path
+) -> Path:
+    """Write a result as JSON, or its parameters beside those of the run as CSV, by the target's name; atomically.
+
+    Raises
+    ------
+    ConfigurationError
+        where the place cannot be written.
+    """
+    if target.suffix == ".csv":
+        text = _parameters_csv(result, stored)
+    else:
+        text = json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    partial = partial_path(target)
+    try:
+        with partial.open("w", encoding="utf-8", newline="") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(target)
+    except OSError as exc:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+        raise ConfigurationError(
+            f"{target}: cannot be written ({exc.strerror or exc}); choose another folder"
+        ) from exc
+    tell(1.0)
+    return target
+
+
+def in_sigma(offline: Mapping[str, Any], online: Mapping[str, Any]) -> float:
+    """Difference of two answers for one parameter, offline less online, over the larger of their sigmas.
+
+    Where one is solved from part of the other's data, the difference's own sigma is never larger than that
+    (J. A. Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1).
+    """
+    difference = float(offline["value"] - online["value"])
+    sigma = max(float(offline["sigma"]), float(online["sigma"]))
+    return difference / sigma if sigma > 0.0 else 0.0 if difference == 0.0 else float("inf")
+
+
+def _parameters_csv(result: Mapping[str, Any], stored: Mapping[str, Any] | None) -> str:
+    before: Mapping[str, Any] = stored["parameters"] if stored is not None else {}
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for name, row in result["parameters"].items():
+        online = before.get(name)
+        cells = [name, repr(row["value"]), repr(row["sigma"]), row["unit"], row["stage"]]
+        if online is None:
+            cells += ["", "", ""]
+        else:
+            cells += [repr(online["value"]), repr(online["sigma"]), f"{in_sigma(row, online):.6g}"]
+        writer.writerow(cells)
+    return stream.getvalue()

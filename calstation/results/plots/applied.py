@@ -1,0 +1,124 @@
+"""An answer applied to samples, before and after over their time and at rest; for the workshop, to a recording."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calstation.errors import InsufficientDataError
+from calstation.estimation.common.applied import before_after
+from calstation.estimation.common.context import SolveContext
+from calstation.estimation.common.samples import SampleBlock, joined
+from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.common.stillness import find_stillness
+from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import RATE, normal_gravity
+from calstation.records.log import open_log
+from calstation.records.meta import context_from_meta
+
+_COLUMNS = 2000
+_MEAN_OVER = 0.25
+"""Samples are averaged over this long at least, s: a line of single samples shows their noise and nothing else."""
+_SHORTEST_REST = 1.0
+
+
+@dataclass(frozen=True)
+class Applied:
+    """Samples with the parameters before and with those found.
+
+    Attributes
+    ----------
+    path : of the recording; None where they came from the unit just now
+    serial : of the unit that they are of
+    time : s from its start, shape (k,)
+    length_before, length_after : of the force less gravity, means over the time between, m/s², shape (k,)
+    rate_before, rate_after : size of the mean rate, rad/s, shape (k,)
+    rests : begin and end of each, s, shape (r, 2)
+    rest_length, rest_rate : means of each rest before and after, m/s² and rad/s, shape (r, 2)
+    length_rms, rate_rms : over the means of all rests, before and after, m/s² and rad/s; the rate holds the earth's
+    earth : its rate, rad/s
+    corrected : the unit has corrected them by its registers; before and after are the same, both as they came
+    named : the unit said its serial number itself
+    """
+
+    path: Path | None
+    serial: str
+    time: FloatArray
+    length_before: FloatArray
+    length_after: FloatArray
+    rate_before: FloatArray
+    rate_after: FloatArray
+    rests: FloatArray
+    rest_length: FloatArray
+    rest_rate: FloatArray
+    length_rms: tuple[float, float]
+    rate_rms: tuple[float, float]
+    earth: float = RATE
+    corrected: bool = False
+    named: bool = True
+
+
+def apply_to_recording(
+    tell: Callable[..., None], path: Path, before: FloatArray, found: FloatArray
+) -> Applied:
+    """Apply parameters (SI, shape (30,) each) to all valid samples of a recording.
+
+    Raises InputError where it cannot be read, InsufficientDataError where it never rests.
+    """
+    tell(0.0)
+    log = open_log(path)
+    context = context_from_meta(log.meta)
+    blocks = list(log.blocks())
+    tell(0.5)
+    return applied(blocks, context, before, found, path)
+
+
+def applied(
+    blocks: list[SampleBlock],
+    context: SolveContext,
+    before: FloatArray,
+    found: FloatArray,
+    path: Path | None = None,
+) -> Applied:
+    """Apply parameters (SI, shape (30,) each) to all valid samples.
+
+    Raises InsufficientDataError where they never rest.
+    """
+    data = stage_data(blocks, context.imu)
+    whole = joined(blocks)
+    rests = find_stillness(data, context.imu, _SHORTEST_REST).rests
+    if not rests:
+        name = "" if path is None else f"{path}: "
+        raise InsufficientDataError(
+            f"{name}no rest of {_SHORTEST_REST:g} s or more in {len(data) * data.dt:.1f} s of samples; "
+            "lay the unit still at every position"
+        )
+    site = context.site
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    stride = max(1, round(_MEAN_OVER * context.imu.sample_rate), len(whole) // _COLUMNS)
+    shown = before_after(whole, context.imu, before, found, gravity, stride)
+    start = float(data.time[0])
+    lengths, rates = [], []
+    for a, b in rests:
+        first, last = int(whole.seq.searchsorted(data.seq[a])), int(whole.seq.searchsorted(data.seq[b - 1]))
+        rest = before_after(
+            whole.part(first, last + 1), context.imu, before, found, gravity, last + 1 - first
+        )
+        lengths.append([float(rest.length_before[0]), float(rest.length_after[0])])
+        rates.append([float(np.linalg.norm(r[0])) for r in (rest.rate_before, rest.rate_after)])
+    length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
+    return Applied(
+        path,
+        context.imu.serial,
+        shown.time - start,
+        shown.length_before,
+        shown.length_after,
+        np.linalg.norm(shown.rate_before, axis=1),
+        np.linalg.norm(shown.rate_after, axis=1),
+        np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
+        np.array(lengths),
+        np.array(rates),
+        (float(length_rms[0]), float(length_rms[1])),
+        (float(rate_rms[0]), float(rate_rms[1])),
+    )

@@ -1,0 +1,238 @@
+"""Works for the workshop that make a log visible: its picture, its marks, and its single samples where wanted."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calstation.errors import ConfigurationError
+from calstation.estimation.common.samples import SampleBlock
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.records.csv_log import estimated_rows
+from calstation.records.facts import LogFacts
+from calstation.records.log import Log, open_log
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_read import raw_rows, row_count
+from calstation.results.plots.min_max_pyramid import Columns, Picture, PictureWriter, group_of, joined
+
+MOST_MARKS = 20_000
+"""Marks of a kind that are kept; of more only the number is known."""
+_LOOK_BACK = 4096
+"""Rows read before those asked for, to find the angles last polled."""
+_HOLES = "holes.npy"
+"""Beside the picture: first row and number of rows of each stretch of damaged ones, shape (n, 2)."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of a log in one stage: its samples, and the sequence numbers of the first and last of them."""
+
+    stage: str
+    first_seq: int
+    last_seq: int
+    samples: int
+
+    def within(self, first: int, last: int) -> int:
+        """About how many of its samples lie between two sequence numbers, both included."""
+        width = self.last_seq - self.first_seq + 1
+        inside = min(last, self.last_seq) - max(first, self.first_seq) + 1
+        return max(0, round(self.samples * inside / width))
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Places worth seeing: (first, last) sequence numbers, shape (n, 2), at most `MOST_MARKS` of all `count`."""
+
+    places: IntArray
+    count: int
+
+
+@dataclass(frozen=True)
+class Overview:
+    """What a log is, as far as it is drawn and asked about.
+
+    Attributes
+    ----------
+    path, meta, outcome, stored, facts : of the log; `stored` is the result that its run left in it, or None
+    folder : where its picture lies
+    spans : its stages in order
+    steps : each move's first sequence number, twice; gaps : the samples before and after; spoilt : first and last
+    spoilt_samples : how many
+    scale : units of `picture.CHANNELS` per count, shape (6,)
+    """
+
+    path: Path
+    meta: LogMeta
+    outcome: str | None
+    stored: dict[str, Any] | None
+    facts: LogFacts
+    folder: Path
+    spans: tuple[Span, ...]
+    steps: Marks
+    gaps: Marks
+    spoilt: Marks
+    spoilt_samples: int
+    scale: FloatArray
+
+    @property
+    def rate(self) -> float:
+        """Samples per second."""
+        return self.meta.imu.sample_rate_hz
+
+
+def overview(tell: Callable[..., None], path: Path, folder: Path) -> Overview:
+    """Read a log once: picture into `folder` (made here), marks and facts.
+
+    Raises
+    ------
+    InputError
+        where the log cannot be used, as `open_log` and `Log.blocks` say.
+    ConfigurationError
+        where there is no room for the picture.
+    """
+    log = open_log(path)
+    total = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
+    scale = _scale(log.meta)
+    gathered = _Gathered()
+    held, last = np.full(2, np.nan), -1
+    try:
+        folder.mkdir(parents=True)
+        writer = PictureWriter(folder, keep_samples=path.suffix != SUFFIX)
+        done = 0
+        for block in log.blocks():
+            angles = _held(np.rad2deg(block.angles), block.seq, held, last)
+            held, last = angles[-1], int(block.seq[-1])
+            writer.add(block.seq, np.hstack([block.counts * scale, angles]).astype(np.float32))
+            gathered.add(block)
+            done += len(block)
+            tell(min(done / total, 0.99))
+        writer.close()
+        holes = np.array([(hole.row, hole.count) for hole in log.holes], np.int64).reshape(-1, 2)
+        np.save(folder / _HOLES, holes)
+    except OSError as exc:
+        raise ConfigurationError(
+            f"{folder}: the log's picture cannot be written ({exc.strerror or exc}); make room on its disk"
+        ) from exc
+    return gathered.overview(log, folder, scale)
+
+
+def samples(
+    tell: Callable[..., None], path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
+) -> Columns:
+    """At most `count` columns over rows `start` to `stop` of a log whose picture lies in `folder`.
+
+    Angles are held from poll to poll.
+    """
+    before = max(0, start - _LOOK_BACK)
+    if path.suffix == SUFFIX:
+        rows = raw_rows(path, before, stop, np.load(folder / _HOLES))
+        seq = rows["seq"]
+        angles = _held(np.rad2deg(rows["angles"]), seq, np.full(2, np.nan), -1)
+        values = np.hstack([rows["counts"] * scale, angles]).astype(np.float32)
+    else:
+        kept = Picture(folder).samples(before, stop)
+        seq, values = kept["seq"], kept["values"]
+    tell(1.0)
+    seq, values = seq[start - before :], values[start - before :]
+    return joined(seq, values, values, group_of(len(seq), count), 1)
+
+
+def _scale(meta: LogMeta) -> FloatArray:
+    per_count = meta.imu.sample_rate_hz if meta.imu.output == "increment" else 1.0
+    gyro, accel = np.rad2deg(meta.imu.gyro_lsb) * per_count, meta.imu.accel_lsb * per_count
+    return np.repeat([gyro, accel], 3)
+
+
+def _held(angles: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
+    """Angles, shape (n, 2), held from poll to poll, but not over samples that are missing.
+
+    before, last_seq : angles held at the sample before the first of these, and its sequence number
+    """
+    filled = np.vstack([before, angles])
+    parted = np.diff(seq, prepend=last_seq) != 1
+    for column in range(2):
+        known = ~np.isnan(filled[:, column]) | np.concatenate([[False], parted])
+        last = np.maximum.accumulate(np.where(known, np.arange(len(filled)), 0))
+        filled[:, column] = filled[last, column]
+    return filled[1:]
+
+
+class _Gathered:
+    """Stages and marks of consecutive blocks."""
+
+    def __init__(self) -> None:
+        self._spans: list[Span] = []
+        self._step: int | None = None
+        self._last: int | None = None
+        self._steps, self._gaps, self._spoilt = _Marker(), _Marker(), _Marker()
+        self._spoilt_samples = 0
+        self._parted = True
+
+    def add(self, block: SampleBlock) -> None:
+        self._add_span(block)
+        seq, step = block.seq, block.step
+        changes = np.flatnonzero(np.diff(step, prepend=step[0] if self._step is None else self._step))
+        self._step = int(step[-1])
+        self._steps.add(seq[changes], seq[changes])
+        before = np.concatenate([seq[:1] - 1 if self._last is None else [self._last], seq[:-1]])
+        lost = np.flatnonzero(seq - before != 1)
+        self._last = int(seq[-1])
+        self._gaps.add(before[lost], seq[lost])
+        self._spoilt_samples += int(np.count_nonzero(~block.valid))
+        edges = np.diff(np.concatenate([[False], ~block.valid, [False]]).astype(np.int8))
+        self._spoilt.add(seq[np.flatnonzero(edges > 0)], seq[np.flatnonzero(edges < 0) - 1], join=True)
+
+    def _add_span(self, block: SampleBlock) -> None:
+        first, last, count = int(block.seq[0]), int(block.seq[-1]), len(block)
+        if not block.stage:
+            self._parted = True
+            return
+        if self._spans and self._spans[-1].stage == block.stage and not self._parted:
+            before = self._spans.pop()
+            first, count = before.first_seq, before.samples + count
+        self._spans.append(Span(block.stage, first, last, count))
+        self._parted = False
+
+    def overview(self, log: Log, folder: Path, scale: FloatArray) -> Overview:
+        return Overview(
+            log.path,
+            log.meta,
+            log.outcome,
+            log.results[-1] if log.results else None,
+            log.facts(),
+            folder,
+            tuple(self._spans),
+            self._steps.marks(),
+            self._gaps.marks(),
+            self._spoilt.marks(),
+            self._spoilt_samples,
+            scale,
+        )
+
+
+class _Marker:
+    """Gathers marks of one kind up to `MOST_MARKS`; `join` makes one of two that touch."""
+
+    def __init__(self) -> None:
+        self._places: list[IntArray] = []
+        self._kept = self._count = 0
+
+    def add(self, first: IntArray, last: IntArray, join: bool = False) -> None:
+        if len(first) == 0:
+            return
+        places = np.column_stack([first, last]).astype(np.int64)
+        if join and self._places and self._places[-1][-1, 1] == places[0, 0] - 1:
+            self._places[-1][-1, 1] = places[0, 1]
+            places = places[1:]
+        self._count += len(places)
+        places = places[: MOST_MARKS - self._kept]
+        if len(places):
+            self._kept += len(places)
+            self._places.append(places)
+
+    def marks(self) -> Marks:
+        places = np.concatenate([np.empty((0, 2), np.int64), *self._places])
+        return Marks(places, self._count)

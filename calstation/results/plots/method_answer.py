@@ -1,0 +1,148 @@
+"""Work for the workshop: a recording solved by a method that needs no table, with what the window draws of it.
+
+What is drawn is computed from the same samples and answer, so a picture never tells more than the result does.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calstation.errors import InputError
+from calstation.estimation.common.stage_data import StageData, stage_data
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import INDEX, NAMES
+from calstation.records.csv_log import estimated_rows
+from calstation.records.log import Log, open_log
+from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
+from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_read import row_count
+from calstation.results.plots.gimbal import GimbalPicture, gimbal_picture
+from calstation.results.plots.pairs import PairPicture, pair_picture, stored_values
+from calstation.results.plots.positions import PositionPicture, position_picture
+from calstation.results.resolve import Resolved, resolve
+from calstation.schema import validate
+from calstation.simulation.recordings import read_truth
+from procedures import method
+
+_READ, _SOLVED = 0.3, 0.8
+"""Shares of the work at which a recording is read, and at which it is solved."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What is known of a recording before it is solved.
+
+    duration : s; truth : what drew it, by parameter, SI, where the virtual bench made it
+    """
+
+    path: Path
+    serial: str
+    rate: float
+    duration: float
+    truth: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class MethodAnswer:
+    """A recording's answer.
+
+    Attributes
+    ----------
+    resolved : result JSON and remarks
+    before : value and sigma of each parameter before, SI; no sigma where a stored value is replaced
+    schedule : the method's schedule in force, as a product file would state it
+    picture : what the method's own pictures draw
+    """
+
+    recording: Recording
+    stage: str
+    resolved: Resolved
+    before: Mapping[str, tuple[float, float | None]]
+    schedule: Mapping[str, Any]
+    picture: PositionPicture | GimbalPicture | PairPicture
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """The result's parameters."""
+        found: Mapping[str, Any] = self.resolved.result["parameters"]
+        return found
+
+
+def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAnswer:
+    """Solve a whole recording by `stage`, ``multi_position``, ``gimbal`` or ``cross_calibration``.
+
+    Raises InputError or ConfigurationError with file, field and mend.
+    """
+    tell(0.0, note="reading")
+    log = open_log(path)
+    total = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
+    first: list[int] = []
+
+    def watch(_: str, seq: int, solved: float) -> None:
+        if not first:
+            first.append(seq)
+        read = min(1.0, (seq - first[0]) / total)
+        tell(_READ * read + (_SOLVED - _READ) * solved, note="solving" if solved or read > 0.9 else "reading")
+
+    resolved = resolve(path, (stage,), progress=watch)
+    tell(_SOLVED, note="drawing")
+    schedule = validate(
+        method(stage).schedule, log.meta.schedule.get(stage, {}), f"schedule of {stage}", InputError
+    )
+    in_force = schedule.model_dump(mode="json")
+    return MethodAnswer(
+        _recording(log, resolved),
+        stage,
+        resolved,
+        _before(log.meta, stage),
+        in_force,
+        _picture(log, stage, resolved.result, in_force),
+    )
+
+
+def found_vector(meta: LogMeta, parameters: Mapping[str, Any]) -> FloatArray:
+    """All 30 parameters, SI: those found, and the others as they were before, shape (30,)."""
+    values = prior_from_meta(meta).mean.copy()
+    for name, row in parameters.items():
+        if name in INDEX:
+            values[INDEX[name]] = row["value"]
+    return values
+
+
+def _picture(
+    log: Log, stage: str, result: Mapping[str, Any], schedule: Mapping[str, Any]
+) -> PositionPicture | GimbalPicture | PairPicture:
+    details = result["details"].get(stage, {})
+    if stage == "gimbal":
+        return gimbal_picture(details, schedule)
+    context = context_from_meta(log.meta)
+    data = data_of(log, stage)
+    if stage == "cross_calibration":
+        return pair_picture(data, context, prior_from_meta(log.meta), details)
+    found = found_vector(log.meta, result["parameters"])
+    return position_picture(data, context, prior_from_meta(log.meta).mean, found, log.meta.product)
+
+
+def data_of(log: Log, stage: str) -> StageData:
+    """The samples that `resolve` takes for `stage`: those named so, or all of a recording that names none so."""
+    blocks = list(log.blocks())
+    named = [block for block in blocks if block.stage == stage]
+    return stage_data(named or blocks, context_from_meta(log.meta).imu)
+
+
+def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
+    if stage == "cross_calibration":
+        return {name: (value, None) for name, value in stored_values(context_from_meta(meta)).items()}
+    prior = prior_from_meta(meta)
+    sigma = np.asarray(prior.sigma)
+    return {name: (float(prior.mean[k]), float(sigma[k])) for k, name in enumerate(NAMES)}
+
+
+def _recording(log: Log, resolved: Resolved) -> Recording:
+    rate = log.meta.imu.sample_rate_hz
+    found = resolved.result["log"]
+    duration = (found["last_seq"] - found["first_seq"] + 1) / rate
+    return Recording(log.path, log.meta.imu.serial, rate, duration, read_truth(log.path))

@@ -1,0 +1,177 @@
+"""What the window draws of two IMUs on one body: what is left between them over time, and what is kept of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calstation.estimation.common.context import Belief, SolveContext, StoredPair
+from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.pairs.data import PairData, pair_data
+from calstation.estimation.pairs.fit import ACCEL_BIAS, ACCEL_MATRIX, GYRO_BIAS, GYRO_MATRIX, LEVER, OFFSET
+from calstation.estimation.pairs.signals import signals
+from calstation.estimation.pairs.static import pair_vector
+from calstation.physics.arrays import FloatArray
+from calstation.physics.imu_model import Compensation, compensation
+from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
+from calstation.records.pair_store import load_pair, pair_path
+from calstation.results.pair_run import pair_folder
+
+_COLUMNS = 800
+"""Stretches of time into which what is left is gathered."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a secondary's sensor shows beyond what the primary makes of it: rms over stretches of time.
+
+    time : of their middles from the recording's start, s, shape (k,); before, after : rad/s or m/s², shape (k,)
+    rms : over the whole recording, before and after
+    """
+
+    time: FloatArray
+    before: FloatArray
+    after: FloatArray
+    rms: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What the site keeps of a pair; utc is empty where nothing is kept yet.
+
+    values : how many; static : what gyro (rad/s) and accel (m/s²) showed at rest right after, None where unknown
+    """
+
+    number: int
+    serial: str
+    file: Path
+    utc: str
+    values: int
+    static: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class SecondaryPicture:
+    """One secondary: its place among the IMUs, what is left of both sensors, and its check at rest.
+
+    check : as `estimation.pair_watch.check_values` tells it; None where the body never rested
+    static : what gyro (rad/s) and accel (m/s²) show at rest with what was found, None where unknown
+    """
+
+    number: int
+    serial: str
+    left: Mapping[str, Left]
+    check: Mapping[str, Any] | None
+    static: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class Happening:
+    """What happened at `time`, s from the recording's start; kind and values as `estimation.pair_watch.WatchEvent`.
+
+    number : of the secondary, 0 for all
+    """
+
+    kind: str
+    time: float
+    number: int
+    values: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class PairPicture:
+    """All secondaries of a recording, and what the site keeps of them.
+
+    happened : where the schedule leaves the calibration to its triggers, what they led to; duration : s
+    """
+
+    primary: str
+    secondaries: tuple[SecondaryPicture, ...]
+    kept: tuple[Kept, ...]
+    happened: tuple[Happening, ...]
+    duration: float
+
+
+def pair_picture(
+    data: StageData, context: SolveContext, prior: Belief, details: Mapping[str, Any]
+) -> PairPicture:
+    """From a stage's samples and the details of its result."""
+    c = compensation(prior.mean)
+    shown = []
+    for place, (secondary, told) in enumerate(zip(context.secondaries, details["secondaries"], strict=True)):
+        pair = pair_data(data, place, secondary.imu)
+        found = StoredPair(told["stored"]["values"])
+        left = _left(pair, c, pair_vector(secondary.stored), pair_vector(found)) if "fit" in told else {}
+        static = {sensor: told["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
+        shown.append(SecondaryPicture(secondary.number, secondary.imu.serial, left, told["check"], static))
+    begin = float(data.time[0])
+    happened = tuple(_happening(told, begin) for told in details["events"])
+    return PairPicture(
+        context.imu.serial,
+        tuple(shown),
+        kept_pairs(context, pair_folder()),
+        happened,
+        float(data.time[-1]) - begin,
+    )
+
+
+def _happening(told: Mapping[str, Any], begin: float) -> Happening:
+    values = {key: value for key, value in told.items() if key not in ("kind", "time", "number")}
+    return Happening(told["kind"], told["time"] - begin, told["number"], values)
+
+
+def stored_values(context: SolveContext) -> dict[str, float]:
+    """What a recording says is stored of its secondaries, neutral where it says nothing, by contract name, SI."""
+    return {
+        pair_name(p.name, s.number): float(s.stored.values.get(p.name, p.neutral))
+        for s in context.secondaries
+        for p in PAIR_PARAMETERS
+    }
+
+
+def kept_pairs(context: SolveContext, folder: Path) -> tuple[Kept, ...]:
+    """What is kept in `folder` of a recording's pairs. Raises InputError on a damaged file."""
+    kept = []
+    for s in context.secondaries:
+        file = pair_path(folder, context.imu.serial, s.imu.serial)
+        stored = load_pair(folder, context.imu.serial, s.imu.serial)
+        static = {"gyro": stored.gyro_static, "accel": stored.accel_static}
+        utc = (
+            datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds")
+            if stored.values
+            else ""
+        )
+        kept.append(Kept(s.number, s.imu.serial, file, utc, len(stored.values), static))
+    return tuple(kept)
+
+
+def _left(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, Left]:
+    """What is left in the band of the fit, with the values stored before and with those found."""
+    rows, parts = [], []
+    for value in (before, after):
+        read = signals(data, float(value[OFFSET]), c)
+        gyro = read.gyro2 - read.gyro @ value[GYRO_MATRIX].reshape(3, 3).T - value[GYRO_BIAS]
+        force = read.accel + read.lever @ value[LEVER]
+        accel = read.accel2 - force @ value[ACCEL_MATRIX].reshape(3, 3).T - value[ACCEL_BIAS]
+        rows.append(read.row)
+        parts.append({"gyro": np.sum(gyro**2, axis=1), "accel": np.sum(accel**2, axis=1)})
+    begin, end = float(data.time[0]), float(data.time[-1])
+    edges = np.linspace(begin, end + data.dt, _COLUMNS + 1)
+    found = {}
+    for sensor in ("gyro", "accel"):
+        columns = [_rms(data.time[row], part[sensor], edges) for row, part in zip(rows, parts, strict=True)]
+        rms = [float(np.sqrt(part[sensor].mean())) if len(part[sensor]) else 0.0 for part in parts]
+        middle = 0.5 * (edges[1:] + edges[:-1]) - begin
+        found[sensor] = Left(middle, columns[0], columns[1], (rms[0], rms[1]))
+    return found
+
+
+def _rms(time: FloatArray, square: FloatArray, edges: FloatArray) -> FloatArray:
+    """Root of the mean of `square` between edges, NaN where there is no sample, shape (k,)."""
+    total, _ = np.histogram(time, edges, weights=square)
+    count, _ = np.histogram(time, edges)
+    mean = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
+    return np.asarray(np.sqrt(mean))

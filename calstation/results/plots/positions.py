@@ -1,0 +1,81 @@
+"""What the window draws of a multi-position answer: where gravity lay, and what is left at every rest and motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common.context import SolveContext
+from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.positions.evidence import gather, gravity_misses
+from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics.earth import normal_gravity
+from calstation.records.meta import ProductSection
+
+
+@dataclass(frozen=True)
+class PositionPicture:
+    """Rests and motions of a recording, with the parameters before and with those found.
+
+    Attributes
+    ----------
+    up : direction of gravity's reaction in b at each rest, unit vectors, shape (n, 3)
+    rest_time, rest_length : begin from the recording's start, and length, s, shape (n,)
+    force_before, force_after : length of the force at each rest less gravity, m/s², shape (n,)
+    motion_time : s, shape (m,)
+    angle_before, angle_after : between gravity after each motion and where the gyros carry it, rad, shape (m,)
+    force_limit, angle_limit : what the product's checks allow, m/s² and rad; None where they do not ask
+    """
+
+    gravity: float
+    up: FloatArray
+    rest_time: FloatArray
+    rest_length: FloatArray
+    force_before: FloatArray
+    force_after: FloatArray
+    motion_time: FloatArray
+    angle_before: FloatArray
+    angle_after: FloatArray
+    force_limit: float | None
+    angle_limit: float | None
+
+
+def position_picture(
+    data: StageData,
+    context: SolveContext,
+    before: FloatArray,
+    found: FloatArray,
+    product: ProductSection | None,
+) -> PositionPicture:
+    """Compute it; `before` and `found`: all 30 parameters, SI."""
+    site = context.site
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    evidence = gather("multi_position", data, context, before, found)
+    lengths = [
+        [float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in evidence.rests]
+        for p in (before, found)
+    ]
+    misses = [gravity_misses(evidence, motion, found) for motion in evidence.motions]
+    angles = np.array(misses).reshape(-1, 2)
+    force = np.array([rest.compensated(found)[1] for rest in evidence.rests]).reshape(-1, 3)
+    checks = product.checks if product is not None else None
+    gravity_rule = checks.gravity_at_rest if checks is not None else None
+    motion_rule = checks.motion_angle if checks is not None else None
+    start = int(data.seq[0])
+    return PositionPicture(
+        gravity=gravity,
+        up=force / np.linalg.norm(force, axis=1, keepdims=True),
+        rest_time=_seconds([r.first_seq for r in evidence.rests], start, data.dt),
+        rest_length=np.array([r.duration for r in evidence.rests]),
+        force_before=np.array(lengths[0]),
+        force_after=np.array(lengths[1]),
+        motion_time=_seconds([m.first_seq for m in evidence.motions], start, data.dt),
+        angle_before=angles[:, 0],
+        angle_after=angles[:, 1],
+        force_limit=None if gravity_rule is None else gravity_rule.within,
+        angle_limit=None if motion_rule is None else motion_rule.within,
+    )
+
+
+def _seconds(seq: list[int], start: int, dt: float) -> FloatArray:
+    counted: IntArray = np.asarray(seq, dtype=np.int64)
+    return np.asarray((counted - start) * dt, dtype=np.float64)

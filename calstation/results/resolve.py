@@ -1,0 +1,84 @@
+"""Solves a stored log again: the offline side of the one chain of solvers."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from calstation.config.site_check import latitude_untold
+from calstation.errors import ConfigurationError, InsufficientDataError
+from calstation.records.checks import offline_online
+from calstation.records.hole import told
+from calstation.records.log import Log, open_log
+from calstation.records.raw_read import solved_stages
+from calstation.results.result import Ending, build_result, judge, parameters_json
+from calstation.results.solver_chain import Watch, solve
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """The result JSON and the stages' remarks, (message id, values).
+
+    lacking : what stages that could not be solved lack, a sentence with the mend each
+    """
+
+    result: dict[str, Any]
+    messages: tuple[tuple[str, dict[str, Any]], ...]
+    lacking: tuple[str, ...] = ()
+
+
+def resolve(
+    path: Path,
+    stages: tuple[str, ...] | None = None,
+    first_seq: int | None = None,
+    last_seq: int | None = None,
+    progress: Watch | None = None,
+) -> Resolved:
+    """Solve a log's stages between two sequence numbers (both included, unwrapped).
+
+    Without `stages` those of the log that lack data are left out, and the answer can fail but not pass. `progress` is
+    told how it gets on. Damaged rows are a gap, and told by the message ``log_damaged``.
+    Raises InputError or ConfigurationError with file, field and mend.
+    """
+    if first_seq is not None and last_seq is not None and first_seq > last_seq:
+        raise ConfigurationError(f"--from {first_seq} lies behind --to {last_seq}; swap them")
+    log = open_log(path)
+    chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
+    facts = log.facts()
+    if log.holes and stages is None and first_seq is None and last_seq is None:
+        _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.lacking])
+    solutions = tuple(chain.solutions)
+    ending = Ending(
+        "resolved",
+        str(path),
+        facts,
+        first_seq=first_seq,
+        last_seq=last_seq,
+    )
+    judgement = judge(log.meta, chain.prior, solutions)
+    section = log.meta.product.checks if log.meta.product is not None else None
+    if section is not None and log.results:
+        online = log.results[-1].get("parameters", {})
+        judgement = judgement.with_more(offline_online(section, parameters_json(solutions), online))
+    if chain.lacking and judgement.passed:
+        judgement = replace(judgement, passed=None)
+    result = build_result(log.meta, chain.prior, solutions, judgement, ending)
+    messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
+    untold = latitude_untold(log.meta, solutions)
+    if untold is not None:
+        messages.append(("latitude_untold", untold))
+    if log.holes:
+        result["log"]["damaged"] = [{"rows": hole.count, "seq": hole.missing} for hole in log.holes]
+        messages.insert(0, ("log_damaged", {"file": path.name, **told(log.holes)}))
+    if chain.lacking:
+        result["lacking"] = dict(chain.lacking)
+    return Resolved(result, tuple(messages), tuple(chain.lacking.values()))
+
+
+def _check_complete(log: Log, solved: list[str]) -> None:
+    """Raises InsufficientDataError where damage has cost all samples of a stage that the run had solved."""
+    for stage in solved_stages(log.events):
+        if stage not in solved:
+            raise InsufficientDataError(
+                f"{log.path}: all samples of stage '{stage}' are damaged; use a copy of the log, or name the others"
+                " with --stages"
+            )

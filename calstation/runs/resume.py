@@ -1,0 +1,331 @@
+"""Carries a run on behind its last finished stage: in a new log that holds all that is needed to solve it again.
+
+The finished stages' samples are copied and solved again by the same chain, which gives the same bits; that they are
+the same is checked against what the run itself had told. So a belief needs no storage of its own, and the new log
+needs no other file.
+"""
+
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from calstation.config.request import RunRequest
+from calstation.config.resolved import Setup
+from calstation.config.site_check import LATITUDE
+from calstation.config.station import StationConfig, load_station
+from calstation.errors import ConfigurationError, DeviceFaultError, InputError
+from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.method import Solution
+from calstation.jobs.worker import Tell
+from calstation.records.log import Log, open_log
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_read import being_written, solved_stages
+from calstation.records.run_index import RunRecord
+from calstation.results.history import History
+from calstation.results.solver_chain import StageChain
+from calstation.sequencer.acquisition import LastSample
+from calstation.sequencer.events import to_json
+from calstation.sequencer.ports import Journal
+from calstation.sequencer.solved import told
+from procedures import method
+
+_OFFERED = 20
+"""Runs offered at most, the latest."""
+
+_ENDED = ("passed", "failed")
+
+_NEW_RUN = "start a new run"
+
+
+@dataclass(frozen=True)
+class Resumable:
+    """A run that can be resumed.
+
+    Attributes
+    ----------
+    stages : all that it was to do; finished : those that it need not do again
+    outcome : stopped, fault or incomplete (it died); why : stop reason or error, "" where it died
+    """
+
+    serial: str
+    log: Path
+    started_utc: str
+    attempt: int
+    product: str | None
+    station: str | None
+    operator: str | None
+    stages: tuple[str, ...]
+    finished: tuple[str, ...]
+    outcome: str
+    why: str
+
+
+def resumable(folder: Path) -> list[Resumable]:
+    """Runs in a folder that can be resumed, the latest first: at most one per unit, none behind a verdict."""
+    history = History(folder)
+    history.refresh()
+    found: list[Resumable] = []
+    seen: set[str] = set()
+    for record in _stopped_short(history):
+        if record.serial in seen:
+            continue
+        seen.add(record.serial)
+        best = _best(history.of(record.serial))
+        if best is not None:
+            found += _offer(best)
+        if len(found) == _OFFERED:
+            break
+    return found
+
+
+def find_resumable(tell: Tell, folder: Path) -> list[Resumable]:
+    """Work for the workshop: see `resumable`."""
+    return resumable(folder)
+
+
+def _stopped_short(history: History) -> list[RunRecord]:
+    records = [r for outcome in ("stopped", "fault", "incomplete") for r in history.runs(outcome=outcome)]
+    return sorted((r for r in records if r.stages), key=lambda r: r.started_utc, reverse=True)
+
+
+def _best(runs: list[RunRecord]) -> RunRecord | None:
+    """Of a unit's runs since its last verdict, that with most finished stages, the latest of these."""
+    best: RunRecord | None = None
+    for run in runs:
+        if run.outcome in _ENDED or run.closed:
+            break
+        if run.stages and (best is None or len(run.stages) > len(best.stages)):
+            best = run
+    return best
+
+
+def _offer(record: RunRecord) -> list[Resumable]:
+    try:
+        log = open_log(record.log)
+        finished = _finished(log)
+    except (InputError, ConfigurationError):
+        return []  # a log that cannot be used cannot be resumed
+    result = log.results[-1] if log.results else {}
+    if (result.get("registers") or {}).get("new") is not None:
+        return []  # the unit is another one now: its transfer is to be finished or taken back instead
+    if any(check["name"] == LATITUDE and not check["passed"] for check in result.get("checks", ())):
+        return []  # it was solved for another place
+    return [
+        Resumable(
+            serial=record.serial,
+            log=record.log,
+            started_utc=record.started_utc,
+            attempt=record.attempt,
+            product=record.product,
+            station=record.station,
+            operator=record.operator,
+            stages=_wanted(log),
+            finished=finished,
+            outcome=record.outcome,
+            why=str(result.get("error") or result.get("stop_reason") or ""),
+        )
+    ]
+
+
+def _wanted(log: Log) -> tuple[str, ...]:
+    return tuple(log.meta.run.stages) if log.meta.run is not None else ()
+
+
+def _finished(log: Log) -> tuple[str, ...]:
+    """Stages that need not be done again. Raises ConfigurationError where the run cannot be resumed."""
+    finished, wanted = solved_stages(log.events), _wanted(log)
+    if log.outcome in (*_ENDED, "imported"):
+        raise ConfigurationError(f"{log.path}: has reached its end; {_NEW_RUN}")
+    if not finished:
+        raise ConfigurationError(f"{log.path}: no stage was finished; {_NEW_RUN}")
+    if finished != wanted[: len(finished)]:
+        raise ConfigurationError(f"{log.path}: its stages are not in order; {_NEW_RUN}")
+    return finished
+
+
+def filled(request: RunRequest) -> RunRequest:
+    """The request with all that the run which it resumes was asked for; as it is where it resumes none.
+
+    Raises ConfigurationError, InputError where that run cannot be resumed.
+    """
+    return request if request.resume is None else Continuation.of(request, request.resume).request
+
+
+def serial_of(path: Path) -> str:
+    """Serial number of the unit of a log. Raises InputError."""
+    return open_log(path).meta.imu.serial
+
+
+@dataclass(frozen=True)
+class Continuation:
+    """What a resumed run begins with: its request, the log that it carries on, and the stages finished there."""
+
+    request: RunRequest
+    log: Log
+    finished: tuple[str, ...]
+
+    @classmethod
+    def of(cls, request: RunRequest, path: Path) -> "Continuation":
+        """Read the log that `request` wants carried on. Raises ConfigurationError, InputError."""
+        if path.suffix != SUFFIX:
+            raise ConfigurationError(f"{path}: only a run's own log ({SUFFIX}) can be resumed")
+        log = open_log(path)
+        if being_written(path):
+            raise ConfigurationError(f"{path}: its run is still going; stop it first")
+        finished = _finished(log)
+        _check_carried_on(log)
+        if log.meta.imu.serial != request.serial:
+            raise ConfigurationError(
+                f"{path}: is a run of unit '{log.meta.imu.serial}', not '{request.serial}'; choose its own log"
+            )
+        _check_station(log, load_station(request.station)[1])
+        filled = replace(
+            request,
+            stages=_wanted(log),
+            schedule={stage: _schedule(log.meta, stage) for stage in _wanted(log)},
+            seed=log.meta.run.seed if log.meta.run else None,
+            out=path.parent,
+        )
+        return cls(filled, log, finished)
+
+    def meta(self, setup: Setup, started: datetime, registers: dict[str, float] | None) -> LogMeta:
+        """The new log's configuration: the old one's, for the finished stages' sake.
+
+        registers : of the unit now, None where it could not be asked
+
+        Raises ConfigurationError or DeviceFaultError where site, table, unit or product have changed.
+        """
+        old, path = self.log.meta, self.log.path
+        assert old.run is not None
+        new = setup.meta(started, old.run.attempt, registers or {})
+        for name in ("site", "imu", "table", "product", "schedule"):
+            if not _same(getattr(new, name), getattr(old, name)):
+                raise ConfigurationError(f"{path}: [{name}] has changed since the run began; {_NEW_RUN}")
+        if registers is not None and (new.registers, new.prior) != (old.registers, old.prior):
+            raise DeviceFaultError(
+                f"IMU: the unit's registers or their priors have changed since {path.name} began; {_NEW_RUN}"
+            )
+        assert new.run is not None
+        run = new.run.model_copy(update={"resumed_from": path.name})
+        return new.model_copy(update={"prior": old.prior, "registers": old.registers, "run": run})
+
+    def copy(
+        self,
+        journal: Journal,
+        chain: StageChain,
+        on_block: Callable[[], None],
+        on_solved: Callable[[Solution], None],
+    ) -> LastSample:
+        """Copy the finished stages into the new log and solve them again; returns where they end.
+
+        on_block : called from time to time, may raise; on_solved : told each solution
+
+        Raises InputError where a stage does not come out as the run itself had solved it.
+        """
+        last: SampleBlock | None = None
+        for stage, block in self._blocks():
+            on_block()
+            if block is not None:
+                last = block
+                journal.append(block)
+                if block.stage and block.stage != stage:
+                    chain.start(block.stage)
+                if block.stage:
+                    chain.feed(block)
+            else:
+                solution = chain.finish()
+                self._compare(solution)
+                on_solved(solution)
+        assert last is not None
+        return LastSample(int(last.seq[-1]), float(last.time[-1]), int(last.step[-1]))
+
+    def _blocks(self) -> Iterator[tuple[str, SampleBlock | None]]:
+        """Blocks up to the end of the last finished stage, each with the stage before it; None ends a stage."""
+        stage = ""
+        left = list(self.finished)
+        for block in self.log.blocks():
+            if stage and block.stage != stage:
+                yield stage, None
+                left.remove(stage)
+                stage = ""
+                if not left:
+                    return
+            yield stage, block
+            stage = block.stage
+        if stage in left:
+            yield stage, None
+            left.remove(stage)
+        if left:
+            raise InputError(f"{self.log.path}: samples of stage '{left[0]}' are missing; {_NEW_RUN}")
+
+    def _compare(self, solution: Solution) -> None:
+        solved = to_json(told(solution)[0])
+        recorded = next(
+            event
+            for event in self.log.events
+            if event.get("event") == "StageSolved" and event["stage"] == solution.stage
+        )
+        if solved["parameters"] != recorded["parameters"]:
+            raise InputError(
+                f"{self.log.path}: stage '{solution.stage}' does not solve to what the run had found; was the"
+                f" program or the log changed? {_NEW_RUN}"
+            )
+
+
+def _check_carried_on(log: Log) -> None:
+    """Raises ConfigurationError where another run has brought this one to its end: the unit is not as it was."""
+    history = History(log.path.parent)
+    history.refresh()
+    names = {log.path.name}
+    for run in reversed(history.of(log.meta.imu.serial)):
+        if run.resumed_from in names:
+            names.add(run.log.name)
+            if run.outcome in _ENDED:
+                raise ConfigurationError(
+                    f"{log.path}: was carried on in {run.log.name} and has reached its end there; {_NEW_RUN}"
+                )
+
+
+def _check_station(log: Log, here: StationConfig) -> None:
+    """Raises ConfigurationError on another station than the run's: also where both happen to be of one site."""
+    began = log.meta.run.station if log.meta.run is not None else None
+    if began is not None and began != here.name:
+        raise ConfigurationError(
+            f"{log.path}: began on station '{began}', this is '{here.name}'; give its station file with --station"
+        )
+    virtual = _on_bench(log.meta.profiles.get("station", ""))
+    if virtual is not None and virtual != (here.bench is not None):
+        kinds = ("the virtual bench", "hardware") if virtual else ("hardware", "the virtual bench")
+        raise ConfigurationError(
+            f"{log.path}: began on {kinds[0]}, but station '{here.name}' is {kinds[1]} now; {_NEW_RUN}"
+        )
+
+
+def _on_bench(text: str) -> bool | None:
+    """Whether a station file is a virtual bench's, None where a log holds none that can be read."""
+    try:
+        return "bench" in tomllib.loads(text) if text else None
+    except tomllib.TOMLDecodeError:
+        return None
+
+
+def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
+    """A stage's schedule as it was: values that are not in the log were None."""
+    given = meta.schedule.get(stage, {})
+    return {name: given.get(name) for name in method(stage).schedule.model_fields}
+
+
+def _same(new: Any, old: Any) -> bool:
+    """Equal as a log stores it, which knows no None."""
+    return bool(_stored(new) == _stored(old))
+
+
+def _stored(value: Any) -> Any:
+    plain = value.model_dump() if hasattr(value, "model_dump") else value
+    if isinstance(plain, Mapping):
+        return {key: _stored(item) for key, item in plain.items() if item is not None}
+    return plain

@@ -1,0 +1,219 @@
+"""Recordings that no rate table makes, from the virtual bench: by hand on rails, of IMUs on one body, of a gimbal.
+
+Each is a raw log as a station with such hardware would leave it, and beside it the truth that drew it, so that a method
+can be tried, shown and taught without the hardware.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from calstation.bench.truth.free_unit import Place
+from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples
+from calstation.bench.truth.grades import GRADES, draw_imu
+from calstation.bench.truth.grades import GradeName as GradeName
+from calstation.bench.truth.imu import ImuTruth
+from calstation.bench.truth.manual_rig import HandRig, around, push, record
+from calstation.bench.truth.pair import SecondaryTruth, pair_truth, record_pair
+from calstation.bench.truth.table import rotation
+from calstation.estimation.common.samples import SampleBlock, snap_angles
+from calstation.estimation.gimbal.loop import run_loop
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import AXES, NAMES, PARAMETERS, group_indices, pair_name
+from calstation.records.facts import LogFacts
+from calstation.records.meta import LogMeta, context_from_meta
+from calstation.records.raw_log import RawLogWriter
+from procedures.gimbal import Schedule as GimbalSchedule
+
+Kind = Literal["hand", "pair", "gimbal"]
+SAMPLE_RATE = 100.0
+_LATITUDE_DEG, _HEIGHT = 34.25, 400.0
+_AT_REST = {"gyro": {"fixed": 2e-4}, "accel": {"fixed": 5e-3}}
+_PAIR_SCHEDULE = {
+    "motion_s": 10.0,
+    **{f"{unit}_{sensor}": limit for unit in ("primary", "secondary") for sensor, limit in _AT_REST.items()},
+}
+"""Little motion is enough; and a unit as it leaves a MEMS factory is off: the earth alone shows 0.7e-4 rad/s."""
+_RIG = HandRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
+
+
+def make_recording(
+    kind: Kind, path: Path, grade: GradeName = "mems", seed: int = 1
+) -> tuple[LogFacts, dict[str, Any]]:
+    """Write the raw log `path`; returns its facts and the truth by parameter, SI.
+
+    Raises ConfigurationError where the log cannot be created.
+    """
+    makers = {"hand": _hand, "pair": _pair, "gimbal": _gimbal}
+    facts, truth = makers[kind](path, grade, seed)
+    return facts, truth
+
+
+def _unit(grade: GradeName, seed: int, *, plain: bool = False) -> ImuTruth:
+    """A unit; `plain` without what a pair cannot tell: second order, and accelerometers apart from each other."""
+    imu = draw_imu(grade, np.random.default_rng(seed), sample_rate=SAMPLE_RATE)
+    if plain:
+        parameters = imu.parameters.copy()
+        for group in ("accel_quadratic", "inner_lever", "outer_lever"):
+            parameters[group_indices(group)] = 0.0
+        imu = replace(imu, parameters=parameters)
+    return imu
+
+
+def _imu_section(imu: ImuTruth, serial: str) -> dict[str, Any]:
+    numbers = {
+        "sample_rate_hz": imu.sample_rate,
+        "gyro_lsb": imu.gyro_lsb,
+        "accel_lsb": imu.accel_lsb,
+        "gyro_arw": imu.gyro_arw,
+        "accel_vrw": imu.accel_vrw,
+        "gyro_bias_instability": imu.gyro_bias_instability,
+        "accel_bias_instability": imu.accel_bias_instability,
+    }
+    return {"serial": serial, "output": imu.output, **{key: float(value) for key, value in numbers.items()}}
+
+
+def _meta(imu: ImuTruth, grade: GradeName, **more: Any) -> LogMeta:
+    sigma = {p.name: {"sigma": float(2.0 * GRADES[grade].sigma[p.group])} for p in PARAMETERS}
+    site = {"latitude_deg": _LATITUDE_DEG, "longitude_deg": 108.9, "height_m": _HEIGHT}
+    return LogMeta.model_validate(
+        {"site": site, "imu": _imu_section(imu, f"BENCH-{grade}"), "prior": sigma, **more}
+    )
+
+
+def _truth(imu: ImuTruth) -> dict[str, float]:
+    return dict(zip(NAMES, imu.parameters.tolist(), strict=True))
+
+
+def _written(path: Path, meta: LogMeta, blocks: list[SampleBlock], joints: bool = False) -> LogFacts:
+    writer = RawLogWriter(path, meta, joints=joints)
+    for block in blocks:
+        writer.append(block)
+    return writer.close("recorded")
+
+
+def _block(stage: str, time: FloatArray, counts: FloatArray, **more: Any) -> SampleBlock:
+    n = len(time)
+    given = {"seq": np.arange(n), "step": np.zeros(n, np.int64), **more}
+    return SampleBlock(
+        stage=stage,
+        time=time,
+        counts=counts,
+        angles=np.full((n, 2), np.nan),
+        valid=np.ones(n, np.bool_),
+        temperature=np.full(n, np.nan),
+        **given,
+    )
+
+
+def _hand(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
+    imu = _unit(grade, seed)
+    samples, _ = record(imu, _RIG, around(), seed)
+    block = _block("multi_position", samples.time, samples.counts)
+    return _written(path, _meta(imu, grade), [block]), _truth(imu)
+
+
+def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
+    random = np.random.default_rng([seed, 1])
+    primary = _unit(grade, 2 * seed, plain=True)
+    place = Place(rotation(0.03 * random.standard_normal(3)), random.uniform(-0.1, 0.1, 3))
+    secondary = SecondaryTruth(
+        _unit(grade, 2 * seed + 1, plain=True), place, float(random.uniform(-0.02, 0.02))
+    )
+    rig = replace(_RIG, initial_rest=6.0, rest=2.0, speed=float(np.deg2rad(120.0)))
+    motion, duration = push(rig, around(np.deg2rad(60.0)), random)
+    counts, others = record_pair(primary, [secondary], motion, duration, rig.field, seed)
+    # the primary has been calibrated before: its own errors are known
+    prior = {name: {"value": value, "sigma": 1e-9} for name, value in _truth(primary).items()}
+    meta = _meta(
+        primary,
+        grade,
+        imu2=_imu_section(secondary.imu, "BENCH-2"),
+        prior=prior,
+        schedule={"cross_calibration": _PAIR_SCHEDULE},
+    )
+    time = np.arange(1, len(counts) + 1) / SAMPLE_RATE
+    block = _block("cross_calibration", time, counts, others=others)
+    return _written(path, meta, [block]), _pair_truth(pair_truth(primary, secondary))
+
+
+def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
+    found = {pair_name("clock_offset", 2): float(truth["clock_offset"])}
+    for i, a in enumerate(AXES):
+        found[f"secondary_lever_{a}"] = float(truth["lever"][i])
+        for sensor in ("gyro", "accel"):
+            found[f"secondary_{sensor}_bias_{a}"] = float(truth[f"{sensor}_bias"][i])
+            for j, b in enumerate(AXES):
+                found[f"secondary_{sensor}_matrix_{a}{b}"] = float(truth[f"{sensor}_matrix"][i, j])
+    return found
+
+
+class _BenchGimbal:
+    """The bench's gimbal behind the words of the loop."""
+
+    def __init__(self, bench: GimbalBench) -> None:
+        self._bench = bench
+
+    def lock(self, seconds: float) -> SampleBlock:
+        """Hold the joints and take what the gyros show for their bias."""
+        samples = self._bench.lock(seconds)
+        self._bench.zero_bias(samples)
+        return _gimbal_block(samples)
+
+    def hold(self, seconds: float, correction: FloatArray) -> SampleBlock:
+        """Stabilise at rest."""
+        return _gimbal_block(self._bench.hold(seconds, correction))
+
+    def turn(self, axis: int, angle: float, rate: float, correction: FloatArray) -> SampleBlock:
+        """Turn about one body axis."""
+        return _gimbal_block(self._bench.turn(axis, angle, rate, correction))
+
+    def home(self, rate: float) -> SampleBlock:
+        """Bring all joints to zero."""
+        return _gimbal_block(self._bench.home(rate))
+
+
+def _gimbal_block(samples: GimbalSamples) -> SampleBlock:
+    return _block(
+        "gimbal",
+        samples.time,
+        samples.counts,
+        seq=samples.seq,
+        step=samples.step,
+        joints=snap_angles(samples.joints),
+    )
+
+
+def _gimbal(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
+    imu, encoder_deg = _unit(grade, seed), 0.002
+    schedule = GimbalSchedule.model_validate({})
+    gravity = float(_RIG.field.up_force[2])
+    bench = GimbalBench(
+        imu,
+        seed,
+        order=schedule.order,
+        up_force=(0.0, 0.0, gravity),
+        encoder_sigma=float(np.deg2rad(encoder_deg)),
+    )
+    meta = _meta(
+        imu,
+        grade,
+        table={"encoder_sigma_deg": encoder_deg},
+        schedule={"gimbal": schedule.model_dump(mode="json")},
+    )
+    writer = RawLogWriter(path, meta, joints=True)
+    keep: Callable[[SampleBlock], None] = writer.append
+    rate = float(np.deg2rad(schedule.rate_dps))
+    run_loop(
+        _BenchGimbal(bench),
+        schedule.iteration(),
+        context_from_meta(meta).imu,
+        schedule.order,
+        schedule.dwell_s,
+        rate,
+        keep,
+    )
+    return writer.close("recorded"), _truth(imu)

@@ -1,0 +1,86 @@
+"""How far bias instability widens an excitation's errors: the filter's gains driven by the bench's own noise.
+
+The filter stands in for flicker by one Gauss-Markov process per bias. Which error that leaves is linear algebra: with
+the gains K it computed, the error e of its estimate (true wander counted as 0) and the bank of processes β that really
+moves the biases obey
+
+    e⁺ = (I − KH)(F e − [F_b; 0] β) + K H_b β⁺ + noise,      β⁺ = A β + ν,
+
+whose joint covariance is propagated here (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity
+of a suboptimal filter). Nothing is fitted to the study's errors.
+"""
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_variance
+from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common.stage_data import StageData, stage_data
+from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.relinearise import solve_navigation
+from calstation.estimation.navigation.velocity_group import BIAS
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import NAMES
+from calstation.physics.strapdown import PARAMETER_START, STATES
+
+
+class MismatchedCovariance:
+    """Joint covariance of the filter's error and the true bias processes, advanced beside a filter's pass."""
+
+    def __init__(self, run: NavigationFilter, context: SolveContext) -> None:
+        imu = context.imu
+        levels = [imu.gyro_bias_instability] * 3 + [imu.accel_bias_instability] * 3
+        variance = np.repeat([float(instability_variance(b)) for b in levels], len(INSTABILITY_TIMES))
+        times = np.tile(INSTABILITY_TIMES, len(levels))
+        self._times, self._variance = times, variance
+        self._into_bias = np.kron(np.eye(len(levels)), np.ones(len(INSTABILITY_TIMES)))
+        start = run.kf.P.copy()
+        start[STATES:], start[:, STATES:] = 0.0, 0.0
+        self.P = block_diag(start, np.diag(variance))
+
+    def advance(self, run: NavigationFilter) -> None:
+        """One group of observations, with the transition, gain and Jacobian that `run` has just used."""
+        kf = run.kf
+        decay = np.exp(-len(kf.y) // 3 * run.stride * run.dt / self._times)
+        size = len(kf.x)
+        I_KH = np.eye(size) - kf.K @ kf.H
+        into = np.zeros((size, len(BIAS)))
+        into[:PARAMETER_START] = kf.F[:PARAMETER_START, BIAS]
+        seen = kf.K @ kf.H[:, BIAS] @ self._into_bias
+        T = np.block(
+            [
+                [I_KH @ kf.F, -I_KH @ into @ self._into_bias + seen * decay],
+                [np.zeros((len(decay), size)), np.diag(decay)],
+            ]
+        )
+        white = kf.Q.copy()
+        white[STATES:, STATES:] = 0.0
+        driven = np.vstack([seen, np.eye(len(decay))])
+        noise = driven @ np.diag(self._variance * (1.0 - decay**2)) @ driven.T
+        shared = I_KH @ kf.M @ kf.K.T
+        noise[:size, :size] += I_KH @ white @ I_KH.T + kf.K @ kf.R @ kf.K.T - shared - shared.T
+        self.P = T @ self.P @ T.T + noise
+
+
+def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) -> FloatArray:
+    """Covariance of an excitation's error under the bench's noise, in units of the filter's sigmas, shape (30, 30).
+
+    `prior` : mean at the true parameters, covariance of the prior
+    """
+    data: StageData = stage_data([block], context.imu)
+    settled = solve_navigation("excitation", data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))
+    run = NavigationFilter(context, prior, prior.mean)
+    start, attitude = settled.starts[0], settled.attitudes[0]
+    true: list[MismatchedCovariance] = []
+
+    def after(filtered: NavigationFilter) -> None:
+        if not true:
+            true.append(MismatchedCovariance(filtered, context))
+        else:
+            true[0].advance(filtered)
+
+    run.run(data, start, attitude, True, after)
+    sigma = run.belief.sigma
+    parameters = slice(PARAMETER_START, STATES)
+    return np.asarray(true[0].P[parameters, parameters] / np.outer(sigma, sigma))

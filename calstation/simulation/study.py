@@ -1,0 +1,251 @@
+"""Monte Carlo against truth: many units and tables, simulator to solver, errors over sigmas and over the bound.
+
+The truth is the bench's own mathematics; priors and noise that the solvers are told are those it draws from. Each
+unit is mounted 0.1-0.3° askew on a table with 60″ of non-orthogonality, encoders good to 0.05°, on a base tilted by
+0.1°. What is tested, and where the bands come from, stands in `docs/study.md`.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.grades import GRADES, GradeName
+from calstation.bench.truth.simulate import Simulated, Simulator
+from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.navigation.relinearise import restricted, solve_navigation
+from calstation.physics.arrays import BoolArray, FloatArray
+from calstation.physics.parameters import NAMES, PARAMETERS
+from calstation.physics.table import TableGeometry
+from calstation.results.solver_chain import one_blas_thread
+from calstation.simulation.instability import instability_ratio
+from calstation.simulation.study_table import CaseData, summary
+from procedures import DEFAULT_STAGES, method
+
+SEEDS: dict[GradeName, int] = {"nav": 100, "tactical": 30, "mems": 30}
+SAMPLE_RATE = 100.0
+MOUNT = (np.deg2rad(0.1), np.deg2rad(0.3))
+MOUNT_SIGMA = float(np.sqrt((MOUNT[0] ** 2 + MOUNT[0] * MOUNT[1] + MOUNT[1] ** 2) / 3.0 / 3.0))
+"""Per axis, of a rotation uniform in size between the two about a random direction."""
+BASE_TILT = np.deg2rad(0.1)
+AZIMUTH_SIGMA = np.deg2rad(0.1)
+ENCODER_SIGMA = np.deg2rad(0.05)
+NAVIGATION_STAGES = ("excitation", "azimuth_flip")
+
+Schedules = dict[str, dict[str, Any]]
+"""Departures from the stages' own schedules, by stage."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line of the study: which stages are solved, of a unit with or without outer lever and bias instability."""
+
+    name: str
+    stages: tuple[str, ...]
+    outer_lever: str = "estimated"
+    instability: bool = False
+
+
+CASES = (
+    Case("full", DEFAULT_STAGES),
+    Case("full, no outer lever", DEFAULT_STAGES, outer_lever="fixed"),
+    Case("rate", ("rate",)),
+    Case("six_position", ("six_position",)),
+    Case("scale factors", ("rate", "six_position")),
+    Case("excitation", ("excitation",)),
+    Case("azimuth_flip", ("azimuth_flip",)),
+    Case("excitation, bias instability", ("excitation",), instability=True),
+)
+
+
+@dataclass(frozen=True)
+class UnitResult:
+    """Errors, shape (30,), posterior and bound, shape (30, 30), of the estimated parameters of one unit's case."""
+
+    case: str
+    estimated: BoolArray
+    error: FloatArray
+    covariance: FloatArray
+    bound: FloatArray
+    nis: dict[str, tuple[float, float, float]]
+
+
+def run_study(
+    grade: GradeName | None = None,
+    seeds: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    cases: tuple[Case, ...] = CASES,
+    schedules: Schedules | None = None,
+    workers: int = 2,
+) -> dict[str, Any]:
+    """Run the study; JSON-ready.
+
+    Parameters
+    ----------
+    grade : one grade, None for all
+    seeds : units per grade, None for 100 nav and 30 of each other grade
+    progress : told units done and to do
+    cases, schedules : which lines, and departures from the stages' default schedules
+    workers : processes; 1 stays in this one
+    """
+    grades: list[GradeName] = [grade] if grade else list(SEEDS)
+    jobs = [(g, s, cases, schedules or {}) for g in grades for s in range(seeds or SEEDS[g])]
+    collected: dict[tuple[GradeName, str], CaseData] = {}
+    for done, (name, results) in enumerate(_map(jobs, workers), 1):
+        for r in results:
+            collected.setdefault((name, r.case), CaseData()).add(
+                r.estimated, r.error, r.covariance, r.bound, r.nis
+            )
+        if progress is not None:
+            progress(done, len(jobs))
+    rows = []
+    for g in grades:
+        for case in cases:
+            ratio = None
+            if case.instability:
+                ratio = instability_ratio(*_excitation_problem(g, 0, schedules or {}, True))
+            rows.append(summary(g, case.name, collected[g, case.name], ratio))
+    return {"schema": "calstation.study/1", "rows": rows, "passed": all(r["passed"] for r in rows)}
+
+
+def _map(jobs: list[Any], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
+    """Results as they come; the workers end with the last of them, or with whatever ends the study."""
+    if workers == 1:
+        yield from map(_unit, jobs)
+        return
+    with get_context("spawn").Pool(workers) as pool:
+        yield from pool.imap_unordered(_unit, jobs)
+
+
+def _unit(
+    job: tuple[GradeName, int, tuple[Case, ...], Schedules],
+) -> tuple[GradeName, list[UnitResult]]:
+    grade, seed, cases, schedules = job
+    results = []
+    with one_blas_thread():
+        for kind in dict.fromkeys((c.outer_lever, c.instability) for c in cases):
+            lever, instability = kind
+            chosen = [c for c in cases if (c.outer_lever, c.instability) == kind]
+            truth, context = draw_unit(grade, seed, lever, instability)
+            stages = [s for s in DEFAULT_STAGES if any(s in c.stages for c in chosen)]
+            data = simulate_stages(truth, seed, stages, schedules)
+            results += [_solve(c, truth, context, data, schedules) for c in chosen]
+    return grade, results
+
+
+def draw_unit(
+    grade: GradeName, seed: int, outer_lever: str, instability: bool
+) -> tuple[BenchTruth, SolveContext]:
+    """A bench of the study, and what its solvers are told."""
+    truth = BenchTruth.draw(
+        grade,
+        seed,
+        sample_rate=SAMPLE_RATE,
+        outer_lever="fixed" if outer_lever == "fixed" else "estimated",
+        mount=MOUNT,
+        base_tilt=BASE_TILT,
+        azimuth_error=AZIMUTH_SIGMA,
+        encoder_sigma=ENCODER_SIGMA,
+        instability=instability,
+    )
+    imu = truth.imu
+    context = SolveContext(
+        Site(truth.table.latitude, 0.0, truth.table.height, truth.azimuth),
+        ImuModel(
+            f"{grade}-{seed}",
+            SAMPLE_RATE,
+            imu.output,
+            imu.gyro_lsb,
+            imu.accel_lsb,
+            imu.gyro_arw,
+            imu.accel_vrw,
+            imu.gyro_bias_instability,
+            imu.accel_bias_instability,
+        ),
+        TableModel(
+            outer_lever=outer_lever,
+            encoder_sigma=ENCODER_SIGMA,
+            mount_sigma=MOUNT_SIGMA,
+            azimuth_sigma=AZIMUTH_SIGMA,
+            base_tilt_sigma=BASE_TILT / np.sqrt(2.0),
+        ),
+    )
+    return truth, context
+
+
+def study_prior(grade: GradeName, outer_lever: str) -> Belief:
+    """The distribution that the units of a grade are drawn from."""
+    sigma = np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
+    if outer_lever == "fixed":
+        sigma[[p.group == "outer_lever" for p in PARAMETERS]] = 0.0
+    return Belief(np.zeros(len(sigma)), np.diag(sigma**2))
+
+
+def simulate_stages(
+    truth: BenchTruth, seed: int, stages: list[str], schedules: Schedules
+) -> dict[str, SampleBlock]:
+    """One block per stage, driven one after another."""
+    simulator = Simulator(truth, seed + 10_000)
+    blocks = {}
+    for stage in stages:
+        m = method(stage)
+        schedule = m.schedule(**schedules.get(stage, {}))
+        steps = m.plan(TableGeometry(), schedule)
+        blocks[stage] = _block(simulator.run(steps, stage, getattr(schedule, "rounds", None)))
+    return blocks
+
+
+def _block(s: Simulated) -> SampleBlock:
+    valid = np.ones(len(s.seq), dtype=np.bool_)
+    return SampleBlock(s.stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
+
+
+def _solve(
+    case: Case,
+    truth: BenchTruth,
+    context: SolveContext,
+    data: dict[str, SampleBlock],
+    schedules: Schedules,
+) -> UnitResult:
+    """Solve a case's chain as a run does, and beside it the bound: the same chain linearised at the truth."""
+    belief = study_prior(truth.grade, case.outer_lever)
+    bound = Belief(truth.parameters, belief.covariance)
+    estimated = np.zeros(len(NAMES), dtype=np.bool_)
+    nis = {}
+    for stage in case.stages:
+        m = method(stage)
+        schedule = m.schedule(**schedules.get(stage, {}))
+        solver = m.solver(context, belief, schedule)
+        solver.feed(data[stage])
+        solution = solver.finish()
+        belief = solution.belief
+        mask = np.array([n in solution.estimated for n in NAMES])
+        if stage in NAVIGATION_STAGES:
+            at_truth = solve_navigation(
+                stage, stage_data([data[stage]], context.imu), context, bound, np.zeros_like(mask)
+            ).belief
+            bound = restricted(bound, at_truth, mask)
+        else:
+            other = m.solver(context, bound, schedule)
+            other.feed(data[stage])
+            bound = other.finish().belief
+        bound = Belief(truth.parameters, bound.covariance)
+        estimated |= mask
+        c = solution.consistency
+        nis[stage] = (c.nis_mean, c.nis_low, c.nis_high)
+    error = belief.mean - truth.parameters
+    return UnitResult(case.name, estimated, error, belief.covariance, bound.covariance, nis)
+
+
+def _excitation_problem(
+    grade: GradeName, seed: int, schedules: Schedules, instability: bool
+) -> tuple[SampleBlock, SolveContext, Belief]:
+    truth, context = draw_unit(grade, seed, "estimated", instability)
+    block = simulate_stages(truth, seed, ["excitation"], schedules)["excitation"]
+    return block, context, Belief(truth.parameters, study_prior(grade, "estimated").covariance)

@@ -1,1 +1,0 @@
-"""The only wiring: a station file becomes devices, sequencer, records and procedures."""
