@@ -1,10 +1,48 @@
-"""The errors a user can meet, each with the exit code the command line gives for it."""
+"""The errors that a person can meet: a catalogue code with values, and the exit code of the command line."""
+
+from typing import Any
+
+from calstation.messages.catalogue import entry, known
+from calstation.messages.rendering import Language, Rendered, Text, render
 
 
 class CalstationError(Exception):
-    """Base of every error that is told to a person in one or two lines; the text names field and mend."""
+    """Base of every error that a person reads.
+
+    Parameters
+    ----------
+    code : its entry in the message catalogue, ``table.no_answer``
+    values : what stands in the braces of the entry's sentences
+    """
 
     exit_code = 2
+
+    def __init__(self, code: str, **values: Any) -> None:
+        super().__init__(code)
+        self.code = code if known(code) else ""
+        self.values = values
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (type(self), self.args[0], self.values)
+
+    def __str__(self) -> str:
+        return self.render().line if self.code else str(self.args[0])
+
+    @property
+    def as_text(self) -> Text:
+        """Code and values, to stand inside another message or to travel."""
+        return Text(self.code, self.values)
+
+    @property
+    def resettable(self) -> bool:
+        """Whether an operator may reset the fault on the device."""
+        return bool(self.code) and entry(self.code).resettable
+
+    def render(self, language: Language = "en", *, window: bool = False) -> Rendered:
+        """Source, text and remedy in a language."""
+        if not self.code:
+            return Rendered("", str(self.args[0]), "")
+        return render(self.code, self.values, language, window=window)
 
 
 class ConfigurationError(CalstationError):
@@ -16,7 +54,7 @@ class InputError(CalstationError):
 
 
 class InsufficientDataError(InputError):
-    """Too little data for a stage; the text says what is missing (exit code 2)."""
+    """Too little data for a stage (exit code 2)."""
 
 
 class DeviceFaultError(CalstationError):
@@ -29,3 +67,7 @@ class StoppedError(CalstationError):
     """The operator stopped the run (exit code 4)."""
 
     exit_code = 4
+
+
+def _rebuild(kind: type[CalstationError], code: str, values: dict[str, Any]) -> CalstationError:
+    return kind(code, **values)

@@ -12,6 +12,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from calstation.errors import CalstationError, ConfigurationError
+from calstation.messages.catalogue import known
+from calstation.messages.rendering import render
 
 
 class StrictModel(BaseModel):
@@ -21,14 +23,23 @@ class StrictModel(BaseModel):
 
 
 class EntryError(ValueError):
-    """What a rule over several entries finds wrong.
+    """A rule over several entries is broken.
 
-    place : keys and element numbers from where the rule stands to the entry that it names
+    Parameters
+    ----------
+    code : its entry in the message catalogue
+    place : keys and element numbers from where the rule stands to the entry that is wrong
+    values : what stands in the braces of the entry's sentences
     """
 
-    def __init__(self, text: str, *place: str | int) -> None:
-        super().__init__(text)
+    def __init__(self, code: str, *place: str | int, **values: Any) -> None:
+        super().__init__(code)
+        self.code = code if known(code) else ""
         self.place = place
+        self.values = values
+
+    def __str__(self) -> str:
+        return render(self.code, self.values).line if self.code else str(self.args[0])
 
 
 @contextmanager
@@ -36,8 +47,10 @@ def entry(*place: str | int) -> Iterator[None]:
     """Whatever is found wrong within is told of the entry at `place`."""
     try:
         yield
+    except EntryError as exc:
+        raise EntryError(exc.code or str(exc), *place, *exc.place, **exc.values) from None
     except ValueError as exc:
-        raise EntryError(str(exc), *place, *getattr(exc, "place", ())) from None
+        raise EntryError(str(exc), *place) from None
 
 
 Model = TypeVar("Model", bound=BaseModel)

@@ -28,8 +28,8 @@ from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
 from calstation.physics.table import TableGeometry
 
 NOTHING = Consistency(0.0, 0.0, 0.0, 0)
+#: A sigma beyond this says that the motion did not determine the value; of the clock offset, half a sample.
 UNDETERMINED = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
-"""A sigma beyond this says that the motion did not determine the value; of the clock offset, half a sample."""
 
 
 class Schedule(BaseModel):

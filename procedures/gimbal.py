@@ -39,8 +39,8 @@ from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.table import TableGeometry
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
+#: Drifts that keep this share of their size through turns that should have halved it were not corrected.
 STUCK = 0.7
-"""Drifts that keep this share of their size through turns that should have halved it were not corrected."""
 
 
 class Schedule(BaseModel):

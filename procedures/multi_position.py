@@ -30,11 +30,11 @@ GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
 
 
+#: Joint angles outer and inner, rad.
 Pose = tuple[float, float]
-"""Joint angles outer and inner, rad."""
 
+#: What a person needs beside turning a rail, to read what is asked and to let go, s.
 HESITATION = 3.0
-"""What a person needs beside turning a rail, to read what is asked and to let go, s."""
 
 
 class Schedule(BaseModel):

@@ -28,12 +28,12 @@ from calstation.physics.rotation import axis_rotation, rotation_matrix
 from calstation.physics.table import INNER, TableGeometry
 
 ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
+#: A smaller rotation between two rests only moves the unit into place.
 SMALLEST_TURN = np.deg2rad(300.0)
-"""A smaller rotation between two rests only moves the unit into place."""
+#: A turn counts as whole when it ends this close to where it began.
 WHOLE = np.deg2rad(5.0)
-"""A turn counts as whole when it ends this close to where it began."""
+#: How far a table's axes may lie from where its profile says: non-orthogonality and wobble, rad.
 AXIS_SIGMA = np.deg2rad(0.1)
-"""How far a table's axes may lie from where its profile says: non-orthogonality and wobble, rad."""
 FREE_AZIMUTH = np.pi / np.sqrt(3.0)
 
 

@@ -28,12 +28,12 @@ from calstation.physics.rotation import rotation_matrix
 from calstation.physics.table import TableGeometry
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
+#: A rest shorter than this, s, is a pause in a turn and no position.
 SHORTEST_REST = 1.0
-"""A rest shorter than this, s, is a pause in a turn and no position."""
+#: Prior of a direction of which nothing is known, rad about the measured one.
 FREE_DIRECTION_SIGMA = 1.0
-"""Prior of a direction of which nothing is known, rad about the measured one."""
+#: A rest further than this from every face supports the fit but is no face.
 ON_FACE = np.deg2rad(30.0)
-"""A rest further than this from every face supports the fit but is no face."""
 
 
 class Schedule(BaseModel):

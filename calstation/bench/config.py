@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from calstation.bench.table.machine import TableLimits
 from calstation.bench.truth.bench import ARCSECOND, BenchTruth
 from calstation.bench.truth.grades import GradeName
-from calstation.bench.truth.manual_rig import HandRig
+from calstation.bench.truth.manual_rig import ManualRig
 from calstation.physics.parameters import INDEX
 
 Vector = tuple[float, float, float]
@@ -203,9 +203,9 @@ class BenchConfig(BaseModel):
             parameters[INDEX[name]] = value
         return replace(drawn, imu=replace(drawn.imu, parameters=parameters))
 
-    def rig(self) -> HandRig:
+    def rig(self) -> ManualRig:
         """The rails at this place."""
-        return HandRig(
+        return ManualRig(
             latitude=np.deg2rad(self.latitude_deg),
             height=self.height_m,
             gravity=self.gravity_mps2,

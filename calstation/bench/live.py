@@ -18,8 +18,8 @@ from calstation.bench.truth.stream import SensorStream
 
 TABLE_MODEL = "bench-table"
 
+#: Units by what their commands are.
 UNITS = {"framed": ImuUnit, "modbus": DspUnit, "vectornav": VectorNavUnit}
-"""Units by what their commands are."""
 
 _FAULTS = {
     "drive_fault": Fault.DRIVE,
@@ -128,8 +128,8 @@ class LiveBench:
 
     def talk(self) -> Callable[[bytes], list[bytes]]:
         """What the unit makes of the bytes of one connection: its replies."""
-        hear = self.unit.conversation()
-        return lambda data: hear(data, self.device_time)
+        check_cancelled = self.unit.conversation()
+        return lambda data: check_cancelled(data, self.device_time)
 
     def table_clocks(self) -> dict[str, Callable[[], float]]:
         """What a controller of the table tells time by."""

@@ -12,7 +12,7 @@ from calstation.config import library
 from calstation.config.editing import check, kind_of, read_text
 from calstation.config.request import RunRequest
 from calstation.config.station import load_station
-from calstation.connection.compatibility import unfit
+from calstation.connection.compatibility import incompatibilities
 from calstation.connection.link_test import Order, setup_of, try_imu, try_table
 from calstation.connection.station_rules import contradictions
 from calstation.errors import ConfigurationError, DeviceFaultError
@@ -32,11 +32,11 @@ _KINDS = {
     "imus": "an IMU profile",
     "products": "a product",
 }
+#: What the window does with a button.
 _MENDS = {
     "fault": "Remove its cause, then reset it: calstation table reset",
     "fault_untold": "Read the table's display, remove the cause, then reset it: calstation table reset",
 }
-"""What the window does with a button."""
 
 
 def try_command(device: str, station: Path | None, product: Path | None, json: str | None) -> int:
@@ -55,7 +55,7 @@ def try_command(device: str, station: Path | None, product: Path | None, json: s
     order = Order(load_station(station)[1], product)
     report = _DEVICES[device](tell, order)
     if device == "table" and product is not None and report.state != "wrong":
-        report = replace(report, findings=(*report.findings, *unfit(setup_of(order))))
+        report = replace(report, findings=(*report.findings, *incompatibilities(setup_of(order))))
     where = RunRequest("", station, product)
     emit_json(_plain(report, where), json)
     if json != "-":

@@ -14,7 +14,7 @@ from calstation.cli.show import check_json, emit_json
 from calstation.cli.typed import said_as_typed
 from calstation.cli.wording import PROOFS
 from calstation.config.library import site_folder
-from calstation.config.request import RegisterErrand, RunRequest
+from calstation.config.request import RegisterOperation, RunRequest
 from calstation.config.station import load_station
 from calstation.devices.imu.transfer import Step
 from calstation.errors import DeviceFaultError, StoppedError
@@ -103,7 +103,7 @@ def read_command(request: RunRequest, json: str | None) -> int:
 
 def finish_command(request: RunRequest, json: str | None, *, at_rest: bool, yes: bool, debug: bool) -> int:
     """Bring a unit's interrupted transfer to its end."""
-    errand = RegisterErrand(request, "finish", at_rest=at_rest)
+    errand = RegisterOperation(request, "finish", at_rest=at_rest)
     what = "Its new registers are written, where they are not there yet, and proved."
     return _do(errand, what, json, yes=yes, debug=debug)
 
@@ -112,7 +112,7 @@ def restore_command(
     request: RunRequest, ident: str | None, json: str | None, *, at_rest: bool, yes: bool, debug: bool
 ) -> int:
     """Put earlier registers back into a unit."""
-    errand = RegisterErrand(request, "restore", transfer=ident, at_rest=at_rest)
+    errand = RegisterOperation(request, "restore", transfer=ident, at_rest=at_rest)
     what = "Registers that it held before are written into it and proved."
     return _do(errand, what, json, yes=yes, debug=debug)
 
@@ -122,7 +122,7 @@ def unit_request(serial: str, station: Path | None, product: Path | None, out: P
     return run_request(None, station, product, serial, None, None, out)
 
 
-def _do(errand: RegisterErrand, what: str, json: str | None, *, yes: bool, debug: bool) -> int:
+def _do(errand: RegisterOperation, what: str, json: str | None, *, yes: bool, debug: bool) -> int:
     """Say what is going to happen, have it done, and show the answer."""
     check_json(json)
     _confirm(errand, what, yes)
@@ -149,7 +149,7 @@ def _do(errand: RegisterErrand, what: str, json: str | None, *, yes: bool, debug
     return 0
 
 
-def _confirm(errand: RegisterErrand, what: str, yes: bool) -> None:
+def _confirm(errand: RegisterOperation, what: str, yes: bool) -> None:
     """No motion that was not announced, and none on hardware that nobody has agreed to."""
     turns = turning(errand)
     _, station = load_station(errand.request.station)

@@ -36,8 +36,8 @@ from calstation.sequencer.events import (
     Verdict,
 )
 
+#: What the virtual bench's unit answers to where no serial number was given.
 DEFAULT_SERIAL = "SN-000001"
-"""What the virtual bench's unit answers to where no serial number was given."""
 
 _EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 

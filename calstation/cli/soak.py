@@ -18,8 +18,8 @@ from calstation.cli.show import check_json, emit_json
 from calstation.errors import StoppedError
 from calstation.simulation.soak import Soak, soak
 
+#: What is done where no number is given.
 RUNS = 20
-"""What is done where no number is given."""
 
 _TOTALS = (
     ("runs", "runs"),

@@ -6,6 +6,7 @@ from typing import Any
 
 import typer
 
+#: The parser's words for a value, and ours.
 _KINDS = (
     (r"valid integer", "must be a whole number"),
     (r"valid number", "must be a number"),
@@ -13,7 +14,6 @@ _KINDS = (
     (r"greater than (\S+)", "must be greater than {0}"),
     (r"less than or equal to (\S+)", "must be at most {0}"),
 )
-"""The parser's words for a value, and ours."""
 
 
 def usage_sentence(error: typer.TyperException, arguments: Sequence[str]) -> str:

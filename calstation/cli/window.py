@@ -4,8 +4,8 @@ import os
 import subprocess
 import sys
 
+#: What a window needs first; where a library or the screen is missing, Qt ends its process instead of telling.
 _PROBE = "from PySide6.QtWidgets import QApplication; QApplication([])"
-"""What a window needs first; where a library or the screen is missing, Qt ends its process instead of telling."""
 
 _PROBED_WITHIN = 60.0
 

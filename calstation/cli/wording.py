@@ -6,6 +6,7 @@ from typing import Any
 
 from calstation.sequencer.events import PositionGuided
 
+#: Sentence by message id, with the values' names in braces.
 MESSAGES: dict[str, str] = {
     "identified": "Table {table} ({table_serial}), IMU {imu} {serial}.",
     "incomplete_run": "An earlier run did not reach its end: {log} (its samples can be resolved).",
@@ -61,7 +62,6 @@ MESSAGES: dict[str, str] = {
     "stopped_because": "Stopped safely: {reason}.",
     "stopped_early": "{stage} is outside the limits: the remaining stages are left out.",
 }
-"""Sentence by message id, with the values' names in braces."""
 
 STATES: dict[str, str] = {
     "idle": "idle",
@@ -87,15 +87,15 @@ REASONS: dict[str, str] = {
     "listener_silent": "the window or terminal that watched the run does not answer",
 }
 
+#: By what the output was found right.
 PROOFS: dict[str, str] = {
     "turn": "with a turn of the table",
     "rest": "at rest, no turn was made",
     "read_back": "by reading back alone",
 }
-"""By what the output was found right."""
 
+#: Of a unit whose corrected output cannot be seen.
 READ_BACK = "PASSED: inside every limit, registers written and read back; the unit shows no output with them"
-"""Of a unit whose corrected output cannot be seen."""
 
 OUTCOMES: dict[str, str] = {
     "passed": "PASSED: inside every limit, registers written and verified",
@@ -111,9 +111,10 @@ RESOLVED: dict[bool | None, str] = {
     None: "The log names no limits to compare with.",
 }
 
+#: Of a log in which a stage lacks data.
 NOT_ALL = "Not every stage of the log could be solved."
-"""Of a log in which a stage lacks data."""
 
+#: What an acceptance check compares; parameters and stages speak for themselves.
 CHECKS: dict[str, str] = {
     "gravity_at_rest": "force at rest against gravity",
     "improvement_at_rest": "force at rest against gravity, for what it was",
@@ -125,8 +126,8 @@ CHECKS: dict[str, str] = {
     "excitation": "part of a sigma that is left",
     "latitude": "latitude as the gyros see the earth turn",
 }
-"""What an acceptance check compares; parameters and stages speak for themselves."""
 
+#: What a move does, by the first word of its label; the others are the braces' values.
 STEPS: dict[str, str] = {
     "start": "To the start of the stage",
     "position": "To outer {1:g}°, inner {2:g}°",
@@ -142,9 +143,9 @@ STEPS: dict[str, str] = {
     "load": "To the load angle",
     "carry": "Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go",
 }
-"""What a move does, by the first word of its label; the others are the braces' values."""
 
 
+#: What a position by hand waits for.
 GUIDED: dict[str, str] = {
     "waiting": "waiting: let go of it",
     "still": "hold still, {rest:.0f} of {wanted:.0f} s",
@@ -152,8 +153,8 @@ GUIDED: dict[str, str] = {
     "enough": "enough: go on",
     "repeat": "too soon: once more",
 }
-"""What a position by hand waits for."""
 
+#: What came of an operator's reset of the table.
 RESETS: dict[str, str] = {
     "nothing": "No fault is latched; nothing was sent.",
     "cleared": "The fault '{latched}' was reset; nothing is latched now.",
@@ -163,7 +164,6 @@ RESETS: dict[str, str] = {
     "refused": "NOT RESET: the table refuses ({words}); remove the cause of '{latched}' first.",
     "stays": "STILL THERE: '{latched}' was reset, but '{left}' is latched; its cause is still there, remove it first.",
 }
-"""What came of an operator's reset of the table."""
 
 
 def word(key: str, values: Mapping[str, Any]) -> str:

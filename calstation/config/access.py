@@ -15,17 +15,17 @@ from calstation.errors import ConfigurationError
 from calstation.records.atomic import write_atomic
 from calstation.schema import StrictModel, validate
 
+#: Fewest characters of a PIN.
 SHORTEST = 4
-"""Fewest characters of a PIN."""
 
+#: Wrong PINs before the first delay.
 _FREE_FAILURES = 2
-"""Wrong PINs before the first delay."""
 
+#: s; the delays double from one second up to here.
 _LONGEST_DELAY = 300.0
-"""s; the delays double from one second up to here."""
 
+#: Work of scrypt (RFC 7914): 8 MiB and some 20 ms, which a window may spend on a key stroke.
 _N, _R, _P = 2**13, 8, 1
-"""Work of scrypt (RFC 7914): 8 MiB and some 20 ms, which a window may spend on a key stroke."""
 
 
 class _Stored(StrictModel):

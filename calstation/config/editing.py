@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from tomlkit.items import AbstractTable
 
 from calstation.config import library
-from calstation.config.register_limits import register_room
+from calstation.config.register_limits import check_register_limits
 from calstation.config.station import ProductConfig, StationConfig, schedule_values
 from calstation.config.toml_lines import line_of
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
@@ -22,28 +22,28 @@ from calstation.schema import complaints, read_toml
 from calstation.sequencer.stop_rule import named
 from procedures import method
 
+#: Keys and element numbers that lead to a value, as in pydantic's ``loc``.
 Place = tuple[str | int, ...]
-"""Keys and element numbers that lead to a value, as in pydantic's ``loc``."""
 
+#: Kind of file to its model.
 MODELS: dict[str, type[BaseModel]] = {
     "stations": StationConfig,
     "tables": TableProfile,
     "imus": ImuProfile,
     "products": ProductConfig,
 }
-"""Kind of file to its model."""
 
+#: What only files of a kind have, as patterns of a line's beginning.
 _MARKS = {
     "stations": (r"\[site\]",),
     "imus": (r"\[frame\]", r"\[stream\]", r"\[noise\]"),
     "products": (r"serial_pattern\s*=", r"\[limits"),
     "tables": (r"\[outer\]", r"\[inner\]", r"\[modbus\]", r"\[text\]", r"outer_axis\s*="),
 }
-"""What only files of a kind have, as patterns of a line's beginning."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+#: How a rule over several values begins when it names the one to mend.
 _NAMED = re.compile(r"([a-z_]\w*(?:\.[a-z_]\w*)+)( is missing)?\b")
-"""How a rule over several values begins when it names the one to mend."""
 _TOML_PLACE = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)")
 
 
@@ -166,7 +166,7 @@ def _no_room(product: ProductConfig) -> list[Problem]:
         return []
     return [
         Problem(place, "value_error", f"{'.'.join(place)} {words}", 0)
-        for place, words in register_room(product, profile)
+        for place, words in check_register_limits(product, profile)
     ]
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from calstation.errors import ConfigurationError
 
+#: Folders of files.
 KINDS = ("stations", "tables", "imus", "products")
-"""Folders of files."""
 
 
 def site_folder() -> Path:

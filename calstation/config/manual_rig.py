@@ -6,8 +6,8 @@ from calstation.config import library
 from calstation.config.station import load_station, rails_by_hand
 from calstation.errors import CalstationError
 
+#: The shipped station of the virtual bench with such a rig, and the shipped product that is calibrated on it.
 STATION, PRODUCT = "virtual_hand", "mems_hand"
-"""The shipped station of the virtual bench with such a rig, and the shipped product that is calibrated on it."""
 
 
 def hand_rig(station: Path | None) -> bool:

@@ -9,12 +9,12 @@ from calstation.config import library, versions
 from calstation.config.editing import edited, read_text
 from calstation.config.versions import Version
 from calstation.errors import ConfigurationError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from procedures import method
 
 
 def save_schedule(
-    tell: Tell, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
+    tell: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
 ) -> tuple[Path, Version]:
     """Work for the workshop: write values of stages' schedules into a product, the site's copy of a shipped one.
 

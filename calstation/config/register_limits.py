@@ -9,11 +9,13 @@ from calstation.devices.profiles.registers import RegisterEntry
 from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.records.limits import Limit
 
+#: Standard deviation of rounding to a step of 1.
 _ROUNDING = 12.0**-0.5
-"""Standard deviation of rounding to a step of 1."""
 
 
-def register_room(product: ProductConfig, profile: ImuProfile) -> Iterator[tuple[tuple[str, str, str], str]]:
+def check_register_limits(
+    product: ProductConfig, profile: ImuProfile
+) -> Iterator[tuple[tuple[str, str, str], str]]:
     """Where a unit inside its limits would not fit into its registers, or not within what the limits ask.
 
     Yields

@@ -42,12 +42,12 @@ class RunRequest:
     unfinished: Literal["finish", "restore"] | None = None
 
 
+#: Ends what is told of a table that keeps an errand at registers from beginning.
 OR_AT_REST = "; or leave the table alone: --at-rest"
-"""Ends what is told of a table that keeps an errand at registers from beginning."""
 
 
 @dataclass(frozen=True)
-class RegisterErrand:
+class RegisterOperation:
     """What is to be done to a unit's registers without a run.
 
     Attributes

@@ -41,15 +41,15 @@ from calstation.sequencer.task import Output, StagePlan, Task
 from calstation.simulation.fault_plan import FaultPlan
 from procedures import method
 
+#: A register further from zero than this many sigmas of its parameter's prior holds no calibration of the unit.
 _PLAUSIBLE = 3.0
-"""A register further from zero than this many sigmas of its parameter's prior holds no calibration of the unit."""
 
+#: Of a virtual bench whose file names none.
 _SEED = 1
-"""Of a virtual bench whose file names none."""
 
 
 @dataclass(frozen=True)
-class Setup:
+class ResolvedConfiguration:
     """A checked run: its request, configuration files and profiles; `schedules` by stage, validated.
 
     texts, files : of the station, product, table and imu files
@@ -236,7 +236,7 @@ class Setup:
 class _Steps:
     """A fresh plan of a stage at every call."""
 
-    setup: Setup
+    setup: ResolvedConfiguration
     stage: str
 
     def __call__(self) -> Iterator[Step]:

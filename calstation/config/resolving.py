@@ -10,9 +10,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from calstation.config import library, version_store
-from calstation.config.register_limits import register_room
+from calstation.config.register_limits import check_register_limits
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.site_check import check_confirmed, check_place
 from calstation.config.station import (
     ProductConfig,
@@ -34,7 +34,7 @@ from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
 from procedures import method
 
 
-class HandsError(ConfigurationError):
+class ManualRigError(ConfigurationError):
     """Rails that hands turn and stages that are carried do not come together.
 
     by_hand : the station's rig is turned by hand and a stage needs one that is driven; or the other way round
@@ -45,7 +45,7 @@ class HandsError(ConfigurationError):
         self.by_hand = by_hand
 
 
-def prepare(request: RunRequest) -> Setup:
+def prepare(request: RunRequest) -> ResolvedConfiguration:
     """Read and check everything that a run needs. Raises ConfigurationError with file, field and mend."""
     setup, product_path = configured(request)
     _check_serial(setup, product_path)
@@ -57,7 +57,7 @@ def prepare(request: RunRequest) -> Setup:
     return setup
 
 
-def configured(request: RunRequest) -> tuple[Setup, Path]:
+def configured(request: RunRequest) -> tuple[ResolvedConfiguration, Path]:
     """A run's configuration, checked, and the product's file; no unit needs to be named yet.
 
     Raises ConfigurationError with file, field and mend.
@@ -74,7 +74,7 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
     chosen = request.schedule or {}
     paths = {"station": station_path, "product": product_path, "table": table_path, "imu": imu_path}
     texts = {kind: path.read_bytes().decode() for kind, path in paths.items()}
-    setup = Setup(
+    setup = ResolvedConfiguration(
         request=request,
         station=station,
         product=product,
@@ -88,7 +88,7 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
     faults = _faults(setup, station_path)
     setup = replace(setup, faults=faults, station=faults.station(station))
     _check_bench(setup, station_path)
-    for place, words in register_room(product, setup.imu):
+    for place, words in check_register_limits(product, setup.imu):
         raise ConfigurationError(f"{product_path}: {'.'.join(place)} {words}")
     _check_line(setup, station_path)
     _check_targets("targets", product.targets, product_path)
@@ -97,19 +97,19 @@ def configured(request: RunRequest) -> tuple[Setup, Path]:
     return setup, product_path
 
 
-def check_station(setup: Setup, product_path: Path) -> None:
+def check_station(setup: ResolvedConfiguration, product_path: Path) -> None:
     """Whether the product can be calibrated at this station: its rig, and how well its place is known.
 
     Raises ConfigurationError with field and mend, HandsError where it is the rig.
     """
-    check_hands(setup, product_path)
+    check_manual_rig(setup, product_path)
     meta, path = setup.meta(datetime.now(UTC), 1, {}), load_station(setup.request.station)[0]
     check_place(meta, path)
     if setup.station.bench is None:
         check_confirmed(setup.station.site, meta, path)
 
 
-def check_hands(setup: Setup, product_path: Path) -> None:
+def check_manual_rig(setup: ResolvedConfiguration, product_path: Path) -> None:
     """Rails that hands turn need stages that are carried, and carried stages need such rails.
 
     Raises HandsError with the stage and the mend.
@@ -118,19 +118,19 @@ def check_hands(setup: Setup, product_path: Path) -> None:
     for stage, schedule in setup.schedules.items():
         manual = getattr(schedule, "manual", None)
         if setup.by_hand and manual is None:
-            raise HandsError(
+            raise ManualRigError(
                 f"stages: '{stage}' needs a table that is driven, but '{rig}' of station '{setup.station.name}' is"
                 " turned by hand; choose multi_position, or another station",
                 by_hand=setup.by_hand,
             )
         if setup.by_hand and not manual:
-            raise HandsError(
+            raise ManualRigError(
                 f"{product_path}: schedule.{stage}.manual must be true, because '{rig}' of station"
                 f" '{setup.station.name}' is turned by hand; set it, or choose another product or station",
                 by_hand=setup.by_hand,
             )
         if manual and not setup.by_hand:
-            raise HandsError(
+            raise ManualRigError(
                 f"{product_path}: schedule.{stage}.manual is true, but the table '{rig}' of station"
                 f" '{setup.station.name}' is driven; choose a station with rails turned by hand, or another product",
                 by_hand=setup.by_hand,
@@ -143,7 +143,7 @@ def _file(kind: str, path: Path, text: str) -> FileSection:
     return FileSection(name=path.stem, version=version, sha256=version_store.sha256(text))
 
 
-def _check_line(setup: Setup, station_path: Path) -> None:
+def _check_line(setup: ResolvedConfiguration, station_path: Path) -> None:
     """A place's own baud carries the unit's stream; of a socket nobody knows."""
     own, port = setup.station.imu.serial, setup.station.imu.port or ""
     if own is None or "baud" not in own.model_fields_set or port.startswith(SOCKETS):
@@ -164,7 +164,7 @@ def _check_targets(field: str, targets: Iterable[str], product_path: Path) -> No
             raise ConfigurationError(f"{product_path}: {field}.{name} is no parameter or group; remove it")
 
 
-def _check_serial(setup: Setup, product_path: Path) -> None:
+def _check_serial(setup: ResolvedConfiguration, product_path: Path) -> None:
     pattern = setup.product.serial_pattern
     if not re.fullmatch(pattern, setup.request.serial):
         raise ConfigurationError(
@@ -173,7 +173,7 @@ def _check_serial(setup: Setup, product_path: Path) -> None:
         )
 
 
-def _faults(setup: Setup, station_path: Path) -> FaultPlan:
+def _faults(setup: ResolvedConfiguration, station_path: Path) -> FaultPlan:
     """The plan of the request, or that named beside the station file's bench."""
     path = setup.request.faults
     if setup.station.bench is None:
@@ -188,7 +188,7 @@ def _faults(setup: Setup, station_path: Path) -> FaultPlan:
     return FaultPlan() if path is None else load_fault_plan(path)
 
 
-def _check_bench(setup: Setup, station_path: Path) -> None:
+def _check_bench(setup: ResolvedConfiguration, station_path: Path) -> None:
     config = setup.bench_words()
     if config is None:
         for option, value in (("--speed", setup.request.speed), ("--seed", setup.request.seed)):

@@ -17,16 +17,16 @@ from calstation.records.meta import context_from_meta
 from calstation.sequencer.stop_rule import named
 from procedures import DEFAULT_STAGES, method
 
+#: What a virtual unit is called where its bench does not say.
 _VIRTUAL = "SN-000001"
-"""What a virtual unit is called where its bench does not say."""
 
+#: A float, a whole number, true or false, one of several words, sigmas by parameter or group, anything else.
 Kind = Literal["number", "count", "flag", "choice", "targets", "other"]
-"""A float, a whole number, true or false, one of several words, sigmas by parameter or group, anything else."""
 
 _KINDS: dict[Any, Kind] = {bool: "flag", int: "count", float: "number"}
 
+#: Units by the ends of fields' names.
 UNITS = {"_s": "s", "_dps": "°/s", "_dps2": "°/s²", "_deg": "°"}
-"""Units by the ends of fields' names."""
 
 
 @dataclass(frozen=True)

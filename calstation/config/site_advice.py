@@ -6,8 +6,8 @@ from calstation.config.site_check import ANOMALY
 from calstation.messages.finding import Finding, Value
 from calstation.physics.earth import normal_gravity
 
+#: Above this latitude, degrees, the earth's horizontal rate is too small to find an azimuth from.
 _NEAR_POLE = 80.0
-"""Above this latitude, degrees, the earth's horizontal rate is too small to find an azimuth from."""
 
 Number = float | int | None
 

@@ -22,13 +22,13 @@ from calstation.records.limits import Check
 from calstation.records.meta import LogMeta, SiteSection, context_from_meta
 from procedures import method
 
+#: Largest part by which gravity is another than normal gravity where people calibrate: 300 mGal. Free-air anomalies
+#: beyond that are found on summits and islands only.
 ANOMALY = 3e-4
-"""Largest part by which gravity is another than normal gravity where people calibrate: 300 mGal. Free-air anomalies
-beyond that are found on summits and islands only."""
 
 
+#: Name of the check of the latitude seen.
 LATITUDE = "latitude"
-"""Name of the check of the latitude seen."""
 
 
 def this_computer() -> str:

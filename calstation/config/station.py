@@ -18,14 +18,14 @@ from calstation.records.meta import SiteSection
 from calstation.schema import StrictModel, load
 from procedures import DEFAULT_STAGES, method
 
+#: What to do with a unit outside its limits: mount it anew, try again as it is, give it up for now.
 Advice = Literal["reseat", "repeat", "set_aside"]
-"""What to do with a unit outside its limits: mount it anew, try again as it is, give it up for now."""
 
 DEFAULT_STATION = "virtual_bench"
 DEFAULT_PRODUCT = "nav_a"
 
+#: host:port without what it is reached by.
 _BARE = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
-"""host:port without what it is reached by."""
 
 
 class DeviceSection(StrictModel):

@@ -14,14 +14,14 @@ from typing import IO, Any
 
 from calstation.errors import DeviceFaultError
 
+#: Host time for the bench to start, its compilation on a fresh machine included, s.
 _START_WITHIN = 180.0
-"""Host time for the bench to start, its compilation on a fresh machine included, s."""
 
 _HEAR_EVERY = 0.1
 _END_WITHIN = 5.0
 
+#: On Windows, keeps a Ctrl-C of the console from the bench; elsewhere it inherits the engine's deafness.
 _OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-"""On Windows, keeps a Ctrl-C of the console from the bench; elsewhere it inherits the engine's deafness."""
 
 
 @dataclass
@@ -32,7 +32,9 @@ class BenchHost:
     endpoints: Mapping[str, Any]
 
     @classmethod
-    def start(cls, config: Mapping[str, Any], hear: Callable[[], None] = lambda: None) -> "BenchHost":
+    def start(
+        cls, config: Mapping[str, Any], check_cancelled: Callable[[], None] = lambda: None
+    ) -> "BenchHost":
         """Start a bench with its configuration. Raises DeviceFaultError where it does not come up.
 
         hear : called again and again meanwhile; what it raises ends the bench
@@ -50,7 +52,7 @@ class BenchHost:
         lines: SimpleQueue[bytes] = SimpleQueue()
         threading.Thread(target=_read_line, args=(process.stdout, lines), daemon=True).start()
         try:
-            line = _first(lines, hear)
+            line = _first(lines, check_cancelled)
         except BaseException:
             process.kill()
             process.communicate()
@@ -88,11 +90,11 @@ class BenchHost:
         self.close()
 
 
-def _first(lines: "SimpleQueue[bytes]", hear: Callable[[], None]) -> bytes:
+def _first(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], None]) -> bytes:
     """The bench's first line; empty where none comes in time."""
     deadline = time.monotonic() + _START_WITHIN
     while time.monotonic() < deadline:
-        hear()
+        check_cancelled()
         with suppress(Empty):
             return lines.get(timeout=_HEAR_EVERY)
     return b""

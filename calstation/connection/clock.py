@@ -8,21 +8,21 @@ from typing import Any
 
 from calstation.errors import DeviceFaultError
 
+#: How often the devices are looked at, s.
 TICK = 0.05
-"""How often the devices are looked at, s."""
 
+#: The same where time runs as fast as the machine allows: nobody sees the difference, and it is half the work.
 _UNSEEN_TICK = 0.2
-"""The same where time runs as fast as the machine allows: nobody sees the difference, and it is half the work."""
 
+#: Host time allowed for an answer of the bench at its fastest, s.
 _ANSWER_WITHIN = 20.0
-"""Host time allowed for an answer of the bench at its fastest, s."""
 
+#: Host time in which samples handed over by the bench must have been read, s.
 _SAMPLES_WITHIN = 5.0
-"""Host time in which samples handed over by the bench must have been read, s."""
 
 
+#: Host time in which the reader usually has them: until then the processor is only yielded, s.
 _YIELD_FOR = 0.001
-"""Host time in which the reader usually has them: until then the processor is only yielded, s."""
 
 
 class RealClock:

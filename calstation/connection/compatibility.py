@@ -9,19 +9,19 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from calstation.config import library
-from calstation.config.resolved import Setup
-from calstation.config.resolving import HandsError, check_hands
+from calstation.config.resolved import ResolvedConfiguration
+from calstation.config.resolving import ManualRigError, check_manual_rig
 from calstation.config.site_check import normal_unlike, this_computer, unfelt, vouched, vouching
 from calstation.config.station import load_station, schedule_values
 from calstation.messages.finding import Finding, Value
 from calstation.schema import validate
 from procedures import method
 
+#: Station that new ones are copied from.
 EXAMPLE = "example_hardware"
-"""Station that new ones are copied from."""
 
 
-def unfit(setup: Setup) -> Iterator[Finding]:
+def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
     """Findings for all stages of the setup's product. Raises ConfigurationError where a schedule is wrong."""
     product, site = setup.product, setup.station.site
     schedules = {
@@ -30,8 +30,8 @@ def unfit(setup: Setup) -> Iterator[Finding]:
     }
     setup = replace(setup, stages=tuple(product.stages), schedules=schedules)
     try:
-        check_hands(setup, Path(product.name))
-    except HandsError as error:
+        check_manual_rig(setup, Path(product.name))
+    except ManualRigError as error:
         values: dict[str, Value] = {"rig": setup.table.name, "product": product.name}
         yield Finding("needs_drive" if error.by_hand else "needs_hands", "look", values)
     blind = unfelt(setup.meta(datetime.now(UTC), 1, {}))

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
-from calstation.connection.identify import Wires, identify
+from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import owned
 from calstation.devices.imu.open_imu import open_imu as imu_on
 from calstation.devices.imu.streamed_imu import StreamedImu
@@ -17,7 +17,7 @@ from calstation.devices.links.serial_link import SerialLink, SerialSettings
 from calstation.devices.links.serial_ports import resolve
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.table import TableProfile
-from calstation.devices.table.manual_rig import HandTable
+from calstation.devices.table.manual_rig import ManualTable
 from calstation.devices.table.open_table import open_table as table_on
 from calstation.devices.table.register_table import RegisterTable
 from calstation.devices.table.shared_table import SharedTable
@@ -30,7 +30,7 @@ from calstation.sequencer.ports import Clock
 class Devices:
     """Open devices and the clock that they live by."""
 
-    table: RegisterTable | TextTable | HandTable
+    table: RegisterTable | TextTable | ManualTable
     imu: StreamedImu
     clock: Clock
 
@@ -45,7 +45,9 @@ class Endpoints:
 
 
 @contextmanager
-def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator[Devices]:
+def connected(
+    setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
+) -> Iterator[Devices]:
     """Open clock, table and IMU, which have said who they are; close them on the way out.
 
     Raises DeviceFaultError or ConfigurationError.
@@ -53,16 +55,16 @@ def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
     hear : called while that takes its time, may raise
     """
     with ExitStack() as stack:
-        at = stack.enter_context(endpoints(setup, hear))
-        hear()
+        at = stack.enter_context(endpoints(setup, check_cancelled))
+        check_cancelled()
         if _shared(setup):
             imu = open_imu(setup, at.imu)
             stack.callback(imu.close)
-            table: RegisterTable | TextTable | HandTable = SharedTable(imu, table_profile(setup))
+            table: RegisterTable | TextTable | ManualTable = SharedTable(imu, table_profile(setup))
         elif setup.table.by_hand:
             imu = open_imu(setup, at.imu)
             stack.callback(imu.close)
-            table = HandTable(setup.table)
+            table = ManualTable(setup.table)
         else:
             table = open_table(setup, at.table)
             stack.callback(table.close)
@@ -70,7 +72,7 @@ def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
             stack.callback(imu.close)
         if not setup.table.by_hand:
             # Before anything else: not even a stop may be written to what may be no table at all.
-            identify(table, imu, wires(setup, at.table, at.imu), hear)
+            identify(table, imu, wires(setup, at.table, at.imu), check_cancelled)
         imu.start()
         if isinstance(at.clock, BenchClock):
             at.clock.attach(lambda: imu.received)
@@ -78,7 +80,9 @@ def connected(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
 
 
 @contextmanager
-def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
+def endpoints(
+    setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
+) -> Iterator[Endpoints]:
     """The ports of a station, owned as long as the context, or those of its virtual bench, which lives as long.
 
     hear : called while the bench comes up, may raise
@@ -97,7 +101,7 @@ def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
         with owned(port for port in (table, imu) if port):
             yield Endpoints(table or "", imu, RealClock())
         return
-    with BenchHost.start(config, hear) as bench:
+    with BenchHost.start(config, check_cancelled) as bench:
         told = bench.endpoints
         host, _, port = told["clock"].rpartition(":")
         clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))
@@ -108,7 +112,7 @@ def endpoints(setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator
             clock.close()
 
 
-def _shared(setup: Setup) -> bool:
+def _shared(setup: ResolvedConfiguration) -> bool:
     """Whether the axes are commanded through the IMU's link."""
     return setup.table.protocol == "imu_link"
 
@@ -140,7 +144,7 @@ def _place(port: str, name: str) -> str:
         return port
 
 
-def open_table(setup: Setup, port: str) -> RegisterTable | TextTable:
+def open_table(setup: ResolvedConfiguration, port: str) -> RegisterTable | TextTable:
     """The table alone, on its port. Raises DeviceFaultError or ConfigurationError."""
     if _shared(setup):
         return SharedTable(open_imu(setup, port), table_profile(setup), owned=True)
@@ -149,31 +153,31 @@ def open_table(setup: Setup, port: str) -> RegisterTable | TextTable:
         return table_on(port, profile, serial)
 
 
-def open_imu(setup: Setup, port: str) -> StreamedImu:
+def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
     """The IMU on its port, not streaming yet. Raises DeviceFaultError or ConfigurationError."""
     link = SerialLink(port, imu_settings(setup), "IMU")
     return imu_on(link, imu_profile(setup), setup.request.serial)
 
 
-def wires(setup: Setup, table: str, imu: str) -> Wires:
+def wires(setup: ResolvedConfiguration, table: str, imu: str) -> LinkSettings:
     """How both devices are reached at these ports."""
     profile = table_profile(setup)
     serial = setup.station.table.serial or profile.serial
-    return Wires(table, profile, serial, imu, imu_profile(setup), imu_settings(setup))
+    return LinkSettings(table, profile, serial, imu, imu_profile(setup), imu_settings(setup))
 
 
-def imu_settings(setup: Setup) -> SerialSettings:
+def imu_settings(setup: ResolvedConfiguration) -> SerialSettings:
     """This place's serial settings, the profile's where it has none."""
     return setup.station.imu.serial or setup.imu.link
 
 
-def table_profile(setup: Setup) -> TableProfile:
+def table_profile(setup: ResolvedConfiguration) -> TableProfile:
     """The table's profile with this place's timeout and unit number."""
     table = setup.station.table
     return setup.table.at_place(table.timeout_s, table.unit)
 
 
-def imu_profile(setup: Setup) -> ImuProfile:
+def imu_profile(setup: ResolvedConfiguration) -> ImuProfile:
     """The IMU's profile with this place's timeout."""
     timeout = setup.station.imu.timeout_s
     if timeout is None:

@@ -17,18 +17,18 @@ from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.devices.table.open_table import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 
+#: Modbus unit numbers that are tried where nobody answers as the one set.
 NUMBERS = range(1, 11)
-"""Modbus unit numbers that are tried where nobody answers as the one set."""
 
+#: Modbus exceptions that may mean that the unit number is another's.
 OTHER_NUMBER = (4, 10, 11)
-"""Modbus exceptions that may mean that the unit number is another's."""
 
+#: Host time that each has to answer, s.
 _ANSWER_WITHIN = 0.2
-"""Host time that each has to answer, s."""
 
 
 @dataclass(frozen=True)
-class Wires:
+class LinkSettings:
     """How both devices are reached: ports, profiles and settings as at this place."""
 
     table_port: str
@@ -46,7 +46,7 @@ class Wires:
 
 
 def identify(
-    table: Table, imu: Imu | None, wires: Wires, hear: Callable[[], None] = lambda: None
+    table: Table, imu: Imu | None, wires: LinkSettings, check_cancelled: Callable[[], None] = lambda: None
 ) -> TableIdentity:
     """Have the devices say who they are, the IMU where it is open. Raises DeviceFaultError where one is another.
 
@@ -64,22 +64,24 @@ def identify(
         table.close()
         if imu is not None:
             imu.close()
-        raise _explained(fault, wires, hear) from fault
+        raise _explained(fault, wires, check_cancelled) from fault
     return identity
 
 
-def _explained(fault: DeviceFaultError, wires: Wires, hear: Callable[[], None]) -> DeviceFaultError:
+def _explained(
+    fault: DeviceFaultError, wires: LinkSettings, check_cancelled: Callable[[], None]
+) -> DeviceFaultError:
     """What is behind it, where that can be found out."""
-    if _exchanged(wires, hear):
+    if _exchanged(wires, check_cancelled):
         return DeviceFaultError(
             f"table: it and the IMU are exchanged, its port {wires.table_port} is the IMU's; exchange table.port and"
             " imu.port in the station file"
         )
-    refused = fault.code if isinstance(fault, ModbusRefusalError) else None
+    refused = fault.exception if isinstance(fault, ModbusRefusalError) else None
     if not isinstance(fault, NoAnswerError | ModbusRefusalError) or refused not in (None, *OTHER_NUMBER):
         return fault
     unit = fault.unit
-    other = other_unit(wires, lambda share: hear()) if unit == wires.table.unit else None
+    other = other_unit(wires, lambda share: check_cancelled()) if unit == wires.table.unit else None
     if other is not None:
         return DeviceFaultError(
             f"table: on {wires.table_port} '{other[1]}' answers as unit {other[0]}, not as unit {unit}; correct"
@@ -97,23 +99,23 @@ def _explained(fault: DeviceFaultError, wires: Wires, hear: Callable[[], None]) 
     )
 
 
-def _exchanged(wires: Wires, hear: Callable[[], None]) -> bool:
+def _exchanged(wires: LinkSettings, check_cancelled: Callable[[], None]) -> bool:
     """Whether the IMU streams on the table's line, or the table says its model on the IMU's."""
     if not wires.two_lines:
         return False
     for looked in (imu_on_tables_line, table_on_imus_line):
-        hear()
+        check_cancelled()
         if looked(wires):
             return True
     return False
 
 
-def imu_on_tables_line(wires: Wires) -> bool:
+def imu_on_tables_line(wires: LinkSettings) -> bool:
     """Whether frames of the IMU come on the table's line."""
     return frames_come(wires.table_port, wires.imu_serial, wires.imu)
 
 
-def table_on_imus_line(wires: Wires) -> bool:
+def table_on_imus_line(wires: LinkSettings) -> bool:
     """Whether the table says its model on the IMU's line."""
     try:
         table = open_table(wires.imu_port, wires.table, wires.table_serial)
@@ -128,7 +130,9 @@ def table_on_imus_line(wires: Wires) -> bool:
     return True
 
 
-def other_unit(wires: Wires, asked: Callable[[float], None] = lambda share: None) -> tuple[int, str] | None:
+def other_unit(
+    wires: LinkSettings, asked: Callable[[float], None] = lambda share: None
+) -> tuple[int, str] | None:
     """Number and model of a Modbus unit that is the profile's, on the table's port but under another number.
 
     asked : told the share of the numbers that have been tried
@@ -160,7 +164,7 @@ class Heard:
     profile: str
 
 
-def units_heard(wires: Wires, asked: Callable[[float], None] = lambda share: None) -> list[Heard]:
+def units_heard(wires: LinkSettings, asked: Callable[[float], None] = lambda share: None) -> list[Heard]:
     """Who answers on the table's port, by the models of all Modbus profiles of this site.
 
     asked : told the share of the numbers that have been tried
@@ -174,7 +178,7 @@ def units_heard(wires: Wires, asked: Callable[[float], None] = lambda share: Non
     return heard
 
 
-def _modbus_profiles(wires: Wires) -> dict[str, TableProfile]:
+def _modbus_profiles(wires: LinkSettings) -> dict[str, TableProfile]:
     """The site's profiles behind Modbus by their file's name, one for each model."""
     found: dict[str, TableProfile] = {}
     for name in library.names("tables") if wires.table.modbus is not None else ():
@@ -185,7 +189,7 @@ def _modbus_profiles(wires: Wires) -> dict[str, TableProfile]:
     return found
 
 
-def _heard_as(wires: Wires, profiles: dict[str, TableProfile], number: int) -> Heard | None:
+def _heard_as(wires: LinkSettings, profiles: dict[str, TableProfile], number: int) -> Heard | None:
     """Who a unit number is, None where nobody answers to it."""
     somebody = None
     for name, profile in profiles.items():
@@ -201,7 +205,7 @@ def _heard_as(wires: Wires, profiles: dict[str, TableProfile], number: int) -> H
             if exc.unit == number:
                 return somebody
         except ModbusRefusalError as exc:
-            if exc.unit == number and exc.code not in OTHER_NUMBER:
+            if exc.unit == number and exc.exception not in OTHER_NUMBER:
                 somebody = somebody or Heard(number, "", "")
         except CalstationError:
             continue

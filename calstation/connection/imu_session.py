@@ -8,29 +8,29 @@ from functools import partial
 
 import numpy as np
 
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import endpoints, open_imu
 from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, SampleBatch
 from calstation.errors import DeviceFaultError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.records.meta import context_from_meta
 from calstation.sequencer.acquisition import to_si
-from calstation.sequencer.fresh_data import REST, FreshData, mean_at_rest
+from calstation.sequencer.capture import REST, VerificationData, mean_at_rest
+from calstation.sequencer.control_loop import NO_DATA
 from calstation.sequencer.ports import Clock
-from calstation.sequencer.pulse import NO_DATA
 from calstation.sequencer.task import Output
 
+#: Told when the link is open, and the unit named.
 _SHARES = (0.1, 0.4)
-"""Told when the link is open, and the unit named."""
 
 _WITHIN = 60.0
 _TICK = 0.05
 
 
 @dataclass(frozen=True)
-class UnitAlone:
+class ImuSession:
     """An open unit, who it is, and the clock that it lives by."""
 
     imu: Imu
@@ -39,12 +39,14 @@ class UnitAlone:
 
 
 @contextmanager
-def unit_alone(tell: Tell, setup: Setup, hear: Callable[[], None] = lambda: None) -> Iterator[UnitAlone]:
+def open_imu_session(
+    tell: ProgressCallback, setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
+) -> Iterator[ImuSession]:
     """The IMU alone; closed on the way out. Raises DeviceFaultError, ConfigurationError.
 
     hear : called while a virtual bench comes up, may raise
     """
-    with endpoints(setup, hear) as at:
+    with endpoints(setup, check_cancelled) as at:
         tell(_SHARES[0])
         imu = open_imu(setup, at.imu)
         try:
@@ -52,30 +54,41 @@ def unit_alone(tell: Tell, setup: Setup, hear: Callable[[], None] = lambda: None
                 at.clock.attach(lambda: imu.received)
             identity = imu.identify()
             tell(_SHARES[1])
-            yield UnitAlone(imu, identity, at.clock)
+            yield ImuSession(imu, identity, at.clock)
         finally:
             imu.close()
 
 
-def rest_of(unit: UnitAlone, setup: Setup, hear: Callable[[], None]) -> FreshData:
+def rest_of(
+    unit: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None]
+) -> VerificationData:
     """Corrected output at rest of a unit that nobody turns, and its raw one where it shows both.
 
     Behind it the raw stream is on. Raises DeviceFaultError; `hear` may raise as well.
     """
-    raw = FreshData((_rest(unit, setup, hear, corrected=False),), REST)
+    raw = VerificationData((_rest(unit, setup, check_cancelled, corrected=False),), REST)
     if setup.corrected is not Output.ASKED:
         return replace(raw, corrected=setup.corrected is Output.ALWAYS)
-    own = FreshData((_rest(unit, setup, hear, corrected=True),), REST, corrected=True, reference=raw)
+    own = VerificationData(
+        (_rest(unit, setup, check_cancelled, corrected=True),), REST, corrected=True, reference=raw
+    )
     unit.imu.start()
     return own
 
 
-def _rest(unit: UnitAlone, setup: Setup, hear: Callable[[], None], *, corrected: bool) -> FloatArray:
+def _rest(
+    unit: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
+) -> FloatArray:
     """Mean of one rest, rad/s and m/s², shape (6,)."""
     model = context_from_meta(setup.meta(datetime.now(UTC), 1, {})).imu
     count = round(REST * model.sample_rate)
     parts = samples_in_a_row(
-        unit.imu, unit.clock, setup.imu.status.ready, count, lambda taken: hear(), corrected=corrected
+        unit.imu,
+        unit.clock,
+        setup.imu.status.ready,
+        count,
+        lambda taken: check_cancelled(),
+        corrected=corrected,
     )
     if parts is None:
         raise DeviceFaultError(
@@ -89,7 +102,7 @@ def samples_in_a_row(
     clock: Clock,
     ready: int,
     count: int,
-    hear: Callable[[int], None] = lambda taken: None,
+    check_cancelled: Callable[[int], None] = lambda taken: None,
     *,
     corrected: bool = False,
 ) -> list[SampleBatch] | None:
@@ -106,7 +119,7 @@ def samples_in_a_row(
     parts: list[SampleBatch] = []
     last, noisy = np.empty(0, np.int64), False
     while (taken := sum(map(len, parts))) < count:
-        hear(taken)
+        check_cancelled(taken)
         if clock.now() > deadline:
             return None
         clock.sleep(_TICK)
@@ -126,6 +139,6 @@ def samples_in_a_row(
                     parts.append(batch)
         if lost:
             parts.clear()
-            imu.wake(partial(hear, 0), corrected=corrected)
+            imu.wake(partial(check_cancelled, 0), corrected=corrected)
             last, heard = last[:0], clock.now()
     return parts

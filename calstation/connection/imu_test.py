@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import Endpoints
 from calstation.connection.listening import frames_come
@@ -17,25 +17,29 @@ from calstation.devices.links.serial_link import PortLostError, SerialSettings
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.context import ImuModel
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.messages.finding import Finding, Value
 from calstation.physics.earth import normal_gravity
 from calstation.sequencer.acquisition import to_si
 from calstation.sequencer.preflight import PreflightLimits
 
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
+#: Station time that a unit has to say that it is ready, s.
 _READY_WITHIN = 3.0
-"""Station time that a unit has to say that it is ready, s."""
+#: Station time over which the stream is watched, s.
 _STREAM = 1.0
-"""Station time over which the stream is watched, s."""
 _SLICE = 0.1
 _RATE_TOLERANCE = 0.05
+#: Share of the bytes in frames with a wrong check from which the check is what is wrong.
 _MOSTLY_CHECKS = 0.3
-"""Share of the bytes in frames with a wrong check from which the check is what is wrong."""
 
 
 def ask(
-    imu: StreamedImu, setup: Setup, at: Endpoints, settings: SerialSettings, tell: Tell
+    imu: StreamedImu,
+    setup: ResolvedConfiguration,
+    at: Endpoints,
+    settings: SerialSettings,
+    tell: ProgressCallback,
 ) -> Iterator[Finding]:
     """Findings of an open IMU, up to the first that makes the rest meaningless."""
     tell(0.3, note="asking")
@@ -80,7 +84,11 @@ def ask(
 
 
 def _stream(
-    imu: StreamedImu, setup: Setup, at: Endpoints, settings: SerialSettings, tell: Tell
+    imu: StreamedImu,
+    setup: ResolvedConfiguration,
+    at: Endpoints,
+    settings: SerialSettings,
+    tell: ProgressCallback,
 ) -> Iterator[Finding]:
     """Wait until the unit is ready, then watch what it sends."""
     clock, profile = at.clock, setup.imu
@@ -126,7 +134,7 @@ def _stream(
     yield from _content(parts, setup)
 
 
-def _content(parts: list[SampleBatch], setup: Setup) -> Iterator[Finding]:
+def _content(parts: list[SampleBatch], setup: ResolvedConfiguration) -> Iterator[Finding]:
     """What the samples say: status bits, temperature, and gravity, which tells wrong counts or bytes."""
     profile, masks = setup.imu, setup.imu.status
     status = np.concatenate([part.status for part in parts])
@@ -160,7 +168,9 @@ def _content(parts: list[SampleBatch], setup: Setup) -> Iterator[Finding]:
     )
 
 
-def _unanswered(imu: StreamedImu, setup: Setup, port: str, settings: SerialSettings, words: str) -> Finding:
+def _unanswered(
+    imu: StreamedImu, setup: ResolvedConfiguration, port: str, settings: SerialSettings, words: str
+) -> Finding:
     """Why no reply came, by the bytes and frames that did."""
     stats, profile = imu.stats, setup.imu
     values: dict[str, Value] = {
@@ -184,7 +194,7 @@ def _unanswered(imu: StreamedImu, setup: Setup, port: str, settings: SerialSetti
 
 
 def heard_elsewhere(
-    port: str, settings: SerialSettings, profile: ImuProfile, tell: Tell
+    port: str, settings: SerialSettings, profile: ImuProfile, tell: ProgressCallback
 ) -> Iterator[Finding]:
     """The baud at which the same bytes are frames, where there is one. Only listens."""
     others = [baud for baud in _BAUDS if baud != settings.baud]

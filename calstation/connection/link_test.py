@@ -7,11 +7,11 @@ from pathlib import Path
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.station import StationConfig, load_product
 from calstation.connection import imu_test as imu_check
 from calstation.connection import table_test as table_check
-from calstation.connection.compatibility import unfit
+from calstation.connection.compatibility import incompatibilities
 from calstation.connection.devices import (
     Endpoints,
     endpoints,
@@ -38,12 +38,12 @@ from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.messages.finding import Finding, Report, Value
 
 _VIRTUAL_UNIT = "SN-000001"
+#: Findings that a line of text explains better.
 _ABOUT_LINES = ("no_frames", "no_samples", "no_stream", "one_way", "wrong_checks")
-"""Findings that a line of text explains better."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Order:
     product: Path | None = None
 
 
-def try_table(tell: Tell, order: Order) -> Report:
+def try_table(tell: ProgressCallback, order: Order) -> Report:
     """Work for the workshop: test the table's link. Raises CalstationError where a profile cannot be read."""
     setup = setup_of(order)
     found: list[Finding] = []
@@ -78,7 +78,7 @@ def try_table(tell: Tell, order: Order) -> Report:
     return Report("table", tuple(found))
 
 
-def try_imu(tell: Tell, order: Order) -> Report:
+def try_imu(tell: ProgressCallback, order: Order) -> Report:
     """Work for the workshop: test the IMU's link. Raises CalstationError where a profile cannot be read."""
     setup = setup_of(order)
     found: list[Finding] = []
@@ -97,16 +97,16 @@ def try_imu(tell: Tell, order: Order) -> Report:
         finally:
             imu.close()
         if any(finding.id in ("gravity", "wrong_gravity") for finding in found):
-            found.extend(unfit(setup))
+            found.extend(incompatibilities(setup))
         found = _by_a_line(setup, at, found)
         found.extend(_who_else_than_the_imu(setup, at, found, tell))
     return Report("imu", tuple(found))
 
 
-def setup_of(order: Order) -> Setup:
+def setup_of(order: Order) -> ResolvedConfiguration:
     """What opening the devices needs of a run's setup."""
     _, product = load_product(order.product)
-    return Setup(
+    return ResolvedConfiguration(
         request=RunRequest(_VIRTUAL_UNIT),
         station=order.station,
         product=product,
@@ -119,7 +119,7 @@ def setup_of(order: Order) -> Setup:
 
 
 @contextmanager
-def ports_of(tell: Tell, setup: Setup) -> Iterator[Endpoints]:
+def ports_of(tell: ProgressCallback, setup: ResolvedConfiguration) -> Iterator[Endpoints]:
     """The station's ports; its virtual bench takes some seconds to start."""
     tell(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
     with endpoints(setup) as at:
@@ -127,7 +127,7 @@ def ports_of(tell: Tell, setup: Setup) -> Iterator[Endpoints]:
 
 
 def _who_else_than_the_table(
-    setup: Setup, at: Endpoints, found: list[Finding], tell: Tell
+    setup: ResolvedConfiguration, at: Endpoints, found: list[Finding], tell: ProgressCallback
 ) -> Iterator[Finding]:
     """Who answers in the table's place, where that can be found out."""
     around, ids = wires(setup, at.table, at.imu), {finding.id for finding in found}
@@ -161,7 +161,7 @@ def _units(heard: list[Heard]) -> Iterator[Finding]:
 
 
 def _who_else_than_the_imu(
-    setup: Setup, at: Endpoints, found: list[Finding], tell: Tell
+    setup: ResolvedConfiguration, at: Endpoints, found: list[Finding], tell: ProgressCallback
 ) -> Iterator[Finding]:
     """Who answers in the IMU's place, or at which baud it does, where that can be found out."""
     around, ids = wires(setup, at.table, at.imu), {finding.id for finding in found}
@@ -174,7 +174,7 @@ def _who_else_than_the_imu(
         yield from imu_check.heard_elsewhere(at.imu, around.imu_serial, around.imu, tell)
 
 
-def _by_a_line(setup: Setup, at: Endpoints, found: list[Finding]) -> list[Finding]:
+def _by_a_line(setup: ResolvedConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
     """Of a unit that sends text, what is wrong is told by one of its lines instead."""
     told = next((i for i, f in enumerate(found) if f.id in _ABOUT_LINES), None)
     if told is None or setup.imu.frame.format != "text":

@@ -7,8 +7,8 @@ from calstation.devices.links.serial_link import SerialLink, SerialSettings
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.errors import CalstationError
 
+#: Host time to listen at one setting, s.
 LISTEN = 0.4
-"""Host time to listen at one setting, s."""
 
 _GLANCE = 0.02
 

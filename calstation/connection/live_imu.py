@@ -8,15 +8,15 @@ import numpy as np
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.resolving import configured
 from calstation.config.station import load_product
-from calstation.connection.imu_session import samples_in_a_row, unit_alone
+from calstation.connection.imu_session import open_imu_session, samples_in_a_row
 from calstation.devices.interfaces import SampleBatch
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.samples import SampleBlock
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 from calstation.records.log import open_log
@@ -24,14 +24,14 @@ from calstation.records.meta import ImuSection, LogMeta, context_from_meta
 from calstation.results.plots.applied import Applied, applied
 from calstation.simulation.recordings import read_truth
 
+#: Of the unit's stream.
 SECONDS = 10.0
-"""Of the unit's stream."""
 
+#: Told when the first sample is taken, and the last.
 _TAKEN = (0.4, 0.95)
-"""Told when the first sample is taken, and the last."""
 
+#: The unit in the virtual fixture where nothing tells which one the recording is of.
 _OWN_UNIT = "SN-000001"
-"""The unit in the virtual fixture where nothing tells which one the recording is of."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class OtherUnit:
 
 
 def apply_to_unit(
-    tell: Tell,
+    tell: ProgressCallback,
     path: Path,
     station: Path | None,
     product: Path | None,
@@ -75,7 +75,7 @@ def apply_to_unit(
     context = context_from_meta(meta)
     count = round(seconds * context.imu.sample_rate)
     begin, end = _TAKEN
-    with unit_alone(tell, setup) as unit:
+    with open_imu_session(tell, setup) as unit:
         if unit.identity.serial != serial:
             return OtherUnit(unit.identity.serial)
         parts = samples_in_a_row(
@@ -95,7 +95,7 @@ def apply_to_unit(
     return replace(applied([_block(parts)], context, before, found), corrected=corrected, named=said)
 
 
-def _with_the_unit(path: Path, meta: LogMeta, setup: Setup) -> Setup:
+def _with_the_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> ResolvedConfiguration:
     """The virtual bench with the recording's unit in its fixture: drawn as in its run, or by the truth beside it."""
     seed = None if meta.run is None else meta.run.seed
     truth = {name: value for name, value in read_truth(path).items() if name in NAMES}

@@ -20,8 +20,8 @@ from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.errors import DeviceFaultError
 from calstation.records.locked import take
 
+#: What another that is just closing is given to let go, s.
 _WITHIN = 3.0
-"""What another that is just closing is given to let go, s."""
 
 
 @contextmanager

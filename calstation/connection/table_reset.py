@@ -11,12 +11,12 @@ from calstation.connection.link_test import Order, ports_of, setup_of
 from calstation.devices.interfaces import LOCAL_CONTROL, Table, TableIdentity, TableStatus
 from calstation.devices.links.modbus_link import ModbusRefusalError
 from calstation.devices.links.text_link import TextRefusalError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 
 Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
 
+#: Host time that a drive is given to clear what it has latched, s.
 _CLEARED_WITHIN = 2.0
-"""Host time that a drive is given to clear what it has latched, s."""
 
 _LOOK_EVERY = 0.1
 
@@ -67,7 +67,7 @@ class TableReset:
         return self.left is None
 
 
-def read_table(tell: Tell, order: Order) -> TableStanding:
+def read_table(tell: ProgressCallback, order: Order) -> TableStanding:
     """Ask the table how it stands; writes nothing. Raises CalstationError."""
     setup = setup_of(order)
     with ports_of(tell, setup) as at:
@@ -80,7 +80,7 @@ def read_table(tell: Tell, order: Order) -> TableStanding:
             table.close()
 
 
-def reset_table(tell: Tell, order: Order) -> TableReset:
+def reset_table(tell: ProgressCallback, order: Order) -> TableReset:
     """Work for the workshop: reset what the station's table has latched. Raises CalstationError."""
     setup = setup_of(order)
     with ports_of(tell, setup) as at:

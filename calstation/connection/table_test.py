@@ -19,25 +19,29 @@ from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.register_table import RegisterTable
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import DeviceFaultError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.messages.finding import Finding, State, Value
 from calstation.sequencer.acquisition import SLOWEST_POLL
 
 _POLLS = 20
 _READ_HOLDING = 3
+#: Bytes of a request to read over RTU.
 _REQUEST = 8
-"""Bytes of a request to read over RTU."""
 _PRINTABLE = frozenset(b"\r\n\t" + bytes(range(0x20, 0x7F)))
+#: Share of printable bytes from which what came is text.
 _MOSTLY_TEXT = 0.9
-"""Share of printable bytes from which what came is text."""
+#: Characters of an unlike answer that are shown.
 _QUOTED = 40
-"""Characters of an unlike answer that are shown."""
+#: Travel of table and profile that differs by less, degrees, is the same.
 _ALIKE = 0.01
-"""Travel of table and profile that differs by less, degrees, is the same."""
 
 
 def ask(
-    table: RegisterTable | TextTable, profile: TableProfile, settings: SerialSettings, port: str, tell: Tell
+    table: RegisterTable | TextTable,
+    profile: TableProfile,
+    settings: SerialSettings,
+    port: str,
+    tell: ProgressCallback,
 ) -> Iterator[Finding]:
     """Findings of an open table, up to the first that makes the rest meaningless."""
     tell(0.5, note="asking")
@@ -52,7 +56,7 @@ def ask(
     except OtherModelError as exc:
         yield Finding("wrong_model", "wrong", {"found": exc.found, "expected": exc.expected})
     except ModbusRefusalError as exc:
-        yield Finding("exception", "wrong", {"code": exc.code, "unit": exc.unit})
+        yield Finding("exception", "wrong", {"code": exc.exception, "unit": exc.unit})
     except TextRefusalError as exc:
         yield Finding("line_refused", "wrong", {"words": str(exc)})
     except UnlikeAnswerError as exc:

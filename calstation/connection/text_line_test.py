@@ -6,11 +6,11 @@ from calstation.devices.profiles.channels import CHANNELS
 from calstation.devices.profiles.frame import FrameSection
 from calstation.messages.finding import Finding, Value
 
+#: Share of printable bytes from which what came is text.
 _MOSTLY_TEXT = 0.9
-"""Share of printable bytes from which what came is text."""
 _PRINTABLE = frozenset(b"\t" + bytes(range(0x20, 0x7F)))
+#: Characters of a line that are shown.
 _SHOWN = 120
-"""Characters of a line that are shown."""
 
 
 def wrong_line(frame: FrameSection, heard: bytes) -> Finding | None:

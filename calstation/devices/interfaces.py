@@ -8,12 +8,12 @@ from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.table import JointLimits
 
+#: A table's `fault` that is none: it is switched to its own panel and obeys nobody else.
 LOCAL_CONTROL = "local control"
-"""A table's `fault` that is none: it is switched to its own panel and obeys nobody else."""
 
 
+#: A table's `fault` where it says that there is one and not which.
 UNTOLD = "cause not told"
-"""A table's `fault` where it says that there is one and not which."""
 
 
 class OtherModelError(DeviceFaultError):
@@ -164,7 +164,7 @@ class Imu(Protocol):
         What is read from then on is of that kind alone. A restart falls back to the other.
         """
 
-    def wake(self, hear: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
+    def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
         """Find a unit that may have restarted by itself: who answers, asked for as long as that may take, then `start`.
 
         `hear` : called between two questions, may raise. None where the unit takes no command.

@@ -14,8 +14,8 @@ from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.motion import Step
 from calstation.physics.table import TableGeometry
 
+#: Is told how far something is, 0 to 1, never falling.
 Progress = Callable[[float], None]
-"""Is told how far something is, 0 to 1, never falling."""
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ from multiprocessing.connection import Connection
 from queue import Full, Queue
 from typing import Any
 
+#: Host time after which the reader sees that it is to end, s.
 _LOOK_EVERY = 0.1
-"""Host time after which the reader sees that it is to end, s."""
 
+#: Messages kept for a listener that does not take them; then the pipe fills up and its writer notices.
 _WAITING_AT_MOST = 1000
-"""Messages kept for a listener that does not take them; then the pipe fills up and its writer notices."""
 
 
-class Mailbox:
+class PipeReader:
     """Whole messages from one end of a pipe, whose other direction stays its owner's.
 
     A message larger than the pipe's buffer comes in pieces, and a process that freezes between two of them would

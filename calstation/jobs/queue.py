@@ -10,20 +10,20 @@ from multiprocessing.reduction import ForkingPickler
 from queue import Empty
 from typing import Any, Literal
 
-from calstation.jobs.pipe_reader import Mailbox
-from calstation.jobs.spawn import start_apart
+from calstation.jobs.pipe_reader import PipeReader
+from calstation.jobs.spawn import spawn_process
 from calstation.jobs.worker import READY, internal, serve
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
+#: What `JobQueue.close` gives to a job that must not be cancelled, s: it talks to a device.
 _DEVICE_WORK_WITHIN = 10.0
-"""What `Workshop.close` gives to a job that must not be cancelled, s: it talks to a device."""
 
+#: What a killed process is given to be gone, s.
 _END_WITHIN = 2.0
-"""What a killed process is given to be gone, s."""
 
+#: Fraction from which the time left is estimated where the work does not say it.
 _ESTIMATE_FROM = 0.02
-"""Fraction from which the time left is estimated where the work does not say it."""
 
 
 class Job:
@@ -37,8 +37,8 @@ class Job:
     cancellable : False for work that talks to a device
     """
 
-    def __init__(self, workshop: "Workshop", call: bytes, cancellable: bool) -> None:
-        self._workshop = workshop
+    def __init__(self, job_queue: "JobQueue", call: bytes, cancellable: bool) -> None:
+        self._job_queue = job_queue
         self._call = call
         self._told_remaining: float | None = None
         self._told_at = self._begun = 0.0
@@ -69,12 +69,12 @@ class Job:
 
     def poll(self) -> State:
         """Take what the worker has told; returns the state. To be called from a timer."""
-        self._workshop.poll()
+        self._job_queue.poll()
         return self.state
 
     def cancel(self) -> bool:
         """Give the job up; a running one is killed. False where it has ended or must not be cancelled."""
-        return self._workshop.cancel(self)
+        return self._job_queue.cancel(self)
 
     def _begin(self) -> None:
         self.state = "running"
@@ -91,7 +91,7 @@ class Job:
             self.fraction = 1.0
 
 
-class Workshop:
+class JobQueue:
     """Takes jobs and does them in order in one process of its own, started at once.
 
     Everything moves on in `poll` (of the workshop or of any of its jobs), which never waits, not even for the rest of
@@ -103,7 +103,7 @@ class Workshop:
         self._running: Job | None = None
         self._process: BaseProcess | None = None
         self._connection: Connection[Any, Any] | None = None
-        self._mailbox: Mailbox | None = None
+        self._pipe_reader: PipeReader | None = None
         self._ready = False
         self._dying: list[BaseProcess] = []
         self._closed = False
@@ -181,9 +181,9 @@ class Workshop:
             process.join(max(0.0, deadline - time.monotonic()))
 
     def _take(self) -> None:
-        while self._mailbox is not None:
+        while self._pipe_reader is not None:
             try:
-                message = self._mailbox.take()
+                message = self._pipe_reader.take()
             except Empty:
                 return
             except (EOFError, OSError):
@@ -239,18 +239,18 @@ class Workshop:
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=serve, args=(there,), name="calstation worker", daemon=True)
-        start_apart(process)
+        spawn_process(process)
         there.close()
-        self._process, self._connection, self._mailbox = process, here, Mailbox(here)
+        self._process, self._connection, self._pipe_reader = process, here, PipeReader(here)
         self._ready = False
 
     def _kill(self) -> None:
-        if self._mailbox is not None:
-            self._mailbox.close()
+        if self._pipe_reader is not None:
+            self._pipe_reader.close()
         if self._process is not None:
             self._process.kill()
             self._dying.append(self._process)
-        self._process = self._connection = self._mailbox = self._running = None
+        self._process = self._connection = self._pipe_reader = self._running = None
         self._ready = False
 
     def _reap(self) -> None:

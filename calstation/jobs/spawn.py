@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 
 
-def start_apart(process: BaseProcess) -> None:
+def spawn_process(process: BaseProcess) -> None:
     """Start a spawned `process`, whose target stands in a module of ours.
 
     It hears no Ctrl-C: its listener sends a stop instead. And it does not run the caller's main module again, which

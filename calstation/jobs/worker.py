@@ -12,16 +12,16 @@ from typing import Any, Protocol
 
 from calstation.errors import CalstationError
 
+#: Progress told more often than this, s, is left out: a listener that is late must not slow the work down.
 _TELL_EVERY = 0.05
-"""Progress told more often than this, s, is left out: a listener that is late must not slow the work down."""
 
+#: Host time after which kernels are made ready, s: while the window opens the computer has enough to do.
 _WARM_AFTER = 2.0
-"""Host time after which kernels are made ready, s: while the window opens the computer has enough to do."""
 
 READY = ("ready",)
 
 
-class Tell(Protocol):
+class ProgressCallback(Protocol):
     """How a work says how far it is; also where it learns that nobody wants it any more."""
 
     def __call__(self, fraction: float, remaining_s: float | None = None, note: str = "") -> None:

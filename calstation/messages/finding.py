@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+#: In order, worth knowing, a run would not start like this though the link is right, the link or a setting is wrong.
 State = Literal["ok", "told", "look", "wrong"]
-"""In order, worth knowing, a run would not start like this though the link is right, the link or a setting is wrong."""
 
 _WORST: tuple[State, ...] = ("wrong", "look", "ok")
 

@@ -121,14 +121,15 @@ _NOTES = {
     "trying_units": QT_TRANSLATE_NOOP("station_finding", "Asking other unit numbers."),
     "listening_around": QT_TRANSLATE_NOOP("station_finding", "Looking whether the two ports are exchanged."),
 }
+#: Findings whose mend is another one behind a serial server, which has the baud in settings of its own.
 _SERVER = {
     "silent_rtu": "silent_rtu_server",
     "garbled": "garbled_server",
     "garbled_text": "garbled_text_server",
     "no_frames": "no_frames_server",
 }
-"""Findings whose mend is another one behind a serial server, which has the baud in settings of its own."""
 
+#: What is told beside what is wrong, with a mend of its own.
 _HINTS = (
     "example_site",
     "other_baud",
@@ -138,10 +139,9 @@ _HINTS = (
     "imus_line",
     "tables_line",
 )
-"""What is told beside what is wrong, with a mend of its own."""
 
+#: Every finding's sentence and mend.
 WORDED: dict[str, tuple[str, str]] = {**_OPENING, **TABLE, **IMU}
-"""Every finding's sentence and mend."""
 
 
 def as_written(text: str) -> str:

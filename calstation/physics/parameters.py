@@ -50,6 +50,7 @@ def _matrix(group: str, sensor: str, pairs: str, prior_sigma: float) -> list[Par
     ]
 
 
+#: All parameters in the order of every state vector, file and table.
 PARAMETERS: tuple[Parameter, ...] = tuple(
     _vector("gyro_bias", "gyro", "rad/s", 1e-2)
     + _vector("gyro_scale", "gyro", "1", 2e-2)
@@ -61,7 +62,6 @@ PARAMETERS: tuple[Parameter, ...] = tuple(
     + _vector("inner_lever", "lever", "m", 0.1)
     + _vector("outer_lever", "lever", "m", 0.5)
 )
-"""All parameters in the order of every state vector, file and table."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,7 @@ class PairParameter:
     neutral: float = 0.0
 
 
+#: What cross-calibration finds, in the order of every table.
 PAIR_PARAMETERS: tuple[PairParameter, ...] = (
     *(
         PairParameter(f"secondary_{sensor}_{what}", unit, f"secondary_{sensor}_{kind}", neutral)
@@ -93,7 +94,6 @@ PAIR_PARAMETERS: tuple[PairParameter, ...] = (
     *(PairParameter(f"secondary_lever_{a}", "m", "secondary_lever") for a in AXES),
     PairParameter("clock_offset", "s", "clock_offset"),
 )
-"""What cross-calibration finds, in the order of every table."""
 
 
 def pair_name(name: str, number: int) -> str:

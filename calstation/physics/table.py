@@ -16,8 +16,8 @@ from calstation.physics.rotation import angle_about, axis_rotation
 UP = np.array([0.0, 0.0, 1.0])
 OUTER, INNER = 0, 1
 
+#: A pose further than this from the one asked for does not count as reached.
 _REACH = np.deg2rad(5.0)
-"""A pose further than this from the one asked for does not count as reached."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from calstation.physics.table import TableGeometry
 from calstation.records.limits import NEAR, Check, estimated_stage
 from calstation.schema import StrictModel, suggestion
 
+#: A motion that turns less proves nothing of a scale factor.
 LEAST_TURN = np.deg2rad(10.0)
-"""A motion that turns less proves nothing of a scale factor."""
 
 
 class GravityAtRest(StrictModel):

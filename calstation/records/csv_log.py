@@ -22,8 +22,8 @@ from calstation.schema import suggestion
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")
+#: Of these `ANGLES` may be absent, both together: a recording made by hand has no table.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
-"""Of these `ANGLES` may be absent, both together: a recording made by hand has no table."""
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
 

@@ -20,10 +20,10 @@ from calstation.physics.parameters import (
 from calstation.schema import StrictModel, suggestion
 
 PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
+#: A value that takes more than this share of its limit is a near-miss, where the product says nothing else.
 NEAR = 0.8
-"""A value that takes more than this share of its limit is a near-miss, where the product says nothing else."""
+#: A posterior sigma above this share of the prior's means that the data did not determine the parameter.
 OBSERVABLE_RATIO = 0.9
-"""A posterior sigma above this share of the prior's means that the data did not determine the parameter."""
 
 
 class Limit(StrictModel):

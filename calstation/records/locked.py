@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+#: What systems answer where another holds the lock.
 _HELD = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
-"""What systems answer where another holds the lock."""
 
+#: Between two tries, s.
 _AGAIN_AFTER = 0.02
-"""Between two tries, s."""
 
+#: A look at a file takes its lock for a moment: whoever finds it held looks again for so long, s.
 _A_LOOK = 0.2
-"""A look at a file takes its lock for a moment: whoever finds it held looks again for so long, s."""
 
 if sys.platform == "win32":
     import msvcrt

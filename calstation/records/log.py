@@ -8,8 +8,8 @@ from typing import Any
 from calstation.errors import InputError
 from calstation.estimation.common.samples import SampleBlock
 from calstation.records.csv_log import csv_blocks, meta_path
+from calstation.records.damaged_rows import DamagedRows
 from calstation.records.facts import FactsBuilder, LogFacts
-from calstation.records.hole import Hole
 from calstation.records.meta import LogMeta, load_meta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import raw_blocks, read_contents
@@ -33,8 +33,8 @@ class Log:
     results: list[dict[str, Any]] = field(default_factory=list)
     outcome: str | None = None
     stored_sha256: str | None = None
-    holes: tuple[Hole, ...] = ()
-    _found: list[Hole] = field(default_factory=list)
+    holes: tuple[DamagedRows, ...] = ()
+    _found: list[DamagedRows] = field(default_factory=list)
     _facts: LogFacts | None = None
 
     @property
@@ -123,7 +123,7 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
     """
     if path.suffix == SUFFIX:
         contents = read_contents(path)
-        found: list[Hole] = []
+        found: list[DamagedRows] = []
         return Log(
             path,
             contents.meta,

@@ -25,8 +25,8 @@ from calstation.records.limits import Limit, check_limit_names
 from calstation.schema import StrictModel, load, suggestion, validate
 
 _UNIT_TOLERANCE = 1e-3
+#: Numbers that secondary IMUs may have in files.
 FURTHER_IMUS = tuple(range(2, 10))
-"""Numbers that secondary IMUs may have in files."""
 
 
 class SiteSection(StrictModel):

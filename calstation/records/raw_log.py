@@ -34,15 +34,15 @@ from calstation.records.superblock import SUPERBLOCK, superblock_end
 
 FORMAT = "calstation.log/1"
 SUFFIX = ".h5"
+#: Host seconds between flushes to the operating system: a kill loses less than this and one tick.
 FLUSH_INTERVAL = 0.1
-"""Host seconds between flushes to the operating system: a kill loses less than this and one tick."""
+#: Whoever looks whether a log is being written holds its lock for a moment, s.
 _LOCKED_WITHIN = 1.0
-"""Whoever looks whether a log is being written holds its lock for a moment, s."""
+#: Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself.
+#:
+#: They have a thread of their own: a disk may take seconds, and a table's watchdog is to be fed all the while.
 SYNC_INTERVAL = 0.8
-"""Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself.
-
-They have a thread of their own: a disk may take seconds, and a table's watchdog is to be fed all the while.
-"""
+#: Columns of every log; those of further IMUs and of a gimbal come after them, and each row's check last.
 ROW = np.dtype(
     [
         ("seq", "<i8"),
@@ -55,10 +55,9 @@ ROW = np.dtype(
         ("valid", "u1"),
     ]
 )
-"""Columns of every log; those of further IMUs and of a gimbal come after them, and each row's check last."""
 CHUNK_ROWS = 1024
+#: Bytes that must be left on the disk: a run ends while there is still room for its log's and its result's end.
 RESERVE = 32_000_000
-"""Bytes that must be left on the disk: a run ends while there is still room for its log's and its result's end."""
 _TEXTS = ("events", "results", "closing")
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calstation.errors import InputError
 from calstation.estimation.common.samples import SampleBlock
-from calstation.records.hole import Hole, without
+from calstation.records.damaged_rows import DamagedRows, without
 from calstation.records.locked import held
 from calstation.records.meta import LogMeta, meta_from_json
 from calstation.records.raw_log import CHUNK_ROWS, FORMAT
@@ -23,13 +23,13 @@ from calstation.records.row_check import CHECK, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
 
 _READ_ROWS = 16 * CHUNK_ROWS
+#: What h5py raises of a file that is damaged.
 _BROKEN = (OSError, RuntimeError, KeyError)
-"""What h5py raises of a file that is damaged."""
 
 _NONE = np.empty((0, 2), np.int64)
 
+#: How often a file that a run may be writing is opened, and what is waited in between, s.
 _ATTEMPTS, _AGAIN_AFTER = 4, 0.05
-"""How often a file that a run may be writing is opened, and what is waited in between, s."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
-def raw_blocks(path: Path, holes: list[Hole] | None = None) -> Iterator[SampleBlock]:
+def raw_blocks(path: Path, holes: list[DamagedRows] | None = None) -> Iterator[SampleBlock]:
     """Read a raw log's samples in order in blocks of one stage.
 
     Rows that do not read as they were written are left out, and put into `holes`; those at the end of a log that
@@ -104,12 +104,12 @@ def raw_blocks(path: Path, holes: list[Hole] | None = None) -> Iterator[SampleBl
             for a, b in _stretches(sound):
                 if holes is not None and start + a > good_end:
                     after = None if last < 0 else last
-                    holes.append(Hole(good_end, start + a - good_end, after, int(rows["seq"][a])))
+                    holes.append(DamagedRows(good_end, start + a - good_end, after, int(rows["seq"][a])))
                 last, good_end = int(rows["seq"][b - 1]), start + b
                 yield from _blocks(rows[a:b], names)
         lost = int(samples.shape[0]) - good_end
         if holes is not None and closed and lost > 0:
-            holes.append(Hole(good_end, lost, None if last < 0 else last, None))
+            holes.append(DamagedRows(good_end, lost, None if last < 0 else last, None))
 
 
 def row_count(path: Path) -> int:

@@ -11,12 +11,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+#: Name of the column.
 CHECK = "check"
-"""Name of the column."""
 
 _MASK = (1 << 64) - 1
+#: What nothing adds up to: a row of zeros that was never written does not pass.
 _BEGIN = np.uint64(0x9E3779B97F4A7C15)
-"""What nothing adds up to: a row of zeros that was never written does not pass."""
 
 
 def row_checks(rows: np.ndarray) -> NDArray[np.uint32]:

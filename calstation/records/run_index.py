@@ -34,14 +34,14 @@ from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.records.raw_log import SUFFIX
 
+#: Of the tables; an index of another version is made again.
 _VERSION = 4
-"""Of the tables; an index of another version is made again."""
 
+#: Name of the index in the folder of the runs.
 FILE = "history.sqlite"
-"""Name of the index in the folder of the runs."""
 
+#: How long another program may hold the index.
 _BUSY_S = 5.0
-"""How long another program may hold the index."""
 
 T = TypeVar("T")
 

@@ -12,8 +12,8 @@ import io
 from pathlib import Path
 from typing import Any
 
+#: Bytes of a superblock of version 3.
 SUPERBLOCK = 48
-"""Bytes of a superblock of version 3."""
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n\x03"
 _FLAGS, _END, _CHECK = 11, slice(28, 36), slice(44, 48)

@@ -15,11 +15,11 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import RATE
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import NAMES, group_matrix, group_vector
-from calstation.registers.verification_check import SIGMAS, WANDER, Proven, force_noise, rate_noise
-from calstation.sequencer.fresh_data import FreshData, Turned
+from calstation.registers.verification_check import SIGMAS, WANDER, VerificationCheck, force_noise, rate_noise
+from calstation.sequencer.capture import Turned, VerificationData
 
+#: Names of these comparisons.
 DIFFERENCES = ("force_difference", "rate_difference", "turn_difference")
-"""Names of these comparisons."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,12 @@ class Registers:
 
 
 def compare(
-    fresh: FreshData, reference: FreshData, registers: Registers, context: SolveContext, repeatability: float
-) -> tuple[Proven, ...]:
+    fresh: VerificationData,
+    reference: VerificationData,
+    registers: Registers,
+    context: SolveContext,
+    repeatability: float,
+) -> tuple[VerificationCheck, ...]:
     """Compare each rest and each turn of a unit's own output with its reference.
 
     Parameters
@@ -128,12 +132,14 @@ def _turn_scatter(
     return np.asarray(noise * np.eye(3) + joint * along + other * (np.eye(3) - along))
 
 
-def _within(name: str, apart: FloatArray, scatter: FloatArray, unit: str, more: float = 0.0) -> Proven:
+def _within(
+    name: str, apart: FloatArray, scatter: FloatArray, unit: str, more: float = 0.0
+) -> VerificationCheck:
     """How far a vector is off, and how far it may be in that direction."""
     size = float(np.linalg.norm(apart))
     way = apart / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
     sigma = 1.0 / np.sqrt(way @ np.linalg.solve(scatter, way))
-    return Proven(name, size, 0.0, SIGMAS * float(sigma) + more, unit)
+    return VerificationCheck(name, size, 0.0, SIGMAS * float(sigma) + more, unit)
 
 
 def _vector(values: Mapping[str, float]) -> FloatArray:

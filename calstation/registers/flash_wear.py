@@ -5,18 +5,18 @@ Putting old registers back, and finishing what was begun, is never refused: a un
 
 from pathlib import Path
 
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.errors import ConfigurationError
 from calstation.registers import journal as register_journal
 from calstation.registers.journal import site_of
 from calstation.sequencer.events import Message
 from calstation.sequencer.ports import Emit
 
+#: Share of the cycles from which on it is told.
 _NEAR = 0.9
-"""Share of the cycles from which on it is told."""
 
 
-def check_flash(setup: Setup, runs: Path, emit: Emit) -> None:
+def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
     """Before new registers, and before anything is opened: may the unit's flash be written once more?
 
     Raises ConfigurationError where its profile's `flash_cycles_max` is reached, or its journal is damaged.

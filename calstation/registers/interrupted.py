@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from calstation.config.resolved import Setup
-from calstation.connection.imu_session import UnitAlone, rest_of
+from calstation.config.resolved import ResolvedConfiguration
+from calstation.connection.imu_session import ImuSession, rest_of
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import Closing, Holds, Transferred, finish, recognise, restore
 from calstation.devices.interfaces import Imu, Table
@@ -15,32 +15,32 @@ from calstation.registers import journal as register_journal
 from calstation.registers.journal import Transfer, site_of
 from calstation.registers.other_type import refuse_other_map, refuse_other_model
 from calstation.registers.verify_type import judge
-from calstation.sequencer.driving import Aside
+from calstation.sequencer.capture import VerificationData
+from calstation.sequencer.driving import RunInBackground
 from calstation.sequencer.events import Message
-from calstation.sequencer.fresh_data import FreshData
 from calstation.sequencer.guard import check_power
 from calstation.sequencer.ports import Clock, Emit
 
 Decision = Literal["finish", "restore"]
 
+#: What may be done about an interrupted transfer: go on to the new registers and prove them, or take them back.
 DECISIONS: tuple[Decision, ...] = ("finish", "restore")
-"""What may be done about an interrupted transfer: go on to the new registers and prove them, or take them back."""
 
 
 @dataclass
-class Unproved:
+class UnverifiedTransfer:
     """A transfer that was finished before a run, whose own table is to prove it before its first stage."""
 
-    setup: Setup
+    setup: ResolvedConfiguration
     imu: Imu
     done: Transferred
     tell: Callable[[], None]
     open: bool = True
 
-    def prove(self, fresh: FreshData, aside: Aside) -> None:
+    def prove(self, fresh: VerificationData, run_in_background: RunInBackground) -> None:
         """Judge it. Raises DeviceFaultError where the output is wrong; the unit has its old registers then."""
         self.open = False
-        judge(self.setup, self.imu, self.done, fresh, aside)
+        judge(self.setup, self.imu, self.done, fresh, run_in_background)
         self.tell()
 
 
@@ -48,11 +48,11 @@ def settle(
     imu: Imu,
     table: Table,
     clock: Clock,
-    setup: Setup,
+    setup: ResolvedConfiguration,
     runs: Path,
     emit: Emit,
-    hear: Callable[[], None],
-) -> Unproved | None:
+    check_cancelled: Callable[[], None],
+) -> UnverifiedTransfer | None:
     """Before a run: see whether an earlier transfer to its unit was interrupted.
 
     A unit that still holds its old registers is as it was, and is told so. Of any other the request's
@@ -85,19 +85,19 @@ def settle(
         tell()
     elif setup.by_hand:
         done = finish(imu, register_map(setup), entry)
-        judge(setup, imu, done, rest_of(UnitAlone(imu, imu.identify(), clock), setup, hear))
+        judge(setup, imu, done, rest_of(ImuSession(imu, imu.identify(), clock), setup, check_cancelled))
         tell()
     else:
         table.identify()
         check_power(
             table.status()
         )  # a table that may not move proves nothing: then nothing is written either
-        unproved = Unproved(setup, imu, finish(imu, register_map(setup), entry), tell)
+        unproved = UnverifiedTransfer(setup, imu, finish(imu, register_map(setup), entry), tell)
     imu.start()
     return unproved
 
 
-def check_interrupted(setup: Setup, runs: Path) -> None:
+def check_interrupted(setup: ResolvedConfiguration, runs: Path) -> None:
     """Before anything is opened: a unit's interrupted transfer belongs to a unit of the same sort.
 
     Raises InputError with the mend.
@@ -107,7 +107,7 @@ def check_interrupted(setup: Setup, runs: Path) -> None:
         refuse_other_map(entry, setup)
 
 
-def refuse_interrupted(imu: Imu, setup: Setup, runs: Path, serial: str) -> None:
+def refuse_interrupted(imu: Imu, setup: ResolvedConfiguration, runs: Path, serial: str) -> None:
     """Raises DeviceFaultError where a transfer to the unit waits for a decision; one that left no trace is closed."""
     entry = register_journal.interrupted(runs, serial, site_of(setup.station))
     if entry is not None:
@@ -118,7 +118,7 @@ def refuse_interrupted(imu: Imu, setup: Setup, runs: Path, serial: str) -> None:
         entry.close(Closing.KEPT)
 
 
-def register_map(setup: Setup) -> RegisterMap:
+def register_map(setup: ResolvedConfiguration) -> RegisterMap:
     """Of the unit's profile."""
     return RegisterMap(tuple(setup.imu.registers))
 

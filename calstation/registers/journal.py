@@ -22,21 +22,21 @@ from calstation.errors import ConfigurationError
 from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
 from calstation.registers.unit_type import UnitSort
 
+#: In the site's folder, or beside the runs.
 FOLDER = "registers"
-"""In the site's folder, or beside the runs."""
 
+#: Of the station that a unit was at: ``unknown`` for what was written before hardware had journals of its own.
 Kind = Literal["hardware", "virtual", "unknown"]
-"""Of the station that a unit was at: ``unknown`` for what was written before hardware had journals of its own."""
 
 _SUFFIX = ".jsonl"
 
 _BOTH = {"event", "id", "utc"}
+#: Of every event's line; one without a check has these and no others. An intention with one may say its unit's sort.
 _KEYS = {
     "intended": _BOTH | {"serial", "by", "why", "source", "old", "new"},
     "step": _BOTH | {"step"},
     "closed": _BOTH | {"closing"},
 }
-"""Of every event's line; one without a check has these and no others. An intention with one may say its unit's sort."""
 
 
 @dataclass

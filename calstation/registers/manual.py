@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.resolving import configured
-from calstation.connection.imu_session import unit_alone
+from calstation.connection.imu_session import open_imu_session
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.interfaces import ImuIdentity
 from calstation.errors import InputError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
 from calstation.registers.compose import compose
@@ -87,18 +87,18 @@ class Wanted:
         return {register.parameter: register.value for register in self.registers}
 
 
-def read_unit(tell: Tell, request: RunRequest, runs: Path) -> UnitRegisters:
+def read_unit(tell: ProgressCallback, request: RunRequest, runs: Path) -> UnitRegisters:
     """Work for the workshop: ask the unit in the fixture for its registers. Nothing moves, nothing is written.
 
     `runs` : folder of the runs, for what was written before. Raises DeviceFaultError, ConfigurationError.
     """
     setup, _ = configured(request)
-    with unit_alone(tell, setup) as unit:
+    with open_imu_session(tell, setup) as unit:
         values = unit.imu.read_registers()
     return held(setup, unit.identity, values, runs)
 
 
-def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any]) -> Wanted:
+def wanted_registers(tell: ProgressCallback, request: RunRequest, result: Mapping[str, Any]) -> Wanted:
     """Work for the workshop: what a result wants in the unit's registers, as its product's profile holds them.
 
     Where its run has written them that is what it wrote; registers that it kept are left aside. A result found
@@ -132,7 +132,9 @@ def wanted_registers(tell: Tell, request: RunRequest, result: Mapping[str, Any])
     )
 
 
-def held(setup: Setup, identity: ImuIdentity, values: Mapping[str, float], runs: Path) -> UnitRegisters:
+def held(
+    setup: ResolvedConfiguration, identity: ImuIdentity, values: Mapping[str, float], runs: Path
+) -> UnitRegisters:
     """What a unit holds, of its registers' `values`, SI by parameter."""
     return UnitRegisters(
         identity.serial,
@@ -144,7 +146,7 @@ def held(setup: Setup, identity: ImuIdentity, values: Mapping[str, float], runs:
     )
 
 
-def _refuse_other_profile(setup: Setup, result: Mapping[str, Any]) -> None:
+def _refuse_other_profile(setup: ResolvedConfiguration, result: Mapping[str, Any]) -> None:
     """Values of one sort of unit mean nothing to the registers of another. Raises InputError."""
     used = (result.get("configuration") or {}).get("imu")
     mine = setup.files["imu"].name
@@ -155,7 +157,7 @@ def _refuse_other_profile(setup: Setup, result: Mapping[str, Any]) -> None:
         )
 
 
-def _map(setup: Setup) -> RegisterMap:
+def _map(setup: ResolvedConfiguration) -> RegisterMap:
     return RegisterMap(tuple(setup.imu.registers))
 
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from calstation.config.request import OR_AT_REST, RegisterErrand
-from calstation.config.resolved import Setup
+from calstation.config.request import OR_AT_REST, RegisterOperation
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.resolving import configured
 from calstation.connection.devices import connected
-from calstation.connection.imu_session import rest_of, unit_alone
+from calstation.connection.imu_session import open_imu_session, rest_of
 from calstation.devices.imu.transfer import (
     Closing,
     Holds,
@@ -37,29 +37,29 @@ from calstation.registers.manual import held
 from calstation.registers.other_type import refuse_other_map, refuse_other_model
 from calstation.registers.unit_type import UnitSort
 from calstation.registers.verify_type import at_once, judge, judge_old, proved_by
+from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.control import Control, StopRequested
-from calstation.sequencer.driving import Aside, Driving
+from calstation.sequencer.driving import Driving, RunInBackground
 from calstation.sequencer.events import Message, Settled, StateChanged
-from calstation.sequencer.fresh_data import FreshData
 from calstation.sequencer.ports import Emit
 from calstation.sequencer.states import State
 from calstation.sequencer.task import Output, Task
 
+#: Beginnings of what is told of a table, and of moves that it cannot make.
 _OF_TABLES = ("table:", "schedule:")
-"""Beginnings of what is told of a table, and of moves that it cannot make."""
 
-Hear = Callable[[], None]
-"""Takes the operator's commands; raises StopRequested."""
+#: Takes the operator's commands; raises StopRequested.
+CheckCancelled = Callable[[], None]
 
 
-def turning(errand: RegisterErrand) -> bool:
+def turning(errand: RegisterOperation) -> bool:
     """Whether a table is going to move for it. Raises InputError where there is nothing to do, ConfigurationError."""
     setup, _ = configured(errand.request)
     _Work.of(errand, setup, lambda event: None)
     return not (errand.at_rest or setup.by_hand)
 
 
-def attend(errand: RegisterErrand, emit: Emit, control: Control) -> None:
+def run_operation(errand: RegisterOperation, emit: Emit, control: Control) -> None:
     """Do an errand to its end: its last event is `Settled`, or the `Fault` that ended it.
 
     New registers that turn out wrong are taken back. A stop, or a fault of the table, behind the write leaves them
@@ -75,7 +75,7 @@ def attend(errand: RegisterErrand, emit: Emit, control: Control) -> None:
         where another unit answers, an earlier transfer is open, a value does not fit, or the link fails.
     """
 
-    def hear() -> None:
+    def check_cancelled() -> None:
         control.take()
         if control.stopping:
             raise StopRequested
@@ -84,9 +84,9 @@ def attend(errand: RegisterErrand, emit: Emit, control: Control) -> None:
     work = _Work.of(errand, setup, emit)
     try:
         if errand.at_rest or setup.by_hand:
-            settled: Settled | None = _at_rest(work, hear)
+            settled: Settled | None = _at_rest(work, check_cancelled)
         else:
-            settled = _with_turns(work, control, hear)
+            settled = _with_turns(work, control, check_cancelled)
     except StopRequested:
         settled = work.stopped
     if settled is not None:
@@ -105,8 +105,8 @@ class _Work:
     identity : of the unit, as it answered
     """
 
-    errand: RegisterErrand
-    setup: Setup
+    errand: RegisterOperation
+    setup: ResolvedConfiguration
     emit: Emit
     entry: Transfer | None
     values: Mapping[str, float]
@@ -115,7 +115,7 @@ class _Work:
     identity: ImuIdentity = field(init=False)
 
     @classmethod
-    def of(cls, errand: RegisterErrand, setup: Setup, emit: Emit) -> "_Work":
+    def of(cls, errand: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_Work":
         """Raises InputError where there is nothing to finish or restore, or what there is belongs to another sort of
         unit; ConfigurationError for a worn out flash."""
         runs, serial, site = errand.request.out, errand.request.serial, site_of(setup.station)
@@ -171,11 +171,11 @@ class _Work:
         return transfer(imu, entries, self.errand.request.serial, self.values, self._begin)
 
     @contextmanager
-    def looking(self, hear: Hear) -> Iterator[None]:
+    def looking(self, check_cancelled: CheckCancelled) -> Iterator[None]:
         """While the restarted unit is looked at; whatever ends that early, it is told how the unit is left."""
         try:
             try:
-                hear()
+                check_cancelled()
             except StopRequested:
                 self.emit(Message("transfer_finished"))
                 raise
@@ -185,12 +185,14 @@ class _Work:
             self.emit(Message("old_unproved" if self.back else "transfer_unproved"))
             raise
 
-    def judge(self, imu: Imu, done: Transferred, fresh: FreshData, aside: Aside) -> Settled:
+    def judge(
+        self, imu: Imu, done: Transferred, fresh: VerificationData, run_in_background: RunInBackground
+    ) -> Settled:
         """Close the journal's entry by the fresh data. Raises DeviceFaultError where they are wrong."""
         if self.back:
             judge_old(self.setup, done, fresh)
         else:
-            judge(self.setup, imu, done, fresh, aside)
+            judge(self.setup, imu, done, fresh, run_in_background)
         proof = {Step.TURNED: "turn", Step.AT_REST: "rest"}.get(proved_by(fresh), "read_back")
         told = "registers_read_back" if proof == "read_back" else "registers_proved"
         self.emit(Message(told, {"count": len(done.found), "proof": proof}))
@@ -217,28 +219,28 @@ class _Work:
         )
 
 
-def _at_rest(work: _Work, hear: Hear) -> Settled:
+def _at_rest(work: _Work, check_cancelled: CheckCancelled) -> Settled:
     """Leave the table alone."""
-    with unit_alone(_untold, work.setup, hear) as unit:
+    with open_imu_session(_untold, work.setup, check_cancelled) as unit:
         work.emit(StateChanged(State.PREPARING, State.IDLE))
         untouched = work.untouched(unit.imu)
         if untouched is not None:
             return untouched
-        hear()
+        check_cancelled()
         work.emit(StateChanged(State.RUNNING, State.PREPARING))
         work.emit(Message("registers_writing"))
         done = work.write(unit.imu)
-        with work.looking(hear):
-            fresh = rest_of(unit, work.setup, hear)
+        with work.looking(check_cancelled):
+            fresh = rest_of(unit, work.setup, check_cancelled)
         return work.judge(unit.imu, done, fresh, at_once)
 
 
-def _with_turns(work: _Work, control: Control, hear: Hear) -> Settled | None:
+def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) -> Settled | None:
     """Make the table ready, write, turn the unit, and bring it to the load angle; None where a fault was told."""
     settled: Settled | None = None
     with ExitStack() as stack:
         with _or_at_rest():
-            devices = stack.enter_context(connected(work.setup, hear))
+            devices = stack.enter_context(connected(work.setup, check_cancelled))
         imu = devices.imu
         untouched = work.untouched(imu)
         if untouched is not None:
@@ -259,12 +261,12 @@ def _with_turns(work: _Work, control: Control, hear: Hear) -> Settled | None:
                 work.emit(Message("reference"))
                 with _or_at_rest():
                     drive.reference()
-            drive.pulse.hear()
+            drive.control_loop.check_cancelled()
             work.emit(Message("registers_writing"))
-            done = drive.aside(lambda: work.write(imu))
-            with work.looking(drive.pulse.hear):
-                fresh = drive.fresh_data()
-            settled = work.judge(imu, done, fresh, drive.aside)
+            done = drive.run_in_background(lambda: work.write(imu))
+            with work.looking(drive.control_loop.check_cancelled):
+                fresh = drive.verification_data()
+            settled = work.judge(imu, done, fresh, drive.run_in_background)
             drive.finish()
             return State.DONE
 
@@ -273,7 +275,7 @@ def _with_turns(work: _Work, control: Control, hear: Hear) -> Settled | None:
     return settled or work.stopped
 
 
-def _task(setup: Setup) -> Task:
+def _task(setup: ResolvedConfiguration) -> Task:
     """A run without stages; registers that may be wrong are not judged before they are mended."""
     task = setup.task(setup.meta(datetime.now(UTC), 1, {}))
     preflight = replace(task.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)

@@ -1,13 +1,13 @@
 """Registers of one sort of unit never reach a unit of another, whatever serial number both have."""
 
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.devices.imu.registers import RegisterMap
 from calstation.errors import DeviceFaultError, InputError
 from calstation.registers.journal import Transfer
 from calstation.registers.unit_type import map_digest
 
 
-def refuse_other_map(entry: Transfer, setup: Setup) -> None:
+def refuse_other_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
     """Before anything is opened: are a transfer's values for registers as the product's IMU profile has them?
 
     Of one that was noted without its sort only the parameters tell. Raises InputError with the mend.

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.devices.profiles.registers import RegisterEntry
 
+#: Of a register's entry, what leaves the meaning of its content as it is.
 _MEANS_NOTHING = {"tolerance", "range"}
-"""Of a register's entry, what leaves the meaning of its content as it is."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class UnitSort:
     map: str = ""
 
     @classmethod
-    def of(cls, setup: Setup, model: str) -> "UnitSort":
+    def of(cls, setup: ResolvedConfiguration, model: str) -> "UnitSort":
         """Of a unit that answers with `model` and is written as `setup` has it."""
         return cls(model, setup.imu.name, setup.product.name, map_digest(setup.imu.registers))
 

@@ -19,23 +19,23 @@ from calstation.physics.parameters import COUNT, NAMES, PARAMETERS, group_indice
 from calstation.physics.rotation import rotation_matrix
 from calstation.physics.table import OUTER
 from calstation.registers.comparison import DIFFERENCES, Registers, compare
-from calstation.registers.verification_check import SIGMAS, WANDER, Proven, force_noise, rate_noise
-from calstation.sequencer.fresh_data import FreshData, Turned
+from calstation.registers.verification_check import SIGMAS, WANDER, VerificationCheck, force_noise, rate_noise
+from calstation.sequencer.capture import Turned, VerificationData
 
+#: By which a gyro's scale at the rate of the turns may differ from that at the rate it was calibrated at.
 _LINEAR = 5e-4
-"""By which a gyro's scale at the rate of the turns may differ from that at the rate it was calibrated at."""
 
+#: Cosine between the forces of two rests that are upside down to each other.
 _OPPOSITE = -0.9
-"""Cosine between the forces of two rests that are upside down to each other."""
 
 
 def prove(
-    fresh: FreshData,
+    fresh: VerificationData,
     registers: Registers,
     covariance: FloatArray,
     context: SolveContext,
     repeatability: float,
-) -> tuple[Proven, ...]:
+) -> tuple[VerificationCheck, ...]:
     """Compare a unit's corrected output with what it should be.
 
     Parameters
@@ -44,7 +44,7 @@ def prove(
     context : site, noise and table
     repeatability : of the table, rad: how far apart it stands after two moves to the same angle, one sigma
     """
-    checks: list[Proven] = []
+    checks: list[VerificationCheck] = []
     if fresh.reference is not None:
         checks += compare(fresh, fresh.reference, registers, context, repeatability)
     own = np.zeros(COUNT) if fresh.corrected else np.array([registers.held.get(n, 0.0) for n in NAMES])
@@ -56,9 +56,9 @@ def prove(
     noises = force_noise(context, seconds), rate_noise(imu, seconds)
     for f, w in zip(force, omega, strict=True):
         tolerance = _tolerance(covariance, "accel", f, noises[0], imu.accel_bias_instability)
-        checks.append(Proven("gravity", float(np.linalg.norm(f)), gravity, tolerance, "m/s²"))
+        checks.append(VerificationCheck("gravity", float(np.linalg.norm(f)), gravity, tolerance, "m/s²"))
         tolerance = _tolerance(covariance, "gyro", w, noises[1], imu.gyro_bias_instability)
-        checks.append(Proven("earth_rate", float(np.linalg.norm(w)), RATE, tolerance, "rad/s"))
+        checks.append(VerificationCheck("earth_rate", float(np.linalg.norm(w)), RATE, tolerance, "rad/s"))
     pair = _opposite(force)
     if pair is not None:
         checks.append(_earth_rate_up(omega[pair], force[pair], covariance, context, noises[1]))
@@ -72,7 +72,7 @@ def prove(
     return tuple(checks)
 
 
-def refuted(check: Proven, so: str) -> DeviceFaultError:
+def refuted(check: VerificationCheck, so: str) -> DeviceFaultError:
     """The fault of a unit whose corrected output is wrong; `so` : what became of its registers."""
     if check.name in DIFFERENCES:
         return DeviceFaultError(
@@ -89,7 +89,7 @@ def refuted(check: Proven, so: str) -> DeviceFaultError:
     )
 
 
-def proved_on(fresh: FreshData) -> str:
+def proved_on(fresh: VerificationData) -> str:
     """What a proof was made on: the unit's "corrected_output", or "read_back" where it shows none."""
     return "corrected_output" if fresh.corrected else "read_back"
 
@@ -113,7 +113,7 @@ def _opposite(force: FloatArray) -> list[int] | None:
 
 def _earth_rate_up(
     omega: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext, noise: float
-) -> Proven:
+) -> VerificationCheck:
     """The earth's rate about the vertical, of two rests upside down to each other: a gyro's bias is not in it.
 
     It shows a wrong latitude, and with it a wrong normal gravity.
@@ -126,7 +126,7 @@ def _earth_rate_up(
     scale = float(np.sqrt(np.diag(covariance)[group_indices("gyro_scale")].max()))
     sigma = np.sqrt(bias**2 + noise**2 / 2.0 + wander**2 + (scale * RATE) ** 2)
     value = float((omega * up).sum(axis=1).mean())
-    return Proven(
+    return VerificationCheck(
         "earth_rate_up", value, RATE * float(np.sin(context.site.latitude)), SIGMAS * float(sigma), "rad/s"
     )
 
@@ -138,7 +138,7 @@ def _turn(
     context: SolveContext,
     repeatability: float,
     noise: float,
-) -> Proven:
+) -> VerificationCheck:
     """The size of a turn against the encoder, whatever its axis in the body; `net` : without bias and earth, rad."""
     size, measured = abs(turned.turn.amount), float(np.linalg.norm(net))
     jacobian = np.zeros(COUNT)
@@ -149,12 +149,12 @@ def _turn(
     variance = max(float(jacobian @ covariance @ jacobian), 0.0) + 2.0 * encoder**2
     variance += context.imu.gyro_arw**2 * turned.seconds + (noise * turned.seconds) ** 2
     name = "outer_turn" if turned.turn.joint == OUTER else "inner_turn"
-    return Proven(name, measured, size, SIGMAS * float(np.sqrt(variance)) + _LINEAR * size, "rad")
+    return VerificationCheck(name, measured, size, SIGMAS * float(np.sqrt(variance)) + _LINEAR * size, "rad")
 
 
 def _carried_turn(
     angles: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext
-) -> Proven:
+) -> VerificationCheck:
     """Between gravity at the second rest and where the gyros carried it from the first, rad: no encoder is needed.
 
     Parameters
@@ -176,7 +176,7 @@ def _carried_turn(
     level = np.sqrt(2.0) * (tilt + sigma[group_indices("accel_bias")].max() / size)
     noise = context.imu.gyro_arw * np.sqrt(seconds)
     known = np.sqrt((matrix * path) ** 2 + (bias * seconds) ** 2 + level**2 + noise**2)
-    return Proven("carried_turn", value, 0.0, SIGMAS * float(known) + RATE * seconds, "rad")
+    return VerificationCheck("carried_turn", value, 0.0, SIGMAS * float(known) + RATE * seconds, "rad")
 
 
 def _tolerance(

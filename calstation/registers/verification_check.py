@@ -7,15 +7,15 @@ import numpy as np
 
 from calstation.estimation.common.context import ImuModel, SolveContext
 
+#: Off by more than this many standard deviations is wrong: noise reaches it once in 10^8 times.
 SIGMAS = 6.0
-"""Off by more than this many standard deviations is wrong: noise reaches it once in 10^8 times."""
 
+#: Bias instabilities that a bias may have wandered since it was found.
 WANDER = 3.0
-"""Bias instabilities that a bias may have wandered since it was found."""
 
 
 @dataclass(frozen=True)
-class Proven:
+class VerificationCheck:
     """One comparison: what was measured, what was expected, and how far they may be apart, SI."""
 
     name: str

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import Closing, Entry, Step, Transferred, restore
 from calstation.devices.interfaces import Imu
@@ -12,9 +12,9 @@ from calstation.errors import DeviceFaultError
 from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.registers.comparison import Registers
 from calstation.registers.verification import prove, refuted
-from calstation.registers.verification_check import Proven
-from calstation.sequencer.driving import Aside
-from calstation.sequencer.fresh_data import FreshData
+from calstation.registers.verification_check import VerificationCheck
+from calstation.sequencer.capture import VerificationData
+from calstation.sequencer.driving import RunInBackground
 
 
 def at_once(work: Callable[[], Any]) -> Any:
@@ -22,7 +22,13 @@ def at_once(work: Callable[[], Any]) -> Any:
     return work()
 
 
-def judge(setup: Setup, imu: Imu, done: Transferred, fresh: FreshData, aside: Aside = at_once) -> None:
+def judge(
+    setup: ResolvedConfiguration,
+    imu: Imu,
+    done: Transferred,
+    fresh: VerificationData,
+    run_in_background: RunInBackground = at_once,
+) -> None:
     """Close the journal's entry of new registers; where the output is wrong with them, the old ones are put back.
 
     Raises DeviceFaultError.
@@ -30,9 +36,9 @@ def judge(setup: Setup, imu: Imu, done: Transferred, fresh: FreshData, aside: As
     entry = done.entry
     wrong = _wrong(setup, done, fresh, back=False)
     if wrong:
-        aside(lambda: give_back(imu, RegisterMap(tuple(setup.imu.registers)), entry))
+        run_in_background(lambda: give_back(imu, RegisterMap(tuple(setup.imu.registers)), entry))
         raise refuted(wrong[0], "its old registers were put back")
-    aside(lambda: close_proved(entry, fresh))
+    run_in_background(lambda: close_proved(entry, fresh))
 
 
 def give_back(imu: Imu, entries: RegisterMap, entry: Entry) -> Mapping[str, float]:
@@ -41,13 +47,13 @@ def give_back(imu: Imu, entries: RegisterMap, entry: Entry) -> Mapping[str, floa
     return restore(imu, entries, entry)
 
 
-def close_proved(entry: Entry, fresh: FreshData) -> None:
+def close_proved(entry: Entry, fresh: VerificationData) -> None:
     """Close the journal's entry of registers whose output is right."""
     entry.note(proved_by(fresh))
     entry.close(Closing.DONE)
 
 
-def judge_old(setup: Setup, done: Transferred, fresh: FreshData) -> None:
+def judge_old(setup: ResolvedConfiguration, done: Transferred, fresh: VerificationData) -> None:
     """Close the entry of registers that were put back: the unit is as it was, whatever its output is worth.
 
     Raises DeviceFaultError where that is wrong.
@@ -64,7 +70,9 @@ def judge_old(setup: Setup, done: Transferred, fresh: FreshData) -> None:
         )
 
 
-def _wrong(setup: Setup, done: Transferred, fresh: FreshData, *, back: bool) -> list[Proven]:
+def _wrong(
+    setup: ResolvedConfiguration, done: Transferred, fresh: VerificationData, *, back: bool
+) -> list[VerificationCheck]:
     meta = setup.meta(datetime.now(UTC), 1, {})
     entry = done.entry
     registers = Registers(entry.old if back else entry.new, entry.old if setup.after_registers else None)
@@ -73,7 +81,7 @@ def _wrong(setup: Setup, done: Transferred, fresh: FreshData, *, back: bool) -> 
     return [check for check in checks if not check.passed]
 
 
-def proved_by(fresh: FreshData) -> Step:
+def proved_by(fresh: VerificationData) -> Step:
     """What the journal says of a proof."""
     if not fresh.corrected:
         return Step.READ_BACK

@@ -14,13 +14,13 @@ from calstation.estimation.common.residuals import RestResiduals, rest_residuals
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.method import Consistency, Innovations
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.records.log import Log, open_log
 from calstation.records.meta import context_from_meta
 from calstation.results.solver_chain import Watch, one_blas_thread, solve
 
+#: Share of the work in solving.
 _SOLVING = 0.9
-"""Share of the work in solving."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Diagnostics:
 
 
 def diagnose(
-    tell: Tell,
+    tell: ProgressCallback,
     path: Path,
     stages: tuple[str, ...] | None = None,
     first_seq: int | None = None,
@@ -102,7 +102,7 @@ def _by_stage(log: Log, first: int | None, last: int | None) -> Iterator[tuple[s
     return groupby((block for block in log.blocks(first, last) if block.stage), lambda block: block.stage)
 
 
-def _meter(tell: Tell, expected: int) -> Watch:
+def _meter(tell: ProgressCallback, expected: int) -> Watch:
     """Tells how far solving is, by stages: of `expected` ones where that is known."""
     begun: dict[str, None] = {}
 

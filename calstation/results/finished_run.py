@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import InputError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.records.log import open_log
 from calstation.records.raw_log import SUFFIX
 from calstation.results.history import History
@@ -33,7 +33,7 @@ class Finished:
     solved_now: bool = False
 
 
-def finished(tell: Tell, path: Path, runs: Path) -> Finished:
+def finished(tell: ProgressCallback, path: Path, runs: Path) -> Finished:
     """Work for the workshop: read a result JSON or a log; a log without a result is solved.
 
     `runs` : folder whose runs are the unit's history. Raises InputError or ConfigurationError with file and mend.

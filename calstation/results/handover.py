@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config.station import StationConfig, load_station
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.records.atomic import sync_folder, write_atomic
 from calstation.records.locked import locked
 from calstation.records.raw_log import SUFFIX
@@ -25,16 +25,17 @@ from calstation.sequencer.ports import Emit
 
 CSV_NAME = "handover.csv"
 
+#: Folder beside the runs with an empty file for each run that is to be handed over.
 WAITING = ".handover"
-"""Folder beside the runs with an empty file for each run that is to be handed over."""
 
+#: How long a run waits for a folder that does not answer before it says so and ends, s.
 _SAID_WITHIN = 10.0
-"""How long a run waits for a folder that does not answer before it says so and ends, s."""
 
 _LOCKED_WITHIN = 5.0
+#: How much of the CSV's end is searched for a line that a power cut left without its receipt, bytes.
 _TAIL = 65_536
-"""How much of the CSV's end is searched for a line that a power cut left without its receipt, bytes."""
 
+#: Columns of the CSV before the last, `result`, which names the JSON file beside it.
 COLUMNS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
     "started_utc": lambda r: r["started_utc"],
     "serial": lambda r: r["unit"]["serial"],
@@ -53,7 +54,6 @@ COLUMNS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
     "log_sha256": lambda r: r["log"]["sha256"],
     "log": lambda r: r["log"]["file"],
 }
-"""Columns of the CSV before the last, `result`, which names the JSON file beside it."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def expect(runs: Path, name: str) -> None:
     sync_folder(folder)
 
 
-def deliver_waiting(tell: Tell, runs: Path, station: Path | None) -> Delivery:
+def deliver_waiting(tell: ProgressCallback, runs: Path, station: Path | None) -> Delivery:
     """Work for the workshop: hand over what waits beside the runs to the folder of a station file."""
     path, config = load_station(station)
     return _deliver(runs, *_target(runs, path, config))

@@ -8,20 +8,20 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from calstation.errors import InputError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import RawLogContents, being_written, read_contents, solved_stages
 from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
 from calstation.results.merge_previous import InForce
 from calstation.results.result import SCHEMA
 
+#: Runs read between two words of progress.
 _AT_ONCE = 100
-"""Runs read between two words of progress."""
 
 _SOLVED = ("passed", "failed")
 
+#: What comes of a JSON that is no result, or one that somebody else has written.
 _NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
-"""What comes of a JSON that is no result, or one that somebody else has written."""
 
 _MOST_ATTEMPTS = 1_000_000
 
@@ -120,7 +120,7 @@ class History:
         return answer
 
 
-def refresh_history(tell: Tell, folder: Path) -> int:
+def refresh_history(tell: ProgressCallback, folder: Path) -> int:
     """Work for the workshop: bring a folder's index up to date; returns how many runs changed."""
     return History(folder).refresh(tell)
 

@@ -16,11 +16,11 @@ from calstation.estimation.common.context import Belief
 from calstation.physics.parameters import INDEX
 from calstation.physics.units import display, number
 
+#: An earlier sigma this many times smaller than the present one is worth keeping.
 BETTER = 2.0
-"""An earlier sigma this many times smaller than the present one is worth keeping."""
 
+#: Sigmas of both values together; further apart the unit has changed, and what it was is worth nothing.
 _CONTRADICTED = 6.0
-"""Sigmas of both values together; further apart the unit has changed, and what it was is worth nothing."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class InForce:
 
 
 @dataclass(frozen=True)
-class Earlier:
+class PreviousValue:
     """A parameter that was found far better before, and what it is found to be now; SI."""
 
     name: str
@@ -68,7 +68,7 @@ def found_better(
     in_force: Mapping[str, InForce],
     *,
     behind: bool,
-) -> tuple[Earlier, ...]:
+) -> tuple[PreviousValue, ...]:
     """Parameters that were found far better before, of those estimated now.
 
     Parameters
@@ -87,11 +87,13 @@ def found_better(
             continue
         now = float(belief.mean[i]) + (held[name] if behind else 0.0)
         apart = abs(now - held[name]) > _CONTRADICTED * float(np.hypot(sigma, before.sigma))
-        better.append(Earlier(name, before, now, sigma, apart))
+        better.append(PreviousValue(name, before, now, sigma, apart))
     return tuple(better)
 
 
-def given(belief: Belief, kept: Iterable[Earlier], held: Mapping[str, float], *, behind: bool) -> Belief:
+def given(
+    belief: Belief, kept: Iterable[PreviousValue], held: Mapping[str, float], *, behind: bool
+) -> Belief:
     """What is known of all parameters, given that the kept ones are what the registers say; arguments as above."""
     chosen = tuple(kept)
     if not chosen:

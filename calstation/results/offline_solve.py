@@ -11,12 +11,12 @@ from typing import Any
 
 from calstation.errors import ConfigurationError
 from calstation.records.convert import export_csv, partial_path
-from calstation.results.plots.log_index import Span
+from calstation.results.plots.index import Span
 from calstation.results.resolve import Resolved, resolve
 
 _BATCH = {"rate": 2.5, "six_position": 1.0}
+#: What solving costs per sample where reading one costs 1, measured; filters take several passes.
 _FILTER = 10.0
-"""What solving costs per sample where reading one costs 1, measured; filters take several passes."""
 
 CSV_COLUMNS = (
     "parameter",

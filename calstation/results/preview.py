@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
-from calstation.config.resolving import check_hands, configured
+from calstation.config.resolved import ResolvedConfiguration
+from calstation.config.resolving import check_manual_rig, configured
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.planned import PlannedSamples, profile
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Carry, Finish, Move, RoundEnd, Step
 from calstation.physics.parameters import INDEX, NAMES, PARAMETERS
@@ -28,18 +28,18 @@ from calstation.sequencer.stop_rule import named
 from calstation.sequencer.task import StagePlan
 from procedures import method
 
+#: Rounds after which a stage that only its targets end is given up.
 MOST_ROUNDS = 20
-"""Rounds after which a stage that only its targets end is given up."""
 
+#: Points of a drawn move: enough for its ramps to look as they are.
 _CORNERS = 9
-"""Points of a drawn move: enough for its ramps to look as they are."""
 
+#: How a unit is taken to be mounted, in units of the profile's mount sigma. No fixture is perfect, and a perfect one
+#: would tell scale factors and misalignments apart a little better than any run will.
 _MOUNT = np.full(3, 0.3)
-"""How a unit is taken to be mounted, in units of the profile's mount sigma. No fixture is perfect, and a perfect one
-would tell scale factors and misalignments apart a little better than any run will."""
 
+#: Largest fraction told: after the last motion its stage is still to be solved.
 _FEEDING = 0.95
-"""Largest fraction told: after the last motion its stage is still to be solved."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Violation:
 
 
 @dataclass(frozen=True)
-class StageForecast:
+class StagePreview:
     """One stage as it would go.
 
     Attributes
@@ -97,7 +97,7 @@ class StageForecast:
 
 
 @dataclass(frozen=True)
-class Forecast:
+class Preview:
     """A whole run.
 
     Attributes
@@ -111,7 +111,7 @@ class Forecast:
     travel : lowest and highest angle of each joint, rad, outer then inner
     """
 
-    stages: tuple[StageForecast, ...]
+    stages: tuple[StagePreview, ...]
     time: FloatArray
     outer: FloatArray
     inner: FloatArray
@@ -127,13 +127,13 @@ class Forecast:
         return self.stages[-1].end if self.stages else 0.0
 
 
-def forecast(tell: Tell, request: RunRequest) -> Forecast:
+def forecast(tell: ProgressCallback, request: RunRequest) -> Preview:
     """Work for the workshop: foretell the run that `request` asks for; its serial number may be empty.
 
     Raises ConfigurationError with file, field and mend where it could not be run at all.
     """
     setup, product_path = configured(request)
-    check_hands(setup, product_path)
+    check_manual_rig(setup, product_path)
     with one_blas_thread():
         return _Foretelling(tell, setup).run()
 
@@ -141,7 +141,7 @@ def forecast(tell: Tell, request: RunRequest) -> Forecast:
 class _Foretelling:
     """Drives the plans of one setup with nothing but arithmetic."""
 
-    def __init__(self, tell: Tell, setup: Setup) -> None:
+    def __init__(self, tell: ProgressCallback, setup: ResolvedConfiguration) -> None:
         self._tell = tell
         self._setup = setup
         meta = setup.meta(datetime.now(UTC), 1, {})
@@ -156,18 +156,18 @@ class _Foretelling:
         self._clock = 0.0
         self._joints = (0.0, 0.0)
 
-    def run(self) -> Forecast:
+    def run(self) -> Preview:
         before = self._chain.prior.sigma
         violations: list[Violation] = []
         expected = sum(self._check(plan, violations) for plan in self._plans)
         solve = not violations
-        stages: list[StageForecast] = []
+        stages: list[StagePreview] = []
         for plan in self._plans:
             stage = self._drive(plan, solve, expected)
             solve = solve and not stage.error
             stages.append(stage)
         course, limits = np.array(self._course), self._geometry.limits
-        return Forecast(
+        return Preview(
             stages=tuple(stages),
             time=course[:, 0],
             outer=course[:, 1],
@@ -218,7 +218,7 @@ class _Foretelling:
                 span = limits.low[joint], limits.high[joint]
                 yield Violation(stage, number, move.label, "travel", text, name, target, *span)
 
-    def _drive(self, plan: StagePlan, solve: bool, expected: float) -> StageForecast:
+    def _drive(self, plan: StagePlan, solve: bool, expected: float) -> StagePreview:
         """Follow a stage to its end; `expected` is what the whole run may take, s."""
         begin = self._clock
         moves, rounds, reason, by_hand = 0, 0, "plan", False
@@ -242,7 +242,7 @@ class _Foretelling:
         except ConfigurationError:
             reason = ""  # the plan cannot go on; `_check` has said why
         estimated = method(plan.name).estimates(self._context)
-        stage = StageForecast(plan.name, begin, self._clock, reason, rounds, moves, estimated)
+        stage = StagePreview(plan.name, begin, self._clock, reason, rounds, moves, estimated)
         if not solve:
             return stage
         if by_hand:

@@ -7,7 +7,7 @@ from typing import Any
 from calstation.config.site_check import latitude_untold
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.records.checks import offline_online
-from calstation.records.hole import told
+from calstation.records.damaged_rows import told
 from calstation.records.log import Log, open_log
 from calstation.records.raw_read import solved_stages
 from calstation.results.result import Ending, build_result, judge, parameters_json

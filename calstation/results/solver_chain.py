@@ -22,11 +22,11 @@ from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
 
+#: Starts a fresh reading of a log's samples, in order.
 Blocks = Callable[[], Iterable[SampleBlock]]
-"""Starts a fresh reading of a log's samples, in order."""
 
+#: Is told the stage, the latest sequence number read, and how far the stage is solved, 0 while it is read, to 1.
 Watch = Callable[[str, int, float], None]
-"""Is told the stage, the latest sequence number read, and how far the stage is solved, 0 while it is read, to 1."""
 
 
 @contextmanager

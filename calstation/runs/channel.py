@@ -10,14 +10,14 @@ from typing import Any
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import LOSSY, Event, to_json
 
+#: What goes over the pipe to say that an end is alive; the listener answers each with the same word.
 BEAT = "beat"
-"""What goes over the pipe to say that an end is alive; the listener answers each with the same word."""
 
+#: Host time between two heartbeats, s.
 BEAT_EVERY = 0.25
-"""Host time between two heartbeats, s."""
 
+#: Host time without an answer to a heartbeat after which the listener counts as frozen, s.
 LISTENER_SILENT_AFTER = 10.0
-"""Host time without an answer to a heartbeat after which the listener counts as frozen, s."""
 
 _WAITING_AT_MOST = 10_000
 _LAST_WORDS_WITHIN = 5.0

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.runs.incomplete import close_incomplete
 
 
-def close_run(tell: Tell, log: Path, operator: str | None) -> Path:
+def close_run(tell: ProgressCallback, log: Path, operator: str | None) -> Path:
     """See `close_incomplete`; returns the run's result file."""
     result = close_incomplete(log, operator)
     tell(1.0)

@@ -13,44 +13,44 @@ from queue import Empty
 from types import TracebackType
 from typing import Any
 
-from calstation.config.request import RegisterErrand, RunRequest
+from calstation.config.request import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.jobs.pipe_reader import Mailbox
-from calstation.jobs.spawn import start_apart
+from calstation.jobs.pipe_reader import PipeReader
+from calstation.jobs.spawn import spawn_process
 from calstation.runs.channel import BEAT, Channel
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Settled, Verdict, from_json
 
+#: Longest uninterruptible wait for a message, s.
 _SLICE = 0.2
-"""Longest uninterruptible wait for a message, s."""
 
+#: Host time without a sign of life, while somebody listened, after which the engine counts as frozen, s.
 FROZEN_AFTER = 2.0
-"""Host time without a sign of life, while somebody listened, after which the engine counts as frozen, s."""
 
+#: The same for `events`, which has nobody beside it to judge and gives the run up, s.
 _FROZEN_UNSEEN_AFTER = 30.0
-"""The same for `events`, which has nobody beside it to judge and gives the run up, s."""
 
+#: The same until its first event: a computer just switched on reads hundreds of megabytes of libraries, s.
 _BEGINS_WITHIN = 60.0
-"""The same until its first event: a computer just switched on reads hundreds of megabytes of libraries, s."""
 
+#: Host time after which a sequencer that takes no commands lets the heartbeat stop, s: three lost answers of a
+#: slow table and a slow disk are shorter.
 STUCK_AFTER = 10.0
-"""Host time after which a sequencer that takes no commands lets the heartbeat stop, s: three lost answers of a
-slow table and a slow disk are shorter."""
 
+#: What `close` gives to an engine for its safe stop and its result, s.
 _CLOSES_WITHIN = 60.0
-"""What `close` gives to an engine for its safe stop and its result, s."""
 
 _KILLED_WITHIN = 5.0
 
+#: What to do about an engine that has died or is frozen.
 MEND = (
     "the table's watchdog stops the table and stays latched, where it has one: look at the table, reset its fault"
     " ('Reset the fault' in the window, or calstation table reset), then start again or resume the run at its last"
     " finished stage"
 )
-"""What to do about an engine that has died or is frozen."""
 
+#: Kind of a `Fault` that is a mistake of the program; its text is the traceback.
 INTERNAL = "internal"
-"""Kind of a `Fault` that is a mistake of the program; its text is the traceback."""
 
 
 class Engine:
@@ -63,7 +63,7 @@ class Engine:
     def __init__(self, process: BaseProcess, connection: "Connection[Any, Any]") -> None:
         self.process = process
         self._connection = connection
-        self._mailbox = Mailbox(connection)
+        self._pipe_reader = PipeReader(connection)
         self._begun = False
         self._told_end = False
         self._ended = False
@@ -72,12 +72,12 @@ class Engine:
         self._looked = time.monotonic()
 
     @classmethod
-    def start(cls, request: RunRequest | RegisterErrand) -> "Engine":
+    def start(cls, request: RunRequest | RegisterOperation) -> "Engine":
         """Start a run, or an errand at a unit's registers, in a new process."""
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_engine, args=(there, request), name="calstation engine")
-        start_apart(process)
+        spawn_process(process)
         there.close()
         return cls(process, here)
 
@@ -125,7 +125,7 @@ class Engine:
         Never waits; `alive` tells when the process is gone.
         """
         self._ended = True
-        self._mailbox.close()
+        self._pipe_reader.close()
         if self._frozen:
             self.process.kill()
 
@@ -151,7 +151,7 @@ class Engine:
         heard = False
         while not self._ended:
             try:
-                message = self._mailbox.take(0.0 if heard else wait)
+                message = self._pipe_reader.take(0.0 if heard else wait)
             except Empty:
                 break
             except EOFError:
@@ -201,7 +201,7 @@ class Engine:
         return Fault(DeviceFaultError.__name__, f"engine: {what}; {MEND}", DeviceFaultError.exit_code)
 
 
-def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterErrand) -> None:
+def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation) -> None:
     """Entry of the engine's process: no signal that it can hear ends it without a safe stop."""
     control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -223,11 +223,11 @@ def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterEr
 
             execute(request, channel.emit, control)
         else:
-            from calstation.registers.operation import attend
+            from calstation.registers.operation import run_operation
 
-            attend(request, channel.emit, control)
+            run_operation(request, channel.emit, control)
     except CalstationError as error:
-        channel.emit(Fault(type(error).__name__, str(error), error.exit_code))
+        channel.emit(Fault.of(error))
     except Exception:  # noqa: BLE001 - told to the listener, whose process this is not
         channel.emit(Fault(INTERNAL, traceback.format_exc(), 3))
     finally:

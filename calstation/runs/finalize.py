@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.site_check import latitude_untold
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import Entry, Transferred, flash_registers, transfer
@@ -23,20 +23,20 @@ from calstation.registers.journal import site_of
 from calstation.registers.unit_type import UnitSort
 from calstation.registers.verification import prove, proved_on, refuted, without_register
 from calstation.registers.verify_type import close_proved, give_back
-from calstation.results.merge_previous import Earlier, InForce, found_better, given
+from calstation.results.merge_previous import InForce, PreviousValue, found_better, given
 from calstation.results.partial import is_part
 from calstation.results.result import judge
 from calstation.results.solver_chain import StageChain
+from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.control import StopRequested
-from calstation.sequencer.driving import Aside
+from calstation.sequencer.driving import RunInBackground
 from calstation.sequencer.events import Event, Message
-from calstation.sequencer.fresh_data import FreshData
 from calstation.sequencer.sequencer import Look
-from calstation.sequencer.task import Concluded
+from calstation.sequencer.task import Finalized
 
 
 @dataclass
-class Conclusion:
+class Finalization:
     """What a run does with its answer.
 
     Attributes
@@ -47,19 +47,21 @@ class Conclusion:
     in_force : registers of the unit as earlier runs wrote and proved them
     """
 
-    setup: Setup
+    setup: ResolvedConfiguration
     meta: LogMeta
     log: RawLogWriter
     chain: StageChain
     imu: Imu
     tell: Callable[[Event], None]
     registers: dict[str, Any]
-    hear: Callable[[], None]
+    check_cancelled: Callable[[], None]
     in_force: Mapping[str, InForce] = field(default_factory=dict)
     _done: Transferred | None = None
     _covariance: FloatArray | None = None
 
-    def conclude(self, solutions: tuple[Solution, ...], aside: Aside, look: Look) -> Concluded:
+    def finalize(
+        self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, look: Look
+    ) -> Finalized:
         """Check the limits; write the registers of a unit inside them, after a look at it as it is.
 
         A stop before the first register is a stop at once; one that comes later waits until the transfer is done.
@@ -70,30 +72,30 @@ class Conclusion:
             untold = latitude_untold(self.meta, solutions)
             if untold is not None:
                 self.tell(Message("latitude_untold", untold))
-            return Concluded(passed=False, written=False)
+            return Finalized(passed=False, written=False)
         entries = RegisterMap(tuple(self.setup.imu.registers))
         if not entries.parameters:
-            return Concluded(passed=True, written=False)
+            return Finalized(passed=True, written=False)
         # The log belongs to this thread, so what the unit holds is read and kept before the transfer begins.
-        old = aside(lambda: flash_registers(self.imu))
-        self._keep(old, aside)
+        old = run_in_background(lambda: flash_registers(self.imu))
+        self._keep(old, run_in_background)
         wanted = self._wanted(solutions, old)
         self.tell(Message("reference"))
         look()
-        self.hear()
+        self.check_cancelled()
         self.tell(Message("registers_transfer"))
         serial = self.meta.imu.serial
-        self._done = aside(lambda: transfer(self.imu, entries, serial, wanted, self._begin, old))
+        self._done = run_in_background(lambda: transfer(self.imu, entries, serial, wanted, self._begin, old))
         self.registers["new"] = dict(self._done.found)
         try:
-            self.hear()
+            self.check_cancelled()
         except StopRequested:
             self.tell(Message("transfer_finished"))
             self.tell(Message("transfer_unproved"))
             raise
-        return Concluded(passed=True, written=True)
+        return Finalized(passed=True, written=True)
 
-    def prove(self, fresh: FreshData, aside: Aside) -> None:
+    def prove(self, fresh: VerificationData, run_in_background: RunInBackground) -> None:
         """Judge the restarted unit's data; one whose corrected output is wrong gets its old registers back.
 
         Raises DeviceFaultError.
@@ -112,9 +114,9 @@ class Conclusion:
         self.registers["proof"] = [check.to_json() for check in checks]
         wrong = [check for check in checks if not check.passed]
         if wrong:
-            self.registers["new"] = aside(lambda: give_back(self.imu, entries, entry))
+            self.registers["new"] = run_in_background(lambda: give_back(self.imu, entries, entry))
             raise refuted(wrong[0], "its old registers were put back")
-        aside(lambda: close_proved(entry, fresh))
+        run_in_background(lambda: close_proved(entry, fresh))
         seen = proved_on(fresh)
         written = datetime.now(UTC).isoformat(timespec="seconds")
         self.registers |= {"verified": True, "proved_on": seen, "written_utc": written}
@@ -125,7 +127,7 @@ class Conclusion:
         """What the registers are to hold; part of a calibration leaves better ones alone."""
         belief, estimated = solutions[-1].belief, estimated_stage(solutions)
         behind = self.setup.after_registers
-        better: tuple[Earlier, ...] = ()
+        better: tuple[PreviousValue, ...] = ()
         if is_part(self.meta):
             better = found_better(old, belief, estimated, self.in_force, behind=behind)
         kept = [parameter for parameter in better if not parameter.contradicted]
@@ -149,9 +151,9 @@ class Conclusion:
             log.parent, serial, old, new, by=by, why="run", source=log.name, site=site, sort=sort
         )
 
-    def _keep(self, old: Mapping[str, float], aside: Aside) -> None:
+    def _keep(self, old: Mapping[str, float], run_in_background: RunInBackground) -> None:
         """The unit's registers as they were go to the log before anything is written."""
         self.registers |= {"old": dict(old), "new": None, "verified": False}
         self.log.event({"event": "OldRegisters", "registers": dict(old)})
-        aside(self.log.begin_sync().result)
+        run_in_background(self.log.begin_sync().result)
         self.log.service()

@@ -15,7 +15,7 @@ from calstation.results.result import Ending, build_result, judge, write_json
 from calstation.results.solver_chain import StageChain
 
 
-def settle_incomplete(folder: Path) -> list[Path]:
+def finish_incomplete(folder: Path) -> list[Path]:
     """Write the result ``incomplete`` beside every log in `folder` whose run died; returns those logs.
 
     Their results wait for the next hand-over, and their runs can still be resumed. A log that cannot be read at

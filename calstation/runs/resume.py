@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.site_check import LATITUDE
 from calstation.config.station import StationConfig, load_station
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.records.log import Log, open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import SUFFIX
@@ -33,8 +33,8 @@ from calstation.sequencer.ports import Journal
 from calstation.sequencer.solved import told
 from procedures import method
 
+#: Runs offered at most, the latest.
 _OFFERED = 20
-"""Runs offered at most, the latest."""
 
 _ENDED = ("passed", "failed")
 
@@ -82,7 +82,7 @@ def resumable(folder: Path) -> list[Resumable]:
     return found
 
 
-def find_resumable(tell: Tell, folder: Path) -> list[Resumable]:
+def find_resumable(tell: ProgressCallback, folder: Path) -> list[Resumable]:
     """Work for the workshop: see `resumable`."""
     return resumable(folder)
 
@@ -192,7 +192,9 @@ class Continuation:
         )
         return cls(filled, log, finished)
 
-    def meta(self, setup: Setup, started: datetime, registers: dict[str, float] | None) -> LogMeta:
+    def meta(
+        self, setup: ResolvedConfiguration, started: datetime, registers: dict[str, float] | None
+    ) -> LogMeta:
         """The new log's configuration: the old one's, for the finished stages' sake.
 
         registers : of the unit now, None where it could not be asked

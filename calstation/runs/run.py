@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.resolving import prepare
 from calstation.config.site_check import refuse_other_place, there
 from calstation.config.station import load_station
@@ -23,14 +23,14 @@ from calstation.physics.parameters import INDEX
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RESERVE, RawLogWriter, free_space
 from calstation.registers.flash_wear import check_flash
-from calstation.registers.interrupted import Unproved, check_interrupted, settle
+from calstation.registers.interrupted import UnverifiedTransfer, check_interrupted, settle
 from calstation.results.handover import HandOver, expect
 from calstation.results.history import History
 from calstation.results.result import Ending, build_result, judge, write_json
 from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.runs.advice import advice, check_attempts
-from calstation.runs.finalize import Conclusion
-from calstation.runs.incomplete import settle_incomplete
+from calstation.runs.finalize import Finalization
+from calstation.runs.incomplete import finish_incomplete
 from calstation.runs.resume import Continuation
 from calstation.sequencer.acquisition import LastSample
 from calstation.sequencer.control import Control, StopRequested
@@ -41,7 +41,7 @@ from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
 from calstation.sequencer.task import Ended
 from calstation.simulation.fault_plan import FaultInjector
-from calstation.simulation.simulated_operator import VirtualHands
+from calstation.simulation.simulated_operator import SimulatedOperator
 
 _OUTCOMES = {
     State.PASSED: "passed",
@@ -55,7 +55,7 @@ _OUTCOMES = {
 class _Place:
     """What a run knows before its devices: configuration, folder, history, who listens, what it carries on."""
 
-    setup: Setup
+    setup: ResolvedConfiguration
     folder: Path
     history: History
     emit: Emit
@@ -75,7 +75,7 @@ class _Place:
         known = {name: value for name, value in self.history.previous(serial).items() if name in INDEX}
         return meta.model_copy(update={"previous": known})
 
-    def hear(self) -> None:
+    def check_cancelled(self) -> None:
         """Take the operator's commands where no tick does. Raises StopRequested."""
         self.control.take()
         if self.control.stopping:
@@ -98,7 +98,7 @@ class _Run:
     meta: LogMeta
     log: RawLogWriter
     chain: StageChain
-    unproved: Unproved | None = None
+    unproved: UnverifiedTransfer | None = None
     registers: dict[str, Any] = field(default_factory=dict)
 
     def verify(self, solution: Solution) -> bool:
@@ -132,7 +132,7 @@ class _Run:
                 self.tell(event)
             self.log.sync()
 
-        after = before.copy(self.log, self.chain, self.place.hear, tell)
+        after = before.copy(self.log, self.chain, self.place.check_cancelled, tell)
         refuse_other_place(self.meta, tuple(self.chain.solutions))
         return after
 
@@ -149,7 +149,7 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     request = replace(request, operator=request.operator or computer_user())
     setup = prepare(request)
     folder = _folder(request.out)
-    for dead in settle_incomplete(folder):
+    for dead in finish_incomplete(folder):
         emit(Message("incomplete_run", {"log": str(dead)}))
     history = History(folder)
     history.refresh()
@@ -160,7 +160,7 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     injector = FaultInjector(setup.faults, folder)
     if setup.faults.fault:
         emit = injector.listening(emit)
-    hands = VirtualHands()
+    hands = SimulatedOperator()
     if setup.by_hand:
         emit = hands.listening(emit)
     place = _Place(setup, folder, history, emit, control, before, datetime.now(UTC))
@@ -174,16 +174,22 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
         hand_over.finish()
 
 
-def _connect(place: _Place, injector: FaultInjector, hands: VirtualHands) -> None:
+def _connect(place: _Place, injector: FaultInjector, hands: SimulatedOperator) -> None:
     """Open the devices and run; one that finds none, or is stopped before, has an empty log and a result."""
     run: _Run | None = None
     try:
-        with connected(place.setup, place.hear) as devices:
+        with connected(place.setup, place.check_cancelled) as devices:
             if isinstance(devices.clock, BenchClock):
                 injector.order = devices.clock.order
                 hands.carry = devices.clock.carry
             unproved = settle(
-                devices.imu, devices.table, devices.clock, place.setup, place.folder, place.emit, place.hear
+                devices.imu,
+                devices.table,
+                devices.clock,
+                place.setup,
+                place.folder,
+                place.emit,
+                place.check_cancelled,
             )
             meta = place.meta(_in_force(devices.imu, place.setup))
             run = _Run(place, meta, place.log(meta), StageChain(meta), unproved)
@@ -196,11 +202,11 @@ def _connect(place: _Place, injector: FaultInjector, hands: VirtualHands) -> Non
         if isinstance(error, StopRequested):
             _close(run, Ended(State.STOPPED, ()))
             return
-        run.tell(Fault(type(error).__name__, str(error), error.exit_code))
+        run.tell(Fault.of(error))
         _close(run, Ended(State.FAULT, (), error))
 
 
-def _in_force(imu: Imu, setup: Setup) -> dict[str, float]:
+def _in_force(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
     """What the unit's registers hold, SI.
 
     Where its samples have gone through them it is restarted first: values that nobody committed would be gone after
@@ -238,14 +244,14 @@ def _drive(run: _Run, devices: Devices) -> Ended:
     except StopRequested:
         return Ended(State.STOPPED, tuple(run.chain.solutions))
     except CalstationError as error:
-        run.tell(Fault(type(error).__name__, str(error), error.exit_code))
+        run.tell(Fault.of(error))
         return Ended(State.FAULT, tuple(run.chain.solutions), error)
     solved = tuple(run.chain.solutions)
     if solved:
         devices.imu.read()  # what came while they were solved belongs to nothing
     setup = run.place.setup
     task = setup.task(run.meta)
-    conclusion = Conclusion(
+    finalization = Finalization(
         setup,
         run.meta,
         run.log,
@@ -253,7 +259,7 @@ def _drive(run: _Run, devices: Devices) -> Ended:
         devices.imu,
         run.tell,
         run.registers,
-        run.place.hear,
+        run.place.check_cancelled,
         run.place.history.in_force(run.meta.imu.serial),
     )
     sequencer = Sequencer(
@@ -265,8 +271,8 @@ def _drive(run: _Run, devices: Devices) -> Ended:
         run.chain,
         run.place.emit,
         verify=run.verify,
-        conclude=conclusion.conclude,
-        prove=conclusion.prove,
+        finalize=finalization.finalize,
+        prove=finalization.prove,
         prove_first=None if run.unproved is None else run.unproved.prove,
         control=control,
         solved=solved,

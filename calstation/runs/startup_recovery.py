@@ -3,23 +3,23 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.results.handover import Delivery, deliver_waiting
 from calstation.results.history import History
-from calstation.runs.incomplete import settle_incomplete
+from calstation.runs.incomplete import finish_incomplete
 
 
 @dataclass(frozen=True)
-class Tidied:
+class StartupRecovery:
     """Logs of runs that had died, and what came of the hand-over."""
 
     incomplete: tuple[Path, ...]
     delivery: Delivery
 
 
-def tidy_up(tell: Tell, runs: Path, station: Path | None) -> Tidied:
+def recover_startup(tell: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
     """Work for the workshop: bring a folder of runs in order; `station` : the file that says where to hand over."""
-    dead = settle_incomplete(runs) if runs.is_dir() else []
+    dead = finish_incomplete(runs) if runs.is_dir() else []
     tell(0.3)
     History(runs).refresh(lambda fraction: tell(0.3 + 0.4 * fraction))
-    return Tidied(tuple(dead), deliver_waiting(tell, runs, station))
+    return StartupRecovery(tuple(dead), deliver_waiting(tell, runs, station))

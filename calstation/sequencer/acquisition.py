@@ -15,24 +15,24 @@ from calstation.estimation.common.samples import SampleBlock, snap_angles
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.sequencer.ports import Clock
 
+#: Ticks over which the least delay between IMU clock and station clock is sought.
 CLOCK_WINDOW = 200
-"""Ticks over which the least delay between IMU clock and station clock is sought."""
 
+#: Between the last sample of a run and the first after it was resumed, s of counter and IMU time: how long it really
+#: was, nobody knows where the unit lost its power.
 INTERRUPTION = 1.0
-"""Between the last sample of a run and the first after it was resumed, s of counter and IMU time: how long it really
-was, nobody knows where the unit lost its power."""
 
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
+#: A channel with at least so much noise, in steps of its output, that shows one value so often in a row is stuck: by
+#: chance it does so once in 10^28 times.
 _RESTLESS, _STUCK = 0.35, 400
-"""A channel with at least so much noise, in steps of its output, that shows one value so often in a row is stuck: by
-chance it does so once in 10^28 times."""
 
+#: Part of a counter's wrap by which samples come late where it wrapped unseen: their way to here only adds to it.
 _WRAPPED = 0.9
-"""Part of a counter's wrap by which samples come late where it wrapped unseen: their way to here only adds to it."""
 
+#: A poll that took longer, s, was lost and asked again on the way: nobody knows when its angles were true.
 SLOWEST_POLL = 0.3
-"""A poll that took longer, s, was lost and asked again on the way: nobody knows when its angles were true."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Acquisition:
         self.stage = ""
         self.step = 0 if after is None else after.step + 1
         self.valid = True
-        self.aside = False
+        self.run_in_background = False
         self.newest: float | None = None
         self.received = 0
         self.gaps = 0
@@ -183,7 +183,7 @@ class Acquisition:
             self._carry_on(batch, self._after)
         batch = self._with_wraps(batch, now)
         missing = self._missing(batch)
-        if not self.aside:
+        if not self.run_in_background:
             self.received += count
             self.gaps += missing > 0
         self.breaks += missing > 0
@@ -209,7 +209,7 @@ class Acquisition:
         )
         for tap in self._taps:
             tap.append(block)
-        if not self.aside:
+        if not self.run_in_background:
             self._sink(block)
         seen = int(np.bitwise_or.reduce(batch.status))
         ready = self._masks.ready == 0 or bool(batch.status[-1] & self._masks.ready)

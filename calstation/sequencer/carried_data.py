@@ -8,20 +8,24 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Carry
 from calstation.physics.table import OUTER, TableGeometry
 from calstation.sequencer.acquisition import Acquisition
-from calstation.sequencer.fresh_data import REST, FreshData, mean_at_rest
-from calstation.sequencer.pulse import Pulse
+from calstation.sequencer.capture import REST, VerificationData, mean_at_rest
+from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.steps import StepRunner
 
 _OVER = np.pi
 _QUARTER = 0.5 * np.pi
+#: What turning it over is likely to take, s.
 _WAY = 6.0
-"""What turning it over is likely to take, s."""
 _ATTEMPTS = 3
 
 
 def carried_data(
-    pulse: Pulse, acquisition: Acquisition, runner: StepRunner, geometry: TableGeometry, scale: FloatArray
-) -> FreshData:
+    control_loop: ControlLoop,
+    acquisition: Acquisition,
+    runner: StepRunner,
+    geometry: TableGeometry,
+    scale: FloatArray,
+) -> VerificationData:
     """Rest, have the unit turned over, rest.
 
     `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing.
@@ -50,7 +54,7 @@ def over(geometry: TableGeometry, outer: float) -> float:
     return geometry.limits.low[OUTER]
 
 
-def _taken(blocks: list[SampleBlock], first: int, scale: FloatArray) -> FreshData | None:
+def _taken(blocks: list[SampleBlock], first: int, scale: FloatArray) -> VerificationData | None:
     """Both rests and the way between, the first rest ending at sample `first`; None where samples are missing."""
     seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
     if len(seq) < 2 or (np.diff(seq) != 1).any() or not all(block.valid.all() for block in blocks):
@@ -59,7 +63,7 @@ def _taken(blocks: list[SampleBlock], first: int, scale: FloatArray) -> FreshDat
     period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(seq) - 1)
     rest = round(REST / period)
     rests = mean_at_rest(values[first - rest : first]), mean_at_rest(values[-rest:])
-    return FreshData(rests, REST, carried=values[first:-rest], period=period)
+    return VerificationData(rests, REST, carried=values[first:-rest], period=period)
 
 
 def _count(blocks: list[SampleBlock]) -> int:

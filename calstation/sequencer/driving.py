@@ -16,36 +16,36 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.sequencer import states
 from calstation.sequencer.acquisition import Acquisition, LastSample, to_si
+from calstation.sequencer.capture import Restarted, VerificationData, verification_data
 from calstation.sequencer.carried_data import carried_data
 from calstation.sequencer.control import Control, StopRequested
+from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Fault, Message, StateChanged
-from calstation.sequencer.fresh_data import FreshData, Restarted, fresh_data
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.guiding import Guiding
 from calstation.sequencer.ports import Clock, Emit
 from calstation.sequencer.preflight import Preflight, check_unit
-from calstation.sequencer.proof_path import ProofPath, proof_path
-from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.task import Output, Task
 from calstation.sequencer.unit_stream import UnitStream
+from calstation.sequencer.verification_moves import VerificationPath, verification_path
 
+#: Of what a gyro can show, the rate of the turns that prove its registers.
 _SHARE = 0.5
-"""Of what a gyro can show, the rate of the turns that prove its registers."""
 
+#: After a move too short to be seen, s.
 _SETTLED = 1.0
-"""After a move too short to be seen, s."""
 
+#: At a unit that restarts meanwhile, each from the beginning.
 _LOOKS = 3
-"""At a unit that restarts meanwhile, each from the beginning."""
 
+#: Host time between looks while something else is done, s.
 LOOK = 0.05
-"""Host time between looks while something else is done, s."""
 
-Aside = Callable[[Callable[[], Any]], Any]
-"""Does a work in a thread of its own, to its end, and returns what it returns or raises."""
+#: Does a work in a thread of its own, to its end, and returns what it returns or raises.
+RunInBackground = Callable[[Callable[[], Any]], Any]
 
 
 class Driving:
@@ -65,7 +65,7 @@ class Driving:
     acquisition : of the samples; pulse, stream, runner, guiding : there from `begin` on
     """
 
-    pulse: Pulse
+    control_loop: ControlLoop
     stream: UnitStream
     runner: StepRunner
     guiding: Guiding
@@ -93,8 +93,8 @@ class Driving:
         self._emit = emit
         self._service = service
         self._on_show = on_show
-        self._path: ProofPath | None = None
-        self._reference: FreshData | None = None
+        self._path: VerificationPath | None = None
+        self._reference: VerificationData | None = None
         self._left = threading.Event()
         self.acquisition = Acquisition(
             imu,
@@ -129,7 +129,7 @@ class Driving:
         except CalstationError as error:
             self._stop_safely()
             self.go(State.FAULT)
-            self._emit(Fault(type(error).__name__, str(error), error.exit_code))
+            self._emit(Fault.of(error))
             return error
         except BaseException:
             self._stop_safely()
@@ -145,7 +145,7 @@ class Driving:
     def begin(self) -> None:
         """Look at the table for the first time; nothing moves. Raises DeviceFaultError where it does not answer."""
         task = self._task
-        self.pulse = Pulse(
+        self.control_loop = ControlLoop(
             self._table,
             self._imu,
             self.acquisition,
@@ -155,19 +155,19 @@ class Driving:
             self._service,
             self._on_show,
         )
-        self.guiding = Guiding(task.imu, self.pulse, self.acquisition, self._control, self._emit)
+        self.guiding = Guiding(task.imu, self.control_loop, self.acquisition, self._control, self._emit)
         self.stream = UnitStream(
             self._imu,
-            self.pulse,
+            self.control_loop,
             self.acquisition,
             self._clock,
-            self.aside,
+            self.run_in_background,
             self._hear_aside,
             lambda identity: check_unit(identity, task.preflight.serial),
         )
         self.runner = StepRunner(
             self._table,
-            self.pulse,
+            self.control_loop,
             self.acquisition,
             self._control,
             self._emit,
@@ -182,7 +182,7 @@ class Driving:
         Preflight(
             self._table,
             self._imu,
-            self.pulse,
+            self.control_loop,
             self.acquisition,
             self.runner,
             self._clock,
@@ -192,11 +192,11 @@ class Driving:
             self._emit,
         ).run()
         # From here on a unit that restarted by itself, and sends what nobody asked for, is asked again.
-        self.pulse.patient = True
+        self.control_loop.patient = True
 
     def check_turns(self) -> None:
         """The way of `fresh_data` from here against the limits. Raises ConfigurationError."""
-        geometry, own = self._task.geometry, self.pulse.status.limits
+        geometry, own = self._task.geometry, self.control_loop.status.limits
         for leg in self._path_from_here().legs:
             check_limits(geometry.limits, leg.move)
             check_travel(own, leg.move)
@@ -215,14 +215,14 @@ class Driving:
                 "IMU: it restarted while its output was looked at; check its supply, plug and cable, then start again"
             )
 
-    def fresh_data(self, *, restarted: bool = True) -> FreshData:
+    def verification_data(self, *, restarted: bool = True) -> VerificationData:
         """The unit's corrected output at rest and in turns, to be judged; in no log. Behind it the raw stream is on.
 
         Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
         asked = self._task.corrected is Output.ASKED
         if restarted:
-            self.acquisition.aside = True  # its counter has begun again, until the end
+            self.acquisition.run_in_background = True  # its counter has begun again, until the end
         with self._apart():
             if restarted or asked:
                 self.stream.start(corrected=asked)
@@ -230,7 +230,7 @@ class Driving:
                 self.stream.mend()
             if self._task.by_hand:
                 data = carried_data(
-                    self.pulse, self.acquisition, self.runner, self._task.geometry, self._scale
+                    self.control_loop, self.acquisition, self.runner, self._task.geometry, self._scale
                 )
             else:
                 data = self._on_path(
@@ -246,19 +246,19 @@ class Driving:
     @contextmanager
     def _apart(self) -> Iterator[None]:
         """What comes meanwhile goes to no log."""
-        before, self.acquisition.aside = self.acquisition.aside, True
+        before, self.acquisition.run_in_background = self.acquisition.run_in_background, True
         try:
             yield
         finally:
-            self.acquisition.aside = before
+            self.acquisition.run_in_background = before
 
-    def _path_from_here(self) -> ProofPath:
+    def _path_from_here(self) -> VerificationPath:
         span, scale = self._task.span, self._scale
         ends = np.concatenate([span.high[:3], -span.low[:3]]) * scale[0]
-        own = self.pulse.status.limits
-        return proof_path(self.runner.position(), self._task.geometry, own, _SHARE * float(ends.min()))
+        own = self.control_loop.status.limits
+        return verification_path(self.runner.position(), self._task.geometry, own, _SHARE * float(ends.min()))
 
-    def _on_path(self, restless: str) -> FreshData:
+    def _on_path(self, restless: str) -> VerificationData:
         """Fresh data of one power-on of the unit: one that restarts meanwhile is looked at from the beginning.
 
         `restless` : told of one that does so again and again.
@@ -270,11 +270,13 @@ class Driving:
                 # An angle that was read is not the one that the table was sent to; so short a move is over before it
                 # shows.
                 self.runner.drive(path.to_start)
-                self.pulse.rested(_SETTLED)
+                self.control_loop.rested(_SETTLED)
                 if self.stream.broken:
                     self.stream.mend()
             try:
-                return fresh_data(self.pulse, self.acquisition, self.runner, self.stream, path, self._scale)
+                return verification_data(
+                    self.control_loop, self.acquisition, self.runner, self.stream, path, self._scale
+                )
             except Restarted:
                 self._emit(Message("look_repeated"))
                 there = False
@@ -285,7 +287,7 @@ class Driving:
         """From counts to rad/s and m/s², shape (6,)."""
         return to_si(self._task.imu)
 
-    def aside(self, work: Callable[[], Any]) -> Any:
+    def run_in_background(self, work: Callable[[], Any]) -> Any:
         """Do what must not be interrupted, the table's watchdog fed meanwhile; whatever happens, it is done then."""
         self._left.clear()
         with ThreadPoolExecutor(1, "aside") as worker:
@@ -293,7 +295,7 @@ class Driving:
             try:
                 while not job.done():
                     self._clock.idle(LOOK)
-                    self.pulse.keep_alive()
+                    self.control_loop.feed_watchdog()
                     self._control.take()
             except BaseException:
                 self._left.set()
@@ -314,7 +316,7 @@ class Driving:
         acceleration = min(self._task.travel_acceleration, *limits.acceleration)
         if not self.runner.arrived((outer, inner)):
             self.runner.drive(Move(outer, inner, rate, acceleration, ("load",)))
-        self.pulse.powered = False
+        self.control_loop.powered = False
         self._table.disable()
 
     def _stop_safely(self) -> None:

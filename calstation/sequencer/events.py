@@ -8,6 +8,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, TypeAlias
 
+from calstation.errors import CalstationError
+from calstation.messages.rendering import values_from_json, values_to_json
+
 
 @dataclass(frozen=True)
 class StateChanged:
@@ -162,11 +165,26 @@ class Settled:
 
 @dataclass(frozen=True)
 class Fault:
-    """The run failed on `kind` (device, configuration, input, internal); `text` is the error's own words."""
+    """The run failed.
+
+    Attributes
+    ----------
+    kind : class of the error; ``internal`` for a mistake of the program
+    text : the error in English
+    exit_code : of the command line
+    code, values : the error's catalogue entry and what stands in its braces
+    """
 
     kind: str
     text: str
     exit_code: int
+    code: str = ""
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, error: CalstationError) -> "Fault":
+        """The fault of an error."""
+        return cls(type(error).__name__, str(error), error.exit_code, error.code, error.values)
 
 
 Event: TypeAlias = (
@@ -206,13 +224,16 @@ _KINDS: dict[str, type[Event]] = {
     )
 }
 
+#: Events that only refresh a display: a slow listener may miss some, and the raw log keeps none.
 LOSSY = (StageProgress, TableMoved, SampleStats, Trace, PositionGuided)
-"""Events that only refresh a display: a slow listener may miss some, and the raw log keeps none."""
 
 
 def to_json(event: Event) -> dict[str, Any]:
     """The event as a JSON-ready dictionary with its kind under ``event``."""
-    return {"event": type(event).__name__, **asdict(event)}
+    data = asdict(event)
+    if isinstance(event, Message | Fault):
+        data["values"] = values_to_json(event.values)
+    return {"event": type(event).__name__, **data}
 
 
 def from_json(data: Mapping[str, Any]) -> Event:
@@ -222,4 +243,6 @@ def from_json(data: Mapping[str, Any]) -> Event:
     for name in ("label", "mean", "time", "output", "up", "done"):
         if name in values:
             values[name] = tuple(values[name])
+    if "values" in values:
+        values["values"] = values_from_json(values["values"])
     return kind(**values)

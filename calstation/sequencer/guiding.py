@@ -12,12 +12,12 @@ from calstation.estimation.positions.guidance import Guidance, PositionGuide
 from calstation.physics.motion import Carry
 from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.control import Control
+from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import PositionGuided
 from calstation.sequencer.ports import Emit
-from calstation.sequencer.pulse import Pulse
 
+#: Host time between two events that only refresh the picture, s.
 _SHOW = 0.2
-"""Host time between two events that only refresh the picture, s."""
 
 
 class Guiding:
@@ -31,10 +31,15 @@ class Guiding:
     """
 
     def __init__(
-        self, model: ImuModel, pulse: Pulse, acquisition: Acquisition, control: Control, emit: Emit
+        self,
+        model: ImuModel,
+        control_loop: ControlLoop,
+        acquisition: Acquisition,
+        control: Control,
+        emit: Emit,
     ) -> None:
         self._model = model
-        self._pulse = pulse
+        self._control_loop = control_loop
         self._acquisition = acquisition
         self._control = control
         self._emit = emit
@@ -65,7 +70,7 @@ class Guiding:
         guide.ask(step.rest)
         while len(guide.now.positions) < step.index and not self.done:
             self._show(step, guide.now)
-            self._pulse.tick()
+            self._control_loop.tick()
             for block in self._blocks:
                 guide.feed(block)
             self._blocks.clear()

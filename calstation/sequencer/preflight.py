@@ -15,9 +15,9 @@ from calstation.physics.rotation import rotation_vector
 from calstation.physics.table import TableGeometry
 from calstation.sequencer import guard
 from calstation.sequencer.acquisition import Acquisition
+from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message
 from calstation.sequencer.ports import Clock, Emit
-from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.steps import StepRunner
 
 
@@ -67,7 +67,7 @@ class Preflight:
         self,
         table: Table,
         imu: Imu,
-        pulse: Pulse,
+        control_loop: ControlLoop,
         acquisition: Acquisition,
         runner: StepRunner,
         clock: Clock,
@@ -78,7 +78,7 @@ class Preflight:
     ) -> None:
         self._table = table
         self._imu = imu
-        self._pulse = pulse
+        self._control_loop = control_loop
         self._acquisition = acquisition
         self._runner = runner
         self._clock = clock
@@ -97,10 +97,12 @@ class Preflight:
             self._warm_up()
             self._check_gravity()
             return
-        guard.check_power(self._pulse.status)
+        guard.check_power(self._control_loop.status)
         self._table.enable()
-        self._pulse.wait(lambda: self._pulse.status.enabled, 5.0, "table: the drive does not enable its axes")
-        self._pulse.powered = True
+        self._control_loop.wait(
+            lambda: self._control_loop.status.enabled, 5.0, "table: the drive does not enable its axes"
+        )
+        self._control_loop.powered = True
         self._home()
         self._go_home_angle()
         self._warm_up()
@@ -128,21 +130,21 @@ class Preflight:
 
     def _wait_until_ready(self) -> None:
         self._emit(Message("waiting_ready"))
-        self._pulse.wait(
-            lambda: self._pulse.flow.ready,
+        self._control_loop.wait(
+            lambda: self._control_loop.flow.ready,
             self._limits.ready_timeout,
             f"IMU: not ready after {self._limits.ready_timeout:g} s; check power, port, baud and parity",
         )
-        if self._pulse.flow.failed:
+        if self._control_loop.flow.failed:
             raise DeviceFaultError("IMU: the unit reports a failed self-test; replace the unit")
 
     def _home(self) -> None:
-        if self._pulse.status.homed:
+        if self._control_loop.status.homed:
             return
         self._emit(Message("homing"))
         self._table.home()
-        self._pulse.wait(
-            lambda: self._pulse.status.homed and not self._pulse.status.moving,
+        self._control_loop.wait(
+            lambda: self._control_loop.status.homed and not self._control_loop.status.moving,
             self._limits.home_timeout,
             f"table: homing did not end within {self._limits.home_timeout:g} s; check the home switches",
         )
@@ -159,7 +161,7 @@ class Preflight:
         begin = self._clock.now()
         track: deque[tuple[float, float]] = deque()
         while True:
-            self._pulse.tick()
+            self._control_loop.tick()
             now = self._clock.now()
             if limits.warm_up_slope is None:
                 if now - begin >= limits.warm_up:
@@ -181,7 +183,7 @@ class Preflight:
         """Counts of some seconds at rest, without a gap, shape (n, 6)."""
         gaps = self._acquisition.gaps
         with self._acquisition.tap() as blocks:
-            self._pulse.rest(self._limits.flow)
+            self._control_loop.rest(self._limits.flow)
         if self._acquisition.gaps != gaps:
             raise DeviceFaultError("IMU: data have gaps already at rest; check cable, baud and sample rate")
         return _counts(blocks)

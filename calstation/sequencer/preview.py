@@ -8,8 +8,8 @@ from calstation.sequencer.stop_rule import StopRule
 
 _STEPS_AT_MOST = 10_000
 
+#: What a preview allows for settling after a move, s, where the table's profile does not say.
 SETTLE = 1.5
-"""What a preview allows for settling after a move, s, where the table's profile does not say."""
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from calstation.devices.interfaces import Table
 from calstation.sequencer.ports import Clock
 
+#: Station and host time allowed for the deceleration, s.
 _REST_WITHIN = 30.0
-"""Station and host time allowed for the deceleration, s."""
 
+#: Station time for it where the table does not answer, s.
 _UNSEEN = 5.0
-"""Station time for it where the table does not answer, s."""
 
 _TICK = 0.05
 

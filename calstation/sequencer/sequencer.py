@@ -11,25 +11,25 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
 from calstation.physics.motion import Carry, Finish, Move, Prepare, RoundEnd
 from calstation.sequencer.acquisition import LastSample
+from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.control import Control, StopRequested
-from calstation.sequencer.driving import LOOK, Aside, Driving
+from calstation.sequencer.driving import LOOK, Driving, RunInBackground
 from calstation.sequencer.events import LOSSY, Event, Message, StageEnded, StageStarted, to_json
-from calstation.sequencer.fresh_data import FreshData
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.ports import Clock, Emit, Journal, Solving
 from calstation.sequencer.preview import plan_time, planned, step_time
 from calstation.sequencer.progress import StageTrack
 from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
-from calstation.sequencer.task import Concluded, Ended, Output, StagePlan, Task
+from calstation.sequencer.task import Ended, Finalized, Output, StagePlan, Task
 
 _Result = TypeVar("_Result")
 
+#: Takes the unit's output before registers are written, to compare what follows with.
 Look = Callable[[], None]
-"""Takes the unit's output before registers are written, to compare what follows with."""
 
-Judge = Callable[[FreshData, Aside], None]
-"""Judges a unit's fresh data; raises DeviceFaultError where they are wrong."""
+#: Judges a unit's fresh data; raises DeviceFaultError where they are wrong.
+Judge = Callable[[VerificationData, RunInBackground], None]
 
 
 class Sequencer:
@@ -55,7 +55,7 @@ class Sequencer:
         emit: Emit,
         *,
         verify: Callable[[Solution], bool],
-        conclude: Callable[[tuple[Solution, ...], Aside, Look], Concluded],
+        finalize: Callable[[tuple[Solution, ...], RunInBackground, Look], Finalized],
         prove: Judge,
         prove_first: Judge | None = None,
         control: Control | None = None,
@@ -69,7 +69,7 @@ class Sequencer:
         self._solving = solving
         self._listener = emit
         self._verify = verify
-        self._conclude = conclude
+        self._finalize = finalize
         self._prove = prove
         self._prove_first = prove_first
         self._solved_before = len(solved)
@@ -122,23 +122,23 @@ class Sequencer:
             self.emit(Message("verifying"))
             if self._task.corrected is Output.ASKED:
                 drive.reference()
-            self._prove_first(drive.fresh_data(restarted=False), drive.aside)
+            self._prove_first(drive.verification_data(restarted=False), drive.run_in_background)
         for index, stage in enumerate(self._task.stages, start=self._solved_before):
             if not self._run_stage(stage, index):
                 break
-        drive.pulse.hear()
-        concluded = self._conclude(tuple(self._solutions), drive.aside, drive.reference)
-        if concluded.written:
+        drive.control_loop.check_cancelled()
+        finalized = self._finalize(tuple(self._solutions), drive.run_in_background, drive.reference)
+        if finalized.written:
             self.emit(Message("verifying"))
             try:
-                data = drive.fresh_data()
+                data = drive.verification_data()
             except (StopRequested, CalstationError):
                 self.emit(Message("transfer_unproved"))
                 raise
-            self._prove(data, drive.aside)
+            self._prove(data, drive.run_in_background)
         if not self._task.by_hand:
             drive.finish()
-        return State.PASSED if concluded.passed else State.FAILED
+        return State.PASSED if finalized.passed else State.FAILED
 
     def emit(self, event: Event) -> None:
         """Tell the listener, and the journal unless the event only refreshes a display."""
@@ -158,7 +158,7 @@ class Sequencer:
             for step, _ in planned(stage.steps(), stage.rule, position):
                 if isinstance(step, Move):
                     check_limits(self._task.geometry.limits, step)
-                    check_travel(self._drive.pulse.status.limits, step)
+                    check_travel(self._drive.control_loop.status.limits, step)
 
     def _run_stage(self, stage: StagePlan, index: int) -> bool:
         """Drive and solve a stage; False where the run should not go on."""
@@ -226,10 +226,10 @@ class Sequencer:
             before = self._clock.now()
             self._clock.idle(LOOK)
             if self._clock.now() > before:
-                self._drive.pulse.look()
+                self._drive.control_loop.look()
             else:
-                self._drive.pulse.keep_alive()
-                self._drive.pulse.hear()
+                self._drive.control_loop.feed_watchdog()
+                self._drive.control_loop.check_cancelled()
         return job.result()
 
 

@@ -19,6 +19,8 @@ class State(StrEnum):
     DONE = "done"
 
 
+#: From each state, the states that may follow. A fault is latched: only a reset to idle leaves it. What is no
+#: calibration has neither passed nor failed in the end: it is done.
 TRANSITIONS: dict[State, frozenset[State]] = {
     State.IDLE: frozenset({State.PREPARING}),
     State.PREPARING: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
@@ -34,11 +36,9 @@ TRANSITIONS: dict[State, frozenset[State]] = {
     State.FAILED: frozenset({State.IDLE}),
     State.DONE: frozenset({State.IDLE}),
 }
-"""From each state, the states that may follow. A fault is latched: only a reset to idle leaves it. What is no
-calibration has neither passed nor failed in the end: it is done."""
 
+#: States in which a run is over.
 ENDED = frozenset({State.STOPPED, State.FAULT, State.PASSED, State.FAILED, State.DONE})
-"""States in which a run is over."""
 
 
 class IllegalTransitionError(RuntimeError):

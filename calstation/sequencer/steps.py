@@ -10,23 +10,23 @@ from calstation.physics.motion import Carry, Dwell, Move
 from calstation.physics.table import JointLimits
 from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.control import Control, PauseRequested, SpoiltStep
+from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message, StepStarted
 from calstation.sequencer.guard import check_motion, check_move
 from calstation.sequencer.guiding import Guiding, carry_label
 from calstation.sequencer.ports import Emit
 from calstation.sequencer.preview import move_time
-from calstation.sequencer.pulse import Pulse
 from calstation.sequencer.states import State
 from calstation.sequencer.unit_stream import UnitStream
 
+#: A joint this close to its target, at rest and settled, has arrived, rad.
 ARRIVED = np.deg2rad(0.5)
-"""A joint this close to its target, at rest and settled, has arrived, rad."""
 
+#: How often a step with spoilt samples is repeated before the run is a fault.
 REPEATS = 3
-"""How often a step with spoilt samples is repeated before the run is a fault."""
 
+#: Rest before a move is repeated, s: what solvers need to find attitude and angle again.
 _REST_BEFORE_REPEAT = 5.0
-"""Rest before a move is repeated, s: what solvers need to find attitude and angle again."""
 
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
@@ -41,7 +41,7 @@ class StepRunner:
     def __init__(
         self,
         table: Table,
-        pulse: Pulse,
+        control_loop: ControlLoop,
         acquisition: Acquisition,
         control: Control,
         emit: Emit,
@@ -51,7 +51,7 @@ class StepRunner:
         stream: UnitStream,
     ) -> None:
         self._table = table
-        self._pulse = pulse
+        self._control_loop = control_loop
         self._acquisition = acquisition
         self._control = control
         self._emit = emit
@@ -85,7 +85,7 @@ class StepRunner:
         repeats = 0
         while True:
             try:
-                self._pulse.pausable = self._pulse.watchful = True
+                self._control_loop.pausable = self._control_loop.watchful = True
                 for part in todo:
                     self._execute(part)
                 if isinstance(step, Move):
@@ -100,7 +100,7 @@ class StepRunner:
                 self._emit(Message("step_repeated", {"reason": spoilt.reason, "attempt": repeats}))
                 self._come_to_rest()
             finally:
-                self._pulse.pausable = self._pulse.watchful = False
+                self._control_loop.pausable = self._control_loop.watchful = False
             self._recover(start, moved)
             todo = [Dwell(_REST_BEFORE_REPEAT), *again] if moved else again
 
@@ -116,13 +116,13 @@ class StepRunner:
 
     def drive(self, move: Move) -> None:
         """Move both joints and wait until they have arrived and settled."""
-        check_move(self._pulse.status, self._limits, move)
+        check_move(self._control_loop.status, self._limits, move)
         start = self.position()
         self._acquisition.step += 1
         self._target = None
         self._started("move", move.label)
         self._table.move(move.outer, move.inner, move.rate, move.acceleration)
-        self._pulse.wait(
+        self._control_loop.wait(
             lambda: self.arrived((move.outer, move.inner)),
             1.5 * move_time(start, move) + 15.0,
             lambda: self._why_not((move.outer, move.inner)),
@@ -131,13 +131,13 @@ class StepRunner:
 
     def arrived(self, target: tuple[float, float]) -> bool:
         """Whether the table rests, settled, at `target` (rad)."""
-        status = self._pulse.status
+        status = self._control_loop.status
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
         return status.settled and not status.moving and away < ARRIVED
 
     def _why_not(self, target: tuple[float, float]) -> str:
         """What is to be said of a table that has not arrived in time."""
-        status = self._pulse.status
+        status = self._control_loop.status
         wanted = f"outer {np.rad2deg(target[0]):.1f}°, inner {np.rad2deg(target[1]):.1f}°"
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
         if away < ARRIVED:
@@ -152,7 +152,7 @@ class StepRunner:
 
     def position(self) -> tuple[float, float]:
         """Joint angles as last polled, rad."""
-        outer, inner = self._pulse.status.angles
+        outer, inner = self._control_loop.status.angles
         return float(outer), float(inner)
 
     def _execute(self, step: Move | Dwell | Carry) -> None:
@@ -160,7 +160,7 @@ class StepRunner:
             self.drive(step)
         elif isinstance(step, Dwell):
             self._started("dwell")
-            self._pulse.rest(step.duration)
+            self._control_loop.rest(step.duration)
         else:
             self._acquisition.step += 1
             self._started("carry", carry_label(step))
@@ -172,22 +172,24 @@ class StepRunner:
         self._come_to_rest()
         self._on_state(State.PAUSED)
         while self._control.pausing:
-            self._pulse.tick()
+            self._control_loop.tick()
         self._on_state(State.RUNNING)
 
     def _come_to_rest(self) -> None:
         self._acquisition.valid = False
-        self._pulse.pausable = self._pulse.watchful = False
+        self._control_loop.pausable = self._control_loop.watchful = False
         self._table.stop()
-        self._pulse.tick()
-        self._pulse.wait(
-            lambda: not self._pulse.status.moving, 30.0, "table: does not come to rest after a stop command"
+        self._control_loop.tick()
+        self._control_loop.wait(
+            lambda: not self._control_loop.status.moving,
+            30.0,
+            "table: does not come to rest after a stop command",
         )
 
     def _recover(self, start: tuple[float, float], moved: bool) -> None:
         """Back to the start of the step, with data of a unit that is ready, so that it can be repeated as its own."""
         if moved and not self.arrived(start):
-            check_motion(self._pulse.status)
+            check_motion(self._control_loop.status)
             rate = min(_RETURN_RATE, *self._limits.rate)
             acceleration = min(_RETURN_ACCELERATION, *self._limits.acceleration)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))

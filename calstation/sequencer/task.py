@@ -76,7 +76,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Concluded:
+class Finalized:
     """Whether the unit passed, and whether registers were written, which fresh data must then prove."""
 
     passed: bool

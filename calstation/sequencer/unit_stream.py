@@ -7,11 +7,11 @@ from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, Other
 from calstation.devices.links.serial_link import PortLostError
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition
+from calstation.sequencer.control_loop import NO_DATA, ControlLoop
 from calstation.sequencer.ports import Clock
-from calstation.sequencer.pulse import NO_DATA, Pulse
 
+#: Station time for the first sample of a unit that was asked to stream, s.
 _DATA_WITHIN = 20.0
-"""Station time for the first sample of a unit that was asked to stream, s."""
 
 _READY_WITHIN = 60.0
 _ATTEMPTS = 3
@@ -34,19 +34,19 @@ class UnitStream:
     def __init__(
         self,
         imu: Imu,
-        pulse: Pulse,
+        control_loop: ControlLoop,
         acquisition: Acquisition,
         clock: Clock,
-        aside: Callable[[Callable[[], Any]], Any],
-        hear: Callable[[], None],
+        run_in_background: Callable[[Callable[[], Any]], Any],
+        check_cancelled: Callable[[], None],
         check: Callable[[ImuIdentity], None],
     ) -> None:
         self._imu = imu
-        self._pulse = pulse
+        self._control_loop = control_loop
         self._acquisition = acquisition
         self._clock = clock
-        self._aside = aside
-        self._hear = hear
+        self._aside = run_in_background
+        self._hear = check_cancelled
         self._check = check
         self._corrected = False
         self._breaks = self._restarts = 0
@@ -61,7 +61,7 @@ class UnitStream:
     @property
     def broken(self) -> bool:
         """Whether since `start` or `mend` samples were missed, or the unit was not ready, or nothing comes now."""
-        return self._pulse.silent or self._acquisition.breaks != self._breaks
+        return self._control_loop.silent or self._acquisition.breaks != self._breaks
 
     def mend(self) -> bool:
         """Have it as it was asked for, from a unit that is ready; returns whether the unit had restarted.
@@ -70,8 +70,8 @@ class UnitStream:
         """
         restarted = False
         for _ in range(_ATTEMPTS):
-            self._pulse.tick()
-            silent = self._pulse.silent
+            self._control_loop.tick()
+            silent = self._control_loop.silent
             restarted |= silent or self._acquisition.restarts != self._restarts
             if silent or self._corrected:
                 self._wake()
@@ -82,7 +82,7 @@ class UnitStream:
         )
 
     def _wake(self) -> None:
-        corrected, silent = self._corrected, self._pulse.silent
+        corrected, silent = self._corrected, self._control_loop.silent
 
         def wake() -> ImuIdentity | None:
             try:
@@ -105,8 +105,8 @@ class UnitStream:
         if not self._heard(asked):
             return False
         self._breaks, self._restarts = self._acquisition.breaks, self._acquisition.restarts
-        self._pulse.wait(
-            lambda: self._pulse.flow.ready or self.broken,
+        self._control_loop.wait(
+            lambda: self._control_loop.flow.ready or self.broken,
             _READY_WITHIN,
             f"IMU: not ready {_READY_WITHIN:g} s after its restart; switch it off and on",
         )
@@ -115,16 +115,16 @@ class UnitStream:
     def _heard(self, asked: bool) -> bool:
         """Wait for a sample; False where a unit that was not `asked` for any has fallen silent."""
         deadline = self._clock.now() + (_DATA_WITHIN if asked else NO_DATA)
-        patient, self._pulse.patient = self._pulse.patient, not asked
+        patient, self._control_loop.patient = self._control_loop.patient, not asked
         try:
             while True:
-                self._pulse.tick()
-                if self._pulse.flow.count:
+                self._control_loop.tick()
+                if self._control_loop.flow.count:
                     return True
                 if self._clock.now() > deadline:
                     break
         finally:
-            self._pulse.patient = patient
+            self._control_loop.patient = patient
         if asked:
             raise DeviceFaultError(
                 "IMU: no data any more though it was told to stream; switch it off and on, then check cable, power and"

@@ -16,7 +16,7 @@ from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples
 from calstation.bench.truth.grades import GRADES, draw_imu
 from calstation.bench.truth.grades import GradeName as GradeName
 from calstation.bench.truth.imu import ImuTruth
-from calstation.bench.truth.manual_rig import HandRig, around, push, record
+from calstation.bench.truth.manual_rig import ManualRig, around, push, record
 from calstation.bench.truth.pair import SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.table import rotation
 from calstation.estimation.common.samples import SampleBlock, snap_angles
@@ -32,12 +32,12 @@ Kind = Literal["hand", "pair", "gimbal"]
 SAMPLE_RATE = 100.0
 _LATITUDE_DEG, _HEIGHT = 34.25, 400.0
 _AT_REST = {"gyro": {"fixed": 2e-4}, "accel": {"fixed": 5e-3}}
+#: Little motion is enough; and a unit as it leaves a MEMS factory is off: the earth alone shows 0.7e-4 rad/s.
 _PAIR_SCHEDULE = {
     "motion_s": 10.0,
     **{f"{unit}_{sensor}": limit for unit in ("primary", "secondary") for sensor, limit in _AT_REST.items()},
 }
-"""Little motion is enough; and a unit as it leaves a MEMS factory is off: the earth alone shows 0.7e-4 rad/s."""
-_RIG = HandRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
+_RIG = ManualRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
 
 
 def make_recording(

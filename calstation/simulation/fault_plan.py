@@ -29,8 +29,8 @@ from calstation.schema import StrictModel, load, suggestion
 from calstation.sequencer.events import Event, Message, StageStarted, StepStarted
 from calstation.sequencer.ports import Emit
 
+#: Kinds that the running bench carries out.
 ORDERS: tuple[str, ...] = get_args(OrderName)
-"""Kinds that the running bench carries out."""
 
 _SET_UP: Mapping[str, Callable[[dict[str, Any], float], dict[str, Any]]] = {
     "wrong_unit": lambda bench, value: {"serial": f"{bench['serial']}-OTHER"},
@@ -43,19 +43,20 @@ _SET_UP: Mapping[str, Callable[[dict[str, Any], float], dict[str, Any]]] = {
     "single_bank_flash": lambda bench, value: {"flash_banks": 1},
 }
 _VALUES = {"mounted_otherwise": 20.0, "wrong_latitude": 10.0, "wrong_gravity": 0.05}
+#: Kinds that make the bench another from the start; `stage`, `step` and `time_s` do not belong to them. Values:
+#: degrees
+#: that the unit is turned; degrees added to the latitude in the station file, while its gravity stays; m/s² by which
+#: gravity is more than the station file's.
 SET_UP = tuple(_SET_UP)
-"""Kinds that make the bench another from the start; `stage`, `step` and `time_s` do not belong to them. Values: degrees
-that the unit is turned; degrees added to the latitude in the station file, while its gravity stays; m/s² by which
-gravity is more than the station file's."""
 
+#: Kinds that befall the computer: the engine's process dies, its disk seems full, the folder is taken away.
 HOST = ("engine_killed", "disk_full", "runs_folder_gone")
-"""Kinds that befall the computer: the engine's process dies, its disk seems full, the folder is taken away."""
 
 KINDS: tuple[str, ...] = (*ORDERS, *SET_UP, *HOST)
 
 
+#: What a plan calls the looks at the unit before and behind a transfer: the messages that announce them.
 LOOKS = ("reference", "verifying")
-"""What a plan calls the looks at the unit before and behind a transfer: the messages that announce them."""
 
 
 class PlannedFault(StrictModel):

@@ -13,8 +13,8 @@ from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
 from calstation.results.resolve import resolve
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
 
+#: The recording that each method is tried on.
 KIND_OF: dict[str, Kind] = {"multi_position": "hand", "cross_calibration": "pair", "gimbal": "gimbal"}
-"""The recording that each method is tried on."""
 _BAND = (0.0005, 0.9995)
 
 

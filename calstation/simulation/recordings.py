@@ -6,7 +6,7 @@ from typing import cast
 
 from calstation.config.library import site_folder
 from calstation.errors import ConfigurationError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 from calstation.records.atomic import write_atomic
 
 
@@ -15,7 +15,7 @@ def recordings_folder() -> Path:
     return site_folder() / "recordings"
 
 
-def record_on_bench(tell: Tell, kind: str, path: Path, grade: str, seed: int) -> Path:
+def record_on_bench(tell: ProgressCallback, kind: str, path: Path, grade: str, seed: int) -> Path:
     """Work for the workshop: make a recording with its truth beside it; both replace what was there.
 
     Returns its path. Raises ConfigurationError where the place cannot be written.

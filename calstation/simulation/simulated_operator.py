@@ -6,11 +6,11 @@ from math import radians
 from calstation.sequencer.events import Event, StepStarted
 from calstation.sequencer.ports import Emit
 
+#: Asks for rail angles outer and inner, rad, and a rest there, s.
 Carry = Callable[[float, float, float], None]
-"""Asks for rail angles outer and inner, rad, and a rest there, s."""
 
 
-class VirtualHands:
+class SimulatedOperator:
     """Listens to a run's events.
 
     Attributes
@@ -24,10 +24,10 @@ class VirtualHands:
     def listening(self, emit: Emit) -> Emit:
         """An `emit` that lets the hands hear first."""
 
-        def hear(event: Event) -> None:
+        def check_cancelled(event: Event) -> None:
             if self.carry is not None and isinstance(event, StepStarted) and event.kind == "carry":
                 outer, inner, rest = (float(value) for value in event.label[1:4])
                 self.carry(radians(outer), radians(inner), rest)
             emit(event)
 
-        return hear
+        return check_cancelled

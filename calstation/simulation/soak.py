@@ -33,6 +33,7 @@ _SHORT: dict[str, Any] = {
 }
 _MEMS = {"bench_grade": "mems", "limits": "mems_c"}
 
+#: What a station may have: how often in how many, and what its files then say otherwise.
 DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
     "Modbus TCP, frames": (8, {}, {}),
     "Modbus RTU": (1, {"bench": {"table_transport": "rtu"}}, {}),
@@ -44,8 +45,8 @@ DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
     "VN-100": (1, {}, {"imu": "vectornav_vn100", **_MEMS}),
     "DSP by Modbus": (1, {}, {"imu": "dsp_modbus", **_MEMS}),
 }
-"""What a station may have: how often in how many, and what its files then say otherwise."""
 
+#: Kinds with values that strike in the middle of a stage, at a random second.
 STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
     *MILD,
     ("silence_imu", 600),
@@ -64,8 +65,8 @@ STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("never_settle", 600),
     ("engine_killed", None),
 )
-"""Kinds with values that strike in the middle of a stage, at a random second."""
 
+#: Kinds that are so from the start, strike when their moment comes, or come from the listener.
 OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("brown_out_write", 20),
     ("brown_out_commit", 70),
@@ -80,19 +81,18 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("operator_stop", None),
     ("window_killed", None),
 )
-"""Kinds that are so from the start, strike when their moment comes, or come from the listener."""
 
+#: Kinds of the former that also strike while the unit is looked at, around the transfer of its registers.
 _IN_LOOKS = ("reset_imu", "drop_frames")
-"""Kinds of the former that also strike while the unit is looked at, around the transfer of its registers."""
 
 _FROM_LISTENER = ("operator_stop", "window_killed")
+#: Host time without the end of a run that counts as a hang, s; ten times of it for a whole schedule.
 _HANGS_AFTER = 300.0
-"""Host time without the end of a run that counts as a hang, s; ten times of it for a whole schedule."""
 
+#: Besides a tenth, what a process may take until everything was used once, MB.
 _GROWTH = 20.0
-"""Besides a tenth, what a process may take until everything was used once, MB."""
+#: Seconds of device time into a stage, or a step of it, at most, at which faults strike.
 _LATEST = 20.0
-"""Seconds of device time into a stage, or a step of it, at most, at which faults strike."""
 
 
 @dataclass(frozen=True)

@@ -12,30 +12,31 @@ import numpy as np
 
 from calstation.bench.config import BenchConfig
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.resolving import configured
 from calstation.devices.profiles.table import TableProfile
 from calstation.errors import CalstationError
 from calstation.physics.parameters import INDEX
 from calstation.records.log import open_log
-from calstation.runs.incomplete import settle_incomplete
+from calstation.runs.incomplete import finish_incomplete
 from calstation.simulation.fault_plan import HOST, SET_UP
 
 if TYPE_CHECKING:
     from calstation.simulation.soak import Planned
 
+#: A parameter further from the truth than so many of its own sigmas is wrong.
 SIGMAS = 6.0
-"""A parameter further from the truth than so many of its own sigmas is wrong."""
 
+#: Host time in which a bench says how it was left, s.
 _REPORT_WITHIN = 10.0
-"""Host time in which a bench says how it was left, s."""
 
+#: A gap of more samples than any run lasts in silence is a counter's jump.
 _JUMP = 5_000
-"""A gap of more samples than any run lasts in silence is a counter's jump."""
 
+#: Kinds under which a good unit is rightly outside its limits.
 _MUST_FAIL = ("wrong_gravity",)
-"""Kinds under which a good unit is rightly outside its limits."""
 
+#: Kinds with values that a run gets over: where a good unit has no others, no verdict is wrong.
 MILD: tuple[tuple[str, float | None], ...] = (
     ("corrupt_frames", 3),
     ("drop_frames", 3),
@@ -54,7 +55,6 @@ MILD: tuple[tuple[str, float | None], ...] = (
     ("garble_table", 1),
     ("refuse_table", 6),
 )
-"""Kinds with values that a run gets over: where a good unit has no others, no verdict is wrong."""
 
 _OUTCOMES = ("passed", "failed", "stopped", "fault", "incomplete")
 _VERDICTS = ("passed", "failed")
@@ -134,7 +134,7 @@ def judge_run(
     )
 
 
-def _set_up(kind: str, setup: Setup) -> bool:
+def _set_up(kind: str, setup: ResolvedConfiguration) -> bool:
     """Whether a kind made the bench another from the start: no device misses what it never had."""
     if kind == "watchdog_off":
         return _watched(setup.table)
@@ -162,7 +162,7 @@ def _records(request: RunRequest, died: bool) -> tuple[dict[str, Any], list[str]
     path = logs[-1]
     if died:
         os.utime(path, (0.0, 0.0))
-        settle_incomplete(request.out)
+        finish_incomplete(request.out)
     result = _read(path.with_suffix(".json"))
     if result.get("outcome") not in _OUTCOMES:
         return result, ["no result"]
@@ -221,7 +221,7 @@ def _off(result: dict[str, Any], truth: np.ndarray) -> list[str]:
     return found
 
 
-def _outside(setup: Setup, result: dict[str, Any], truth: np.ndarray) -> list[str]:
+def _outside(setup: ResolvedConfiguration, result: dict[str, Any], truth: np.ndarray) -> list[str]:
     """Parameters that were found and judged inside their limits, and truly are not by more than their sigma allows."""
     found = []
     for check in result["checks"]:

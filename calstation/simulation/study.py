@@ -30,15 +30,15 @@ from procedures import DEFAULT_STAGES, method
 SEEDS: dict[GradeName, int] = {"nav": 100, "tactical": 30, "mems": 30}
 SAMPLE_RATE = 100.0
 MOUNT = (np.deg2rad(0.1), np.deg2rad(0.3))
+#: Per axis, of a rotation uniform in size between the two about a random direction.
 MOUNT_SIGMA = float(np.sqrt((MOUNT[0] ** 2 + MOUNT[0] * MOUNT[1] + MOUNT[1] ** 2) / 3.0 / 3.0))
-"""Per axis, of a rotation uniform in size between the two about a random direction."""
 BASE_TILT = np.deg2rad(0.1)
 AZIMUTH_SIGMA = np.deg2rad(0.1)
 ENCODER_SIGMA = np.deg2rad(0.05)
 NAVIGATION_STAGES = ("excitation", "azimuth_flip")
 
+#: Departures from the stages' own schedules, by stage.
 Schedules = dict[str, dict[str, Any]]
-"""Departures from the stages' own schedules, by stage."""
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.parameters import GROUPS, NAMES, group_indices
 
 BAND = (0.0005, 0.9995)
+#: Largest rms of error over bound, pooled over all parameters; with few of them their own 99.9 % band if wider.
 BOUND_RATIO_LIMIT = 1.1
-"""Largest rms of error over bound, pooled over all parameters; with few of them their own 99.9 % band if wider."""
 
 
 @dataclass

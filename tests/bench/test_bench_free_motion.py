@@ -8,7 +8,7 @@ from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, 
 from calstation.bench.truth.free_unit import Field, Place, ideal_increments
 from calstation.bench.truth.grades import draw_imu
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.manual_rig import HandRig, around, push, record
+from calstation.bench.truth.manual_rig import ManualRig, around, push, record
 from calstation.bench.truth.stream import SensorStream
 from calstation.bench.truth.table import TableTruth, rotation
 
@@ -100,7 +100,7 @@ def test_at_rest_it_is_what_the_table_shows():
 
 
 def test_a_hand_stops_where_it_likes_and_rests():
-    rig = HandRig(rest=4.0)
+    rig = ManualRig(rest=4.0)
     poses = around(np.deg2rad(45.0))
     motion, duration = push(rig, poses, np.random.default_rng(2))
     times = np.arange(0.0, duration, 0.05)
@@ -116,7 +116,7 @@ def test_a_hand_stops_where_it_likes_and_rests():
 
 def test_equal_seeds_give_equal_recordings_and_others_differ():
     imu = draw_imu("mems", np.random.default_rng(1), sample_rate=50.0)
-    rig = HandRig(initial_rest=3.0, rest=2.0)
+    rig = ManualRig(initial_rest=3.0, rest=2.0)
     poses = around(np.deg2rad(120.0))
     first, again, other = (record(imu, rig, poses, seed)[0].counts for seed in (1, 1, 2))
     assert np.array_equal(first, again)
@@ -125,7 +125,7 @@ def test_equal_seeds_give_equal_recordings_and_others_differ():
 
 def test_samples_do_not_depend_on_how_they_are_asked_for():
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
-    rig = HandRig()
+    rig = ManualRig()
     streams = [HandStream(imu, rig, np.random.SeedSequence(5)) for _ in range(2)]
     for stream in streams:
         stream.carry((0.0, 1.0), 2.0, 0.5)
@@ -136,7 +136,7 @@ def test_samples_do_not_depend_on_how_they_are_asked_for():
 
 def test_hands_bring_it_about_where_they_are_asked_and_then_leave_it():
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
-    rig = HandRig()
+    rig = ManualRig()
     stream = HandStream(imu, rig, np.random.SeedSequence(5))
     per_count = imu.accel_lsb * 100.0
     for pose in ((0.0, 1.0), (0.0, 1.0), (1.5, 1.0), (0.0, 0.0)):

@@ -9,12 +9,12 @@ import pytest
 from plain_filter import plain_pass
 
 from calstation.estimation.common.noise import filter_noise
+from calstation.estimation.navigation import filter as navigation
 from calstation.estimation.navigation.filter import NavigationFilter
-from calstation.estimation.navigation.filter import filter as navigation
 from calstation.results.solver_chain import one_blas_thread
 
+#: Samples of the stretch that both filters pass over: half a minute with a turn and three rests.
 STRETCH = 6000
-"""Samples of the stretch that both filters pass over: half a minute with a turn and three rests."""
 
 
 def compiled_pass(stage, last):

@@ -17,8 +17,8 @@ from calstation.results.resolve import resolve
 from calstation.results.solver_chain import one_blas_thread
 from procedures import method
 
+#: Time between blocks and between looks at the sigmas, s of the stream.
 TICK, LOOK = 0.05, 1.0
-"""Time between blocks and between looks at the sigmas, s of the stream."""
 HOUR = {
     "rate": {"turns": 2},
     "six_position": {"dwell_s": 30.0},

@@ -29,11 +29,11 @@ from calstation.sequencer.events import (
 from tests.gui.conftest import Place
 
 RATE = 2000.0
+#: s
 MAY_BLOCK = 0.050
-"""s"""
 
+#: Of a run on hardware that the long stream is worth.
 HOURS = 4.0
-"""Of a run on hardware that the long stream is worth."""
 
 
 class Probe(QObject):

@@ -17,8 +17,8 @@ from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 
 Run = Callable[..., Done]
 NO_SERIAL = "# [imu.serial] # only where this line is not set as the IMU's profile says\n"
+#: Of the example: the line that stands in place of a section, and the section's head.
 OWN_SERIAL = "[imu.serial]\n"
-"""Of the example: the line that stands in place of a section, and the section's head."""
 
 
 def check(done: Done, code: int, *words: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from calstation.config import library
 from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.table.manual_rig import HandTable
+from calstation.devices.table.manual_rig import ManualTable
 from calstation.devices.table.open_table import open_table
 from calstation.errors import ConfigurationError
 from calstation.schema import read_toml, validate
@@ -21,7 +21,7 @@ def profile() -> TableProfile:
 
 
 def test_it_is_at_rest_ready_and_nobody_knows_its_angles(profile: TableProfile) -> None:
-    table = HandTable(profile)
+    table = ManualTable(profile)
     assert table.identify().model == "hand-rails"
     for command in (table.enable, table.disable, table.home, table.stop, table.reset_fault, table.heartbeat):
         command()
@@ -35,7 +35,7 @@ def test_it_is_at_rest_ready_and_nobody_knows_its_angles(profile: TableProfile) 
 
 
 def test_it_refuses_to_be_driven(profile: TableProfile) -> None:
-    table = HandTable(profile)
+    table = ManualTable(profile)
     with pytest.raises(ConfigurationError, match="turned by hand and cannot be driven"):
         table.move(0.1, 0.0, 1.0, 1.0)
     with pytest.raises(ConfigurationError, match="turned by hand and cannot be driven"):

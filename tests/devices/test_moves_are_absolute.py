@@ -29,8 +29,8 @@ from tests.station.wires import server, tcp_pdu
 
 DATA = Path(__file__).parents[2] / "data"
 DRIVEN = ["bench", "cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"]
+#: Host time until a lost answer is asked for again, s.
 WITHIN = 0.2
-"""Host time until a lost answer is asked for again, s."""
 
 FROM = [(0.0, 0.0), (np.deg2rad(30.0), np.deg2rad(-20.0))]
 TO = (np.deg2rad(-95.5), np.deg2rad(370.25))
@@ -57,7 +57,7 @@ class Far:
         self.said: list[bytes] = []
         self.loses, self._going = loses, self.targets()
 
-    def hear(self, request: bytes, reply: bytes) -> bytes:
+    def check_cancelled(self, request: bytes, reply: bytes) -> bytes:
         """Write a request down; its reply, or nothing where it gets lost."""
         self.said.append(request)
         if not self.loses or not reply or self._going == self.targets():
@@ -88,7 +88,7 @@ def text(far: Far, language: str) -> Callable[[bytes], bytes]:
 
     def answer(heard: bytes) -> bytes:
         lines = heard.splitlines(keepends=True)
-        return b"".join(far.hear(line, b"".join(controller.feed(line))) for line in lines)
+        return b"".join(far.check_cancelled(line, b"".join(controller.feed(line))) for line in lines)
 
     return answer
 
@@ -101,7 +101,7 @@ def modbus(far: Far, apart: bool) -> Callable[[bytes], bytes]:
         address, value = struct.unpack(">HH", request[1:5])
         values = [value] if request[0] == 6 else list(struct.unpack(f">{value}H", request[6:]))
         registers.write(address, values)
-        return far.hear(heard[6:], tcp_pdu(heard, request[:5]))
+        return far.check_cancelled(heard[6:], tcp_pdu(heard, request[:5]))
 
     return answer
 
@@ -125,7 +125,7 @@ class Line:
             return b""
 
     def write(self, data: bytes) -> None:
-        if reply := self._far.hear(data, b"".join(self._hear(data, 0.0))):
+        if reply := self._far.check_cancelled(data, b"".join(self._hear(data, 0.0))):
             self._replies.put(reply)
 
     def close(self) -> None:
@@ -189,8 +189,8 @@ def test_a_move_is_told_without_a_word_of_where_the_table_stands(name: str) -> N
     np.testing.assert_allclose(targets, [TO, TO], atol=1e-6)
 
 
+#: Questions who answers on a connection that was opened anew.
 WHO = (b"IDN\r\n", b"*IDN?\n", b"$MNCHK*D6\r\n")
-"""Questions who answers on a connection that was opened anew."""
 
 
 @pytest.mark.parametrize("name", DRIVEN)

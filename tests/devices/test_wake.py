@@ -115,13 +115,13 @@ def test_who_wants_it_to_stop_is_heard_between_two_questions(name: str) -> None:
         link.restart(lost=10**6)
         calls: list[int] = []
 
-        def hear() -> None:
+        def check_cancelled() -> None:
             calls.append(1)
             if len(calls) == 3:
                 raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            imu.wake(hear)
+            imu.wake(check_cancelled)
 
 
 def test_what_it_sends_unasked_is_no_wrong_baud() -> None:

@@ -10,8 +10,8 @@ from simulated_stages import block_of, errors_in_sigma, solved
 from calstation.estimation.common.alignment import starts
 from calstation.estimation.common.context import Belief
 from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.navigation import filter as navigation
 from calstation.estimation.navigation.filter import NavigationFilter
-from calstation.estimation.navigation.filter import filter as navigation
 from calstation.estimation.navigation.relinearise import nis_consistency
 from calstation.physics.parameters import COUNT, PARAMETERS
 from calstation.physics.rotation import skew

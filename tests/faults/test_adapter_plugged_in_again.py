@@ -12,7 +12,7 @@ import pytest
 from serial.tools import list_ports
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection import devices as wiring
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
@@ -36,8 +36,10 @@ def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return [SimpleNamespace(device=had[-1], name=Path(had[-1]).name, **about)]
 
     @contextmanager
-    def by_adapter(setup: Setup, hear: Callable[[], None]) -> Iterator[wiring.Endpoints]:
-        with endpoints(setup, hear) as at:
+    def by_adapter(
+        setup: ResolvedConfiguration, check_cancelled: Callable[[], None]
+    ) -> Iterator[wiring.Endpoints]:
+        with endpoints(setup, check_cancelled) as at:
             had.append(at.imu)
             yield replace(at, imu=f"usb:{ADAPTER}")
 

@@ -13,7 +13,7 @@ import pytest
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.records.log import open_log
 from calstation.runs.engine import Engine
-from calstation.runs.incomplete import settle_incomplete
+from calstation.runs.incomplete import finish_incomplete
 from calstation.sequencer.events import Event, Fault, Message, StageEnded, StepStarted, Verdict
 from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
 from tests.faults.conftest import Floor, fault
@@ -83,7 +83,7 @@ def test_a_killed_engine_leaves_an_incomplete_run(floor: Floor) -> None:
         with pytest.raises(DeviceFaultError, match=r"ended unexpectedly.*watchdog stops the table"):
             list(events)
     (path,) = (floor.folder / "runs").glob("*.h5")
-    assert settle_incomplete(path.parent) == [path]
+    assert finish_incomplete(path.parent) == [path]
     result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     assert (result["outcome"], result["passed"]) == ("incomplete", False)
     assert sum(len(block) for block in open_log(path).blocks()) > 200

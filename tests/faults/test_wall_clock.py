@@ -14,7 +14,7 @@ from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
 from calstation.results.history import History
 from calstation.runs.engine import Engine
-from calstation.runs.incomplete import close_incomplete, settle_incomplete
+from calstation.runs.incomplete import close_incomplete, finish_incomplete
 from calstation.sequencer.events import Event, StepStarted, Verdict
 from tests.faults.conftest import SERIAL, Floor
 
@@ -73,7 +73,7 @@ def test_a_run_ends_as_if_the_clock_had_never_been_set(
                 wall_clock.step(by)
             elif steps == 5:
                 (log,) = runs.glob("*.h5")
-                assert settle_incomplete(runs) == [], "nobody takes it for dead"
+                assert finish_incomplete(runs) == [], "nobody takes it for dead"
                 assert History(runs).refresh() == 0
                 with pytest.raises(ConfigurationError, match="still going"):
                     close_incomplete(log)
@@ -101,4 +101,4 @@ def test_a_killed_run_is_seen_to_be_dead_at_once(floor: Floor, wall_clock: WallC
         engine.process.kill()
         engine.process.join(30.0)
     (log,) = (floor.folder / "runs").glob("*.h5")
-    assert settle_incomplete(log.parent) == [log]
+    assert finish_incomplete(log.parent) == [log]

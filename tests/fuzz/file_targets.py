@@ -149,6 +149,7 @@ def result(data: bytes) -> None:
     assert "b" in [run.log.stem for run in history.runs()]
 
 
+#: All of them by name.
 TARGETS: dict[str, Callable[[bytes], None]] = {
     "csv rows": csv_rows,
     "csv configuration": csv_configuration,
@@ -156,4 +157,3 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     "journal": journal,
     "result": result,
 }
-"""All of them by name."""

@@ -28,6 +28,7 @@ TABLES = {
     if (profile := load_table_profile(path)).text is not None
 }
 
+#: A text format, of which no profile may be shipped.
 TEXT = FrameSection.model_validate(
     {
         "format": "text",
@@ -38,7 +39,6 @@ TEXT = FrameSection.model_validate(
         + [{"name": f"{s}_{a}", "type": "f32"} for s in ("gyro", "accel") for a in "xyz"],
     }
 )
-"""A text format, of which no profile may be shipped."""
 
 
 def decoder(name: str) -> tuple[FrameDecoder, FrameSection]:

@@ -18,11 +18,12 @@ from calstation.gui.shell.app import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
-from calstation.jobs.queue import Workshop
+from calstation.jobs.queue import JobQueue
 from tests.gui.works import live_in
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 SERIAL = "SN-000042"
+#: A whole calibration in a few minutes of device time, a few seconds of the bench's.
 PRODUCT: dict[str, Any] = {
     "name": "short",
     "imu": "bench_nav",
@@ -40,7 +41,6 @@ PRODUCT: dict[str, Any] = {
         "accel_scale": {"within": 1e-3, "sigma_below": 1e-4},
     },
 }
-"""A whole calibration in a few minutes of device time, a few seconds of the bench's."""
 
 STATION: dict[str, Any] = {
     "name": "test bench",
@@ -80,7 +80,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
 
 
-class LentWorkshop(Workshop):
+class LentJobQueue(JobQueue):
     """A window's workshop whose process goes on to the next test's: starting one takes longer than most of them."""
 
     def close(self) -> None:
@@ -97,26 +97,26 @@ class LentWorkshop(Workshop):
 
 
 @pytest.fixture(scope="session")
-def lent() -> Iterator[list[LentWorkshop]]:
+def lent() -> Iterator[list[LentJobQueue]]:
     """The workshop that is lent out, once there is one."""
-    made: list[LentWorkshop] = []
+    made: list[LentJobQueue] = []
     yield made
-    for workshop in made:
-        Workshop.close(workshop)
+    for job_queue in made:
+        JobQueue.close(job_queue)
 
 
 @pytest.fixture
-def workshop(place: Place, lent: list[LentWorkshop], monkeypatch: pytest.MonkeyPatch) -> LentWorkshop:
+def job_queue(place: Place, lent: list[LentJobQueue], monkeypatch: pytest.MonkeyPatch) -> LentJobQueue:
     """The workshop of this test's windows."""
     if not lent or lent[0]._closed:
-        lent[:] = [LentWorkshop()]
+        lent[:] = [LentJobQueue()]
     lent[0].move_to(place)
-    monkeypatch.setattr("calstation.gui.shell.context.Workshop", lambda: lent[0])
+    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda: lent[0])
     return lent[0]
 
 
 @pytest.fixture
-def window(place: Place, workshop: LentWorkshop, qtbot: QtBot) -> Iterator[MainWindow]:
+def window(place: Place, job_queue: LentJobQueue, qtbot: QtBot) -> Iterator[MainWindow]:
     """The window on the place's station, English, light, shown at 1366x768."""
     made = create_window(place.station)
     assert isinstance(made, MainWindow)

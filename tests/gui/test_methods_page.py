@@ -37,8 +37,8 @@ from procedures import method
 from tests.gui.conftest import Operator, Place
 
 pytestmark = pytest.mark.timeout(120)
+#: Longest wait for a job, ms: a loaded machine is no failure.
 WAIT = 60_000
-"""Longest wait for a job, ms: a loaded machine is no failure."""
 
 KINDS = {"multi_position": "hand", "gimbal": "gimbal", "cross_calibration": "pair"}
 CHINESE = re.compile(r"[\u4e00-\u9fff]")

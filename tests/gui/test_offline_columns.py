@@ -9,7 +9,7 @@ from calstation.gui.logs.log_columns import LogColumns, parted
 from calstation.gui.logs.time_axis import time_text
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.results.plots.log_index import Overview, overview, samples
+from calstation.results.plots.index import LogIndex, log_index, samples
 from calstation.results.plots.min_max_pyramid import Columns
 from tests.station.test_overview import META, START, blocks
 
@@ -19,19 +19,19 @@ def told(_: float, *rest: Any, **more: Any) -> None:
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Overview:
+def log(tmp_path_factory: pytest.TempPathFactory) -> LogIndex:
     folder = tmp_path_factory.mktemp("columns")
     writer = RawLogWriter(folder / "log.h5", LogMeta.model_validate(META))
     for part in blocks():
         writer.append(part)
     writer.close("imported")
-    return overview(told, folder / "log.h5", folder / "picture")
+    return log_index(told, folder / "log.h5", folder / "picture")
 
 
 @pytest.mark.parametrize("first", [0, 8_950, 9_010, 60_000, 89_800])
 @pytest.mark.parametrize("width", [12, 150, 1_500, 12_000])
 @pytest.mark.parametrize("count", [100, 1_000])
-def test_what_was_fetched_is_enough(log: Overview, first: int, width: int, count: int) -> None:
+def test_what_was_fetched_is_enough(log: LogIndex, first: int, width: int, count: int) -> None:
     columns = LogColumns(log)
     last = min(START + first + width, log.facts.last_seq)
     drawn, wanted = columns.view(START + first, last, count)

@@ -49,8 +49,8 @@ from tests.estimation.simulated_stages import block_of, simulate
 from tests.gui.conftest import PRODUCT, SERIAL, STATION
 
 pytestmark = pytest.mark.timeout(120)
+#: Longest wait for a job, ms: a loaded machine is no failure.
 WAIT = 60_000
-"""Longest wait for a job, ms: a loaded machine is no failure."""
 
 SIMULATED = {
     "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400, "azimuth_deg": 0.0},
@@ -61,8 +61,8 @@ SIMULATED = {
         "accel_vrw": 4.9e-5,
     },
 }
+#: A sequence number that no 32-bit box holds.
 FAR = 2**33 + 5
-"""A sequence number that no 32-bit box holds."""
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.widgets import theme
-from calstation.jobs.queue import Workshop
+from calstation.jobs.queue import JobQueue
 from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
 from tests.gui.conftest import SERIAL, Operator
 
@@ -201,7 +201,7 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
 
 
 def test_start_waits_for_who_talks_to_a_device(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Workshop, "at_device", True)
+    monkeypatch.setattr(JobQueue, "at_device", True)
     operator.scan(SERIAL)
     operator.press("start_button")
     assert "press START again then" in operator.says()

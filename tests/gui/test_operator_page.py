@@ -18,8 +18,8 @@ from calstation.gui.shell.main_window import MainWindow
 from tests.gui.conftest import QUICK, SERIAL, STATION, Operator, Place
 
 ONE_STAGE = {"stages": ["six_position"]}
+#: At twenty times real time half a minute long: it does not end while somebody presses buttons.
 LONG_STAGE = {"six_position": {"dwell_s": 100.0, **QUICK}}
-"""At twenty times real time half a minute long: it does not end while somebody presses buttons."""
 
 
 def results(place: Place) -> list[dict[str, Any]]:

@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 
 import calstation
 from calstation.cli import wording as terminal
-from calstation.config.run_summary import Outline
+from calstation.config.summary import RunSummary
 from calstation.gui.operator import advice
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.ring import RingBuffer
@@ -164,8 +164,10 @@ def test_names_at_the_lines_ends_keep_apart_and_inside() -> None:
     assert spread([50.0], 18.0, 9.0, 100.0) == [50.0]
 
 
-def bench(**settings: object) -> Outline:
-    return Outline("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), None, {}, None, (0.0, 0.0))
+def bench(**settings: object) -> RunSummary:
+    return RunSummary(
+        "s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), None, {}, None, (0.0, 0.0)
+    )
 
 
 def test_the_bench_is_offered_the_first_number_that_has_not_passed() -> None:

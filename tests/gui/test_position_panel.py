@@ -9,7 +9,7 @@ from pytestqt.qtbot import QtBot
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.run_summary import Outline, outline
+from calstation.config.summary import RunSummary, run_summary
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.preparation import Preparation
@@ -26,15 +26,15 @@ SIXTY = float(np.deg2rad(60.0))
 
 
 @pytest.fixture(scope="module")
-def planned() -> Outline:
+def planned() -> RunSummary:
     request = RunRequest(
         "SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand")
     )
-    return outline(request)
+    return run_summary(request)
 
 
 @pytest.fixture
-def panel(qtbot: QtBot, planned: Outline) -> Iterator[PositionPanel]:
+def panel(qtbot: QtBot, planned: RunSummary) -> Iterator[PositionPanel]:
     theme.apply("light")
     made = PositionPanel()
     qtbot.addWidget(made)
@@ -171,7 +171,7 @@ def test_it_may_be_finished_once_the_positions_suffice(panel: PositionPanel, qtb
 
 
 def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
-    operator: Operator, window: MainWindow, planned: Outline, monkeypatch: pytest.MonkeyPatch
+    operator: Operator, window: MainWindow, planned: RunSummary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = window.findChild(OperatorPage)
     assert page is not None
@@ -182,7 +182,7 @@ def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
     monkeypatch.setattr(type(link), "running", property(lambda self: True))
     sent: list[Command] = []
     monkeypatch.setattr(link, "send", sent.append)
-    run.outline = planned
+    run.run_summary = planned
     page._live.position.plan(planned)
     link.event.emit(StateChanged("preparing", "idle"))
     operator.until(lambda: window.findChild(Preparation).isVisible())

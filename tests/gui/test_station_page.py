@@ -40,7 +40,7 @@ from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
-from calstation.jobs.queue import Workshop
+from calstation.jobs.queue import JobQueue
 from calstation.messages.finding_words import WORDED
 from calstation.sequencer.events import Fault
 from tests.gui.conftest import STATION as STATION_DATA
@@ -108,16 +108,16 @@ class Hands:
 
 
 @pytest.fixture(scope="module")
-def workshop() -> Iterator[Workshop]:
+def job_queue() -> Iterator[JobQueue]:
     """One workshop for all pages of this file: starting its process takes longer than most of the tests."""
-    made = Workshop()
+    made = JobQueue()
     yield made
     made.close()
 
 
 @pytest.fixture
 def operator(
-    place: Any, workshop: Workshop, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+    place: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Hands]:
     """An operator at the page, which stands alone below its header."""
     application = QApplication.instance()
@@ -126,7 +126,7 @@ def operator(
         application.setStyle("Fusion")
     language.use("en")
     theme.apply("light")
-    monkeypatch.setattr("calstation.gui.shell.context.Workshop", lambda: workshop)
+    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda: job_queue)
     app = AppContext(place.station)
     page = StationPage(app)
     root = QWidget()

@@ -2,10 +2,10 @@
 
 import os
 
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 
 
-def live_in(tell: Tell, folder: str, home: str) -> None:
+def live_in(tell: ProgressCallback, folder: str, home: str) -> None:
     """Go to a test's place, as a process started there would be."""
     os.chdir(folder)
     os.environ["CALSTATION_HOME"] = home

@@ -148,7 +148,7 @@ def test_exceptions_of_libmodbus_are_told_and_writes_are_made_once(
         try:
             with pytest.raises(ModbusRefusalError, match="no such register") as caught:
                 link.read(60, 10)
-            assert caught.value.code == 2
+            assert caught.value.exception == 2
             for count in (1, 2, 3):
                 link.write(23, [7], repeat=False)
                 assert link.read(24, 1) == [count]
@@ -158,7 +158,7 @@ def test_exceptions_of_libmodbus_are_told_and_writes_are_made_once(
             link.write(23, [0xDEAD])
             with pytest.raises(ModbusRefusalError, match="busy") as caught:
                 link.read(16, 1)
-            assert caught.value.code == 6
+            assert caught.value.exception == 6
         finally:
             link.close()
 

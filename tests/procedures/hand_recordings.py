@@ -4,7 +4,7 @@ import numpy as np
 
 from calstation.bench.truth.grades import GRADES, draw_imu
 from calstation.bench.truth.imu import ImuTruth
-from calstation.bench.truth.manual_rig import HandRig, around, record
+from calstation.bench.truth.manual_rig import ManualRig, around, record
 from calstation.bench.truth.simulate import Simulated
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.samples import SampleBlock
@@ -12,7 +12,7 @@ from calstation.estimation.method import Solution
 from calstation.physics.parameters import COUNT, PARAMETERS
 from procedures import method
 
-QUICK = HandRig(initial_rest=10.0, rest=3.0)
+QUICK = ManualRig(initial_rest=10.0, rest=3.0)
 STEP = np.deg2rad(60.0)
 
 
@@ -21,7 +21,7 @@ def unit(grade: str, seed: int, **options: object) -> ImuTruth:
     return draw_imu(grade, np.random.default_rng(seed), sample_rate=100.0, **options)
 
 
-def context_of(imu: ImuTruth, rig: HandRig = QUICK) -> SolveContext:
+def context_of(imu: ImuTruth, rig: ManualRig = QUICK) -> SolveContext:
     """Site, profile of the unit, no table."""
     return SolveContext(
         Site(rig.latitude, 0.0, rig.height, None, rig.gravity),
@@ -61,7 +61,7 @@ def block_of(samples: Simulated) -> SampleBlock:
     )
 
 
-def recording(imu: ImuTruth, seed: int, rig: HandRig = QUICK, step: float = STEP) -> SampleBlock:
+def recording(imu: ImuTruth, seed: int, rig: ManualRig = QUICK, step: float = STEP) -> SampleBlock:
     """The unit carried once through all positions."""
     return block_of(record(imu, rig, around(step), seed)[0])
 

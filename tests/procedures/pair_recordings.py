@@ -8,7 +8,7 @@ from hand_recordings import prior_of
 from calstation.bench.truth.free_unit import Place
 from calstation.bench.truth.grades import draw_imu
 from calstation.bench.truth.imu import ImuTruth
-from calstation.bench.truth.manual_rig import HandRig, around, push
+from calstation.bench.truth.manual_rig import ManualRig, around, push
 from calstation.bench.truth.pair import SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.table import rotation
 from calstation.estimation.common.context import (
@@ -26,7 +26,7 @@ from calstation.physics.parameters import PAIR_PARAMETERS, group_indices
 from procedures import method
 
 RATE = 100.0
-RIG = HandRig(initial_rest=6.0, rest=2.0, speed=np.deg2rad(120.0))
+RIG = ManualRig(initial_rest=6.0, rest=2.0, speed=np.deg2rad(120.0))
 
 
 def unit(grade: str, seed: int, **options: object) -> ImuTruth:
@@ -67,7 +67,7 @@ def recording(
     primary: ImuTruth,
     secondaries: list[SecondaryTruth],
     seed: int,
-    rig: HandRig = RIG,
+    rig: ManualRig = RIG,
     step: float = np.deg2rad(60.0),
 ) -> SampleBlock:
     """All of them carried through the rig's positions."""

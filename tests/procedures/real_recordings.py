@@ -137,12 +137,12 @@ def imu_array(folder: Path, secondary: int) -> Path:
     return path
 
 
+#: IMU 3 against IMU 1 from nine recordings of the board: gyro matrix, accelerometer matrix (± 5e-4) and bias, m/s².
 ARRAY_3_TO_1 = (
     np.array([[1.00152, 0.00597, 0.00656], [-0.00208, 0.99096, -0.00084], [0.00738, -0.00176, 1.00058]]),
     np.array([[0.99553, 0.00445, -0.00179], [-0.00460, 0.99050, -0.00004], [-0.00157, 0.00173, 0.99709]]),
     np.array([-0.0099, 0.0587, -0.1059]),
 )
-"""IMU 3 against IMU 1 from nine recordings of the board: gyro matrix, accelerometer matrix (± 5e-4) and bias, m/s²."""
 
 
 def array_lever_mm(number: int) -> np.ndarray:

@@ -12,7 +12,7 @@ from records_samples import META, joined, make_block
 
 from calstation.errors import InputError
 from calstation.estimation.common.samples import SampleBlock
-from calstation.records.hole import Hole, without
+from calstation.records.damaged_rows import DamagedRows, without
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import CHUNK_ROWS, RawLogWriter, row_dtype
@@ -21,10 +21,10 @@ from calstation.records.row_check import CHECK, row_checks
 
 ROWS = 30 * CHUNK_ROWS
 STEP = 20
+#: First row of the second stage.
 CHANGE = 14_860
-"""First row of the second stage."""
+#: Sequence number of the first row.
 FIRST = 7
-"""Sequence number of the first row."""
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def _found(data: bytes, part: bytes) -> list[int]:
     return places
 
 
-def read(path: Path) -> tuple[list[int], tuple[Hole, ...]]:
+def read(path: Path) -> tuple[list[int], tuple[DamagedRows, ...]]:
     """Sequence numbers and holes of a log."""
     log = open_log(path)
     seq: list[int] = joined(list(log.blocks()))["seq"].tolist()
@@ -80,7 +80,7 @@ def test_a_page_of_zeros_costs_the_rows_on_it(
     (tmp_path / "run.h5").write_bytes(data)
     seq, (hole,) = read(tmp_path / "run.h5")
     assert seq == [n for n in range(FIRST, FIRST + ROWS) if not FIRST + row <= n < FIRST + row + lost]
-    assert hole == Hole(row, lost, FIRST + row - 1 if row else None, FIRST + row + lost)
+    assert hole == DamagedRows(row, lost, FIRST + row - 1 if row else None, FIRST + row + lost)
 
 
 def test_every_bit_of_a_row_is_watched() -> None:
@@ -98,7 +98,10 @@ def test_every_bit_of_a_row_is_watched() -> None:
 
 
 def test_the_rows_behind_a_torn_end_were_never_there(tmp_path: Path, logs: dict[str, bytes]) -> None:
-    for name, holes in (("left open", ()), ("closed", (Hole(ROWS - 30, 30, FIRST + ROWS - 31, None),))):
+    for name, holes in (
+        ("left open", ()),
+        ("closed", (DamagedRows(ROWS - 30, 30, FIRST + ROWS - 31, None),)),
+    ):
         data = bytearray(logs[name])
         at, end = place_of(logs[name], ROWS - 30), place_of(logs[name], ROWS - 1)
         data[at : end + 99] = bytes(end + 99 - at)
@@ -114,7 +117,7 @@ def test_of_a_log_cut_short_all_is_read_that_is_there(
     (tmp_path / "run.h5").write_bytes(logs["closed"][:length])
     seq, (hole,) = read(tmp_path / "run.h5")
     assert seq == list(range(FIRST, FIRST + len(seq)))
-    assert hole == Hole(len(seq), ROWS - len(seq), FIRST + len(seq) - 1, None)
+    assert hole == DamagedRows(len(seq), ROWS - len(seq), FIRST + len(seq) - 1, None)
     size = row_dtype(0, False).itemsize
     chunk, room = CHUNK_ROWS * size, 40_000  # of the last chunk, which is cut, and of what is no sample
     assert len(seq) * size > length - chunk - room
@@ -140,7 +143,7 @@ def test_rows_out_of_their_place_are_left_out(tmp_path: Path, logs: dict[str, by
     data[late : late + 3 * size] = data[early : early + 3 * size]
     (tmp_path / "run.h5").write_bytes(data)
     seq, holes = read(tmp_path / "run.h5")
-    assert holes == (Hole(2000, 3, FIRST + 1999, FIRST + 2003),)
+    assert holes == (DamagedRows(2000, 3, FIRST + 1999, FIRST + 2003),)
     assert seq == [n for n in range(FIRST, FIRST + ROWS) if not 2000 <= n - FIRST < 2003]
 
 

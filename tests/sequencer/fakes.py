@@ -29,7 +29,7 @@ from calstation.sequencer.events import Event
 from calstation.sequencer.preflight import PreflightLimits
 from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.stop_rule import StopRule
-from calstation.sequencer.task import Concluded, StagePlan, Task
+from calstation.sequencer.task import Finalized, StagePlan, Task
 
 GRAVITY = 9.8
 RATE = 100.0
@@ -193,8 +193,8 @@ class FakeImu:
         self.ready_at = self.clock.time + 1.0
         self.stats = replace(self.stats, restarts=self.stats.restarts + 1)
 
-    def wake(self, hear: Any, *, corrected: bool = False) -> ImuIdentity:
-        hear()
+    def wake(self, check_cancelled: Any, *, corrected: bool = False) -> ImuIdentity:
+        check_cancelled()
         if self.deaf:
             raise DeviceFaultError("IMU: no answer")
         self.start(corrected=corrected)
@@ -320,7 +320,7 @@ class Scene:
         self.events: list[Event] = []
         self.passes = True
         self.writes = True
-        self.concluded = 0
+        self.finalized = 0
         self.proved: list[Any] = []
         limits = PreflightLimits(serial, r"SN-\d+", GRAVITY, **preflight)
         from calstation.sequencer.acquisition import StatusMasks
@@ -344,19 +344,19 @@ class Scene:
             self.solving,
             self.events.append,
             verify=lambda solution: True,
-            conclude=self._conclude,
-            prove=lambda data, aside: self.proved.append(data),
+            finalize=self._finalize,
+            prove=lambda data, run_in_background: self.proved.append(data),
             control=self.control,
             **more,
         )
         return self.sequencer.run()
 
-    def _conclude(self, solutions: Any, aside: Any, look: Any) -> Concluded:
-        self.concluded += 1
+    def _finalize(self, solutions: Any, run_in_background: Any, look: Any) -> Finalized:
+        self.finalized += 1
         if self.writes:
             look()
         self.solutions = solutions
-        return Concluded(self.passes, self.passes and self.writes)
+        return Finalized(self.passes, self.passes and self.writes)
 
     def told(self, kind: type) -> list[Any]:
         """Events of a kind."""

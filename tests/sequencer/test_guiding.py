@@ -11,7 +11,7 @@ import numpy as np
 from calstation.config import library
 from calstation.devices.interfaces import SampleBatch
 from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.manual_rig import HandTable
+from calstation.devices.table.manual_rig import ManualTable
 from calstation.physics.motion import Carry, Step
 from calstation.physics.rotation import rotation_vector
 from calstation.sequencer.control import Command
@@ -95,7 +95,7 @@ class ByHand(Scene):
         super().__init__(StagePlan("multi_position", steps), by_hand=True)
         self.imu = self.hand = Carried(self)
         rails = load_table_profile(library.shipped_folder() / "tables" / "hand_rails.toml")
-        self.table = HandTable(rails)  # type: ignore[assignment]
+        self.table = ManualTable(rails)  # type: ignore[assignment]
         self.events = Heard(self.ask)
         self.instead: dict[int, Callable[[Pose], None]] = {}
 
@@ -227,7 +227,7 @@ def test_a_stop_ends_the_waiting() -> None:
     scene = ByHand()
     scene.instead[2] = lambda pose: scene.later(30.0, lambda: scene.control.send(Command.STOP))
     assert scene.run().state is State.STOPPED
-    assert scene.concluded == 0
+    assert scene.finalized == 0
 
 
 def test_no_power_home_direction_or_turn_is_asked_of_rails() -> None:

@@ -8,18 +8,18 @@ from hypothesis import strategies as st
 from calstation.errors import ConfigurationError
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.sequencer.guard import check_limits, check_travel
-from calstation.sequencer.proof_path import ProofPath, proof_path
+from calstation.sequencer.verification_moves import VerificationPath, verification_path
 
 DEG = np.pi / 180.0
 WIDE = JointLimits((-19.0, -19.0), (19.0, 19.0), (3.0, 3.0), (3.0, 3.0))
 
 
-def poses(path: ProofPath) -> list[tuple[float, float]]:
+def poses(path: VerificationPath) -> list[tuple[float, float]]:
     """At each rest."""
     return [path.start, *((leg.move.outer, leg.move.inner) for leg in path.legs if leg.rest)]
 
 
-def axes(path: ProofPath, geometry: TableGeometry) -> np.ndarray:
+def axes(path: VerificationPath, geometry: TableGeometry) -> np.ndarray:
     """Of the turns, in the body."""
     found = []
     for number, turn in enumerate(path.turns):
@@ -40,7 +40,7 @@ def test_whole_turns_about_three_axes_and_rests_in_every_direction(
     outer: tuple[float, float, float], inner: tuple[float, float, float], directions: int
 ) -> None:
     geometry = TableGeometry(outer, inner, WIDE)
-    path = proof_path((0.1, -0.2), geometry, WIDE)
+    path = verification_path((0.1, -0.2), geometry, WIDE)
     assert all(turn.whole for turn in path.turns)
     assert abs(np.linalg.det(axes(path, geometry))) > 0.99
     ups = np.array([geometry.body_to_home(*pose)[2] for pose in poses(path)])
@@ -65,9 +65,9 @@ def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
     geometry = TableGeometry((np.cos(tilt), 0.0, np.sin(tilt)), (0.0, 0.0, 1.0), limits)
     if max(low[0], high[0]) < 30 * DEG or max(low[1], high[1]) < 30 * DEG:
         with pytest.raises(ConfigurationError, match="cannot turn by 30"):
-            proof_path(start, geometry, limits)
+            verification_path(start, geometry, limits)
         return
-    path = proof_path(start, geometry, limits)
+    path = verification_path(start, geometry, limits)
     here = start
     sizes = [0.0] * len(path.turns)
     for leg in path.legs:
@@ -90,5 +90,5 @@ def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
 
 
 def test_gyros_that_show_little_are_turned_slowly() -> None:
-    path = proof_path((0.0, 0.0), TableGeometry(limits=WIDE), WIDE, fastest=0.5)
+    path = verification_path((0.0, 0.0), TableGeometry(limits=WIDE), WIDE, fastest=0.5)
     assert {leg.move.rate for leg in path.legs} == {0.5}

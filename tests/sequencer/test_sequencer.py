@@ -11,7 +11,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.physics.motion import Move
 from calstation.sequencer.control import Command
-from calstation.sequencer.driving import Aside
+from calstation.sequencer.driving import RunInBackground
 from calstation.sequencer.events import (
     Fault,
     Message,
@@ -24,7 +24,7 @@ from calstation.sequencer.events import (
 from calstation.sequencer.safe_stop import safe_stop
 from calstation.sequencer.states import State
 from calstation.sequencer.stop_rule import StopRule
-from calstation.sequencer.task import Concluded, Output, StagePlan
+from calstation.sequencer.task import Finalized, Output, StagePlan
 from tests.sequencer.fakes import GRAVITY, MODEL, RATE, Scene, repeated
 
 
@@ -38,7 +38,7 @@ def test_a_run_passes_and_leaves_the_axes_off() -> None:
     assert states(scene) == ["preparing", "running", "passed"]
     assert scene.table.told[0] == "enable"
     assert scene.table.told[-1] == "disable"
-    assert scene.concluded == 1
+    assert scene.finalized == 1
 
 
 def test_samples_carry_stage_step_and_angles() -> None:
@@ -84,7 +84,7 @@ def test_stop_in_every_state_is_a_safe_stop() -> None:
         scene.clock.at(moment, lambda scene=scene: scene.control.send(Command.STOP))
         assert scene.run().state is State.STOPPED
         assert scene.table.told[-2:] == ["stop", "disable"]
-        assert scene.concluded == 0
+        assert scene.finalized == 0
 
 
 def test_stop_before_anything_was_prepared() -> None:
@@ -327,7 +327,7 @@ def test_a_resumed_run_with_nothing_left_is_checked_and_concluded() -> None:
     scene.task = replace(scene.task, stages=())
     assert scene.run(solved=(scene.solving.finish(),)).state is State.PASSED
     assert any(m.id == "checking_mounting" for m in scene.told(Message))
-    assert scene.concluded == 1
+    assert scene.finalized == 1
 
 
 def test_a_stop_that_comes_before_the_registers_are_written_is_a_stop() -> None:
@@ -340,7 +340,7 @@ def test_a_stop_that_comes_before_the_registers_are_written_is_a_stop() -> None:
 
     scene.solving.finish = solve  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
-    assert scene.concluded == 0
+    assert scene.finalized == 0
     assert scene.table.told[-2:] == ["stop", "disable"]
 
 
@@ -348,17 +348,17 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -
     scene = Scene()
     transferred: list[bool] = []
 
-    def conclude(solutions: object, aside: Aside, look: object) -> Concluded:
+    def finalize(solutions: object, run_in_background: RunInBackground, look: object) -> Finalized:
         def transfer() -> None:
             scene.control.send(Command.STOP)
             while not scene.control.stopping:
                 time.sleep(0.001)
             transferred.append(True)
 
-        aside(transfer)
-        return Concluded(passed=True, written=True)
+        run_in_background(transfer)
+        return Finalized(passed=True, written=True)
 
-    scene._conclude = conclude  # type: ignore[method-assign]
+    scene._finalize = finalize  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
     assert transferred == [True]
     assert scene.proved == []
@@ -402,7 +402,7 @@ def test_a_turn_with_a_gap_is_made_again_from_where_it_began(spoilt: int) -> Non
 
     def drop() -> None:
         """Samples get lost in a turn to 180° and each time that it is made again."""
-        if scene.concluded:
+        if scene.finalized:
             moves.append(len(scene.table.told) - 1)
             turning = scene.table.told[-1] == "move 180 0"
             if turning and scene.table.told[moves[0] :].count("move 180 0") <= spoilt:
@@ -427,11 +427,11 @@ def test_a_turn_with_a_gap_is_made_again_from_where_it_began(spoilt: int) -> Non
 def test_a_stop_while_the_restarted_unit_is_looked_at_says_that_nothing_is_proved_yet() -> None:
     scene = Scene()
 
-    def conclude(solutions: object, aside: Aside, look: object) -> Concluded:
+    def finalize(solutions: object, run_in_background: RunInBackground, look: object) -> Finalized:
         scene.clock.scripts.append((scene.clock.time + 3.0, lambda: scene.control.send(Command.STOP)))
-        return Concluded(passed=True, written=True)
+        return Finalized(passed=True, written=True)
 
-    scene._conclude = conclude  # type: ignore[method-assign]
+    scene._finalize = finalize  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
     assert scene.proved == []
     told = [message.id for message in scene.told(Message)]

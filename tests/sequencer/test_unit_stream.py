@@ -13,8 +13,8 @@ from calstation.sequencer.states import State
 from calstation.sequencer.task import Output
 from tests.sequencer.fakes import Scene
 
+#: Of the corrected gyros: a turn that was made of both outputs would be somewhere between.
 GAIN = 1.01
-"""Of the corrected gyros: a turn that was made of both outputs would be somewhere between."""
 
 
 def asked() -> Scene:
@@ -70,11 +70,11 @@ def test_one_that_restarts_before_its_registers_are_written_is_looked_at_again(m
     scene = asked()
     scene.imu.mute = mute
 
-    def conclude(*of: Any) -> Any:
+    def finalize(*of: Any) -> Any:
         scene.clock.at(scene.clock.time + 9.0, scene.imu.restart)
-        return Scene._conclude(scene, *of)
+        return Scene._finalize(scene, *of)
 
-    scene._conclude = conclude  # type: ignore[method-assign]
+    scene._finalize = finalize  # type: ignore[method-assign]
     assert scene.run().state is State.PASSED, scene.events[-3:]
     (fresh,) = scene.proved
     assert turned(fresh.reference) == pytest.approx([1.0] * 3, abs=2e-4)
@@ -185,10 +185,10 @@ def test_a_stop_does_not_wait_for_a_unit_that_does_not_answer() -> None:
     scene = Scene()
     scene.imu.mute = True
 
-    def wake(hear: Callable[[], None], *, corrected: bool = False) -> None:
+    def wake(check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
         scene.control.send(Command.STOP)
         while True:
-            hear()
+            check_cancelled()
 
     scene.imu.wake = wake  # type: ignore[method-assign, assignment]
     behind(scene, StageStarted, 1.0, scene.imu.restart)
@@ -200,10 +200,10 @@ def test_a_table_that_fails_meanwhile_does_not_wait_for_it_either() -> None:
     scene = Scene()
     scene.imu.mute = True
 
-    def wake(hear: Callable[[], None], *, corrected: bool = False) -> None:
+    def wake(check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
         scene.table.dead = True
         while True:
-            hear()
+            check_cancelled()
 
     scene.imu.wake = wake  # type: ignore[method-assign, assignment]
     behind(scene, StageStarted, 1.0, scene.imu.restart)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from calstation import errors
-from calstation.config.request import RegisterErrand, RunRequest
-from calstation.registers.operation import attend
+from calstation.config.request import RegisterOperation, RunRequest
+from calstation.registers.operation import run_operation
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
 
@@ -31,7 +31,7 @@ class Errands:
             self.events.append(event)
             self.on_event(self, event)
 
-        attend(RegisterErrand(self.request, what, values or {}, **more), emit, self.control)
+        run_operation(RegisterOperation(self.request, what, values or {}, **more), emit, self.control)
         last = self.events[-1]
         if isinstance(last, Settled):
             return last

@@ -25,10 +25,10 @@ from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.registers.comparison import Registers
 from calstation.registers.verification import prove
-from calstation.registers.verification_check import Proven
+from calstation.registers.verification_check import VerificationCheck
 from calstation.schema import validate
-from calstation.sequencer.fresh_data import SHORT_REST, FreshData, Turned, mean_at_rest
-from calstation.sequencer.proof_path import proof_path
+from calstation.sequencer.capture import SHORT_REST, Turned, VerificationData, mean_at_rest
+from calstation.sequencer.verification_moves import verification_path
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 GRADES = ("nav", "tactical", "mems")
@@ -70,7 +70,7 @@ class Looks:
         per_count = RATE if imu.output == "increment" else 1.0
         self.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
         self.unit = UNITS[protocol]("SN-1")
-        self.path = proof_path((0.0, 0.0), GEOMETRY, LIMITS)
+        self.path = verification_path((0.0, 0.0), GEOMETRY, LIMITS)
         self._simulator = Simulator(bench, seed)
         self._table = bench.table
         self.context = SolveContext(
@@ -82,7 +82,7 @@ class Looks:
             TableModel(),
         )  # fmt: skip
 
-    def look(self, *, corrected: bool) -> FreshData:
+    def look(self, *, corrected: bool) -> VerificationData:
         """Rests and turns, as `fresh_data` takes them."""
         rests = [mean_at_rest(self._taken([Dwell(SHORT_REST)], corrected=corrected))]
         angles = [np.zeros(3) for _ in self.path.turns]
@@ -95,13 +95,13 @@ class Looks:
             if leg.rest:
                 rests.append(mean_at_rest(self._taken([Dwell(SHORT_REST)], corrected=corrected)))
         turned = tuple(Turned(*of) for of in zip(self.path.turns, angles, seconds, strict=True))
-        return FreshData(tuple(rests), SHORT_REST, turned, corrected=corrected)
+        return VerificationData(tuple(rests), SHORT_REST, turned, corrected=corrected)
 
     def _taken(self, steps: list[Any], *, corrected: bool) -> FloatArray:
         values = self._simulator.run(steps, "look").counts * self.scale
         return self.unit.correction().applied(values) if corrected else values
 
-    def proof(self, wrong: ImuProfile, values: Mapping[str, float]) -> tuple[Proven, ...]:
+    def proof(self, wrong: ImuProfile, values: Mapping[str, float]) -> tuple[VerificationCheck, ...]:
         """Write values by a profile, look before and after, and compare."""
         entries = RegisterMap(tuple(wrong.registers))
         meant = entries.rounded({name: values[name] for name in entries.parameters})
@@ -116,12 +116,14 @@ class Looks:
 
 def fill(unit: ImuUnit, wrong: ImuProfile, numbers: Mapping[int, list[float]]) -> None:
     """Put numbers into registers by the unit's own commands, in the entries' own types and orders."""
-    hear = unit.conversation()
+    check_cancelled = unit.conversation()
     for entry in wrong.registers:
         kind = number(entry.type)
         if wrong.protocol == "vectornav":
             told = ",".join(f"{value:.9G}" for value in numbers[entry.key])
-            assert b"VNERR" not in b"".join(hear(line(f"VNWRG,{entry.address},{told}", "xor8"), 1.0))
+            assert b"VNERR" not in b"".join(
+                check_cancelled(line(f"VNWRG,{entry.address},{told}", "xor8"), 1.0)
+            )
             continue
         order = entry.byte_order or ("big" if wrong.modbus else "little")
         body = b"".join(kind.pack(value, order, entry.word_order) for value in numbers[entry.key])
@@ -132,5 +134,5 @@ def fill(unit: ImuUnit, wrong: ImuProfile, numbers: Mapping[int, list[float]]) -
             bytes([1, 6]) + struct.pack(">HH", 23, entry.page),
             bytes([1, 16]) + struct.pack(">HHB", entry.address, len(body) // 2, len(body)) + body,
         ):
-            (reply,) = hear(request + check_bytes("crc16_modbus", request, "little"), 1.0)
+            (reply,) = check_cancelled(request + check_bytes("crc16_modbus", request, "little"), 1.0)
             assert not reply[1] & 0x80

@@ -8,7 +8,7 @@ import pytest
 import tomli_w
 
 from calstation.bench.truth.grades import GRADES, draw_imu
-from calstation.bench.truth.manual_rig import HandRig, around, record
+from calstation.bench.truth.manual_rig import ManualRig, around, record
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import PARAMETERS
 from calstation.records.meta import LogMeta
@@ -29,7 +29,7 @@ HELD = {"level_horizontal", "level_vertical", "motion_angle", "motion_improvemen
 
 def hand_log(folder: Path, checks: dict[str, Any]) -> Path:
     """A MEMS unit carried by hand, as a raw log whose product has these checks and no limits."""
-    rig = HandRig(initial_rest=10.0, rest=3.0)
+    rig = ManualRig(initial_rest=10.0, rest=3.0)
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     samples, _ = record(imu, rig, around(np.deg2rad(60.0)), 3)
     sigma = {p.name: {"sigma": 2.0 * GRADES["mems"].sigma[p.group]} for p in PARAMETERS}

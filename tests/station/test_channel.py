@@ -38,7 +38,7 @@ class Ends:
         self.commands.append(command)
         self.heard.set()
 
-    def hear(self) -> Any:
+    def check_cancelled(self) -> Any:
         """The next message that is no heartbeat; heartbeats are answered."""
         while (message := self.theirs.recv()) == BEAT:
             self.theirs.send(BEAT)
@@ -54,10 +54,10 @@ def ends() -> Iterator[Ends]:
 
 def test_it_carries_both_ways(ends: Ends) -> None:
     ends.ours.emit(Message("homing"))
-    assert from_json(ends.hear()) == Message("homing")
+    assert from_json(ends.check_cancelled()) == Message("homing")
     ends.theirs.send("pause")
     ends.ours.emit(StageProgress("rate", 0.5, 1.0))
-    ends.hear()
+    ends.check_cancelled()
     assert ends.heard.wait(PATIENCE)
     assert ends.commands == [Command.PAUSE]
     assert not ends.lost.is_set()
@@ -79,7 +79,7 @@ def test_a_listener_that_answers_no_heartbeat_is_frozen_and_may_come_back(ends: 
     assert ends.silent.wait(PATIENCE)
     assert not ends.lost.is_set()
     ends.ours.emit(Message("homing"))
-    assert from_json(ends.hear()) == Message("homing")
+    assert from_json(ends.check_cancelled()) == Message("homing")
 
 
 def test_a_listener_that_answers_is_not_frozen(ends: Ends) -> None:

@@ -11,12 +11,12 @@ import pytest
 from calstation.cli.app import run_app
 from calstation.errors import InsufficientDataError
 from calstation.records.convert import export_csv
-from calstation.results.plots.log_index import overview, samples
+from calstation.results.plots.index import log_index, samples
 from calstation.results.resolve import resolve
 from tests.station.conftest import Place
 
+#: Rows on a page of 4 kB.
 HURT = 43
-"""Rows on a page of 4 kB."""
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_samples_behind_a_hole_are_drawn_where_they_are(log: Damaged, tmp_path: 
     def tell(*_: object, **__: object) -> None:
         """Nobody listens."""
 
-    seen = overview(tell, log.path, tmp_path / "picture")
+    seen = log_index(tell, log.path, tmp_path / "picture")
     assert seen.facts.damaged == HURT
     assert seen.gaps.places.tolist() == [[log.seq[row - 1], log.seq[row + HURT]]]
     drawn = samples(tell, log.path, seen.folder, seen.scale, row - 5, row + 5, 100)

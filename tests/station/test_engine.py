@@ -16,7 +16,7 @@ from calstation.errors import DeviceFaultError
 from calstation.records.log import open_log
 from calstation.results.handover import CSV_NAME
 from calstation.runs.engine import Engine
-from calstation.runs.incomplete import settle_incomplete
+from calstation.runs.incomplete import finish_incomplete
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Fault, StageStarted, StateChanged, StepStarted, Verdict
 from tests.station.conftest import Place
@@ -51,10 +51,10 @@ def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(place: Place) -> 
     samples = sum(len(block) for block in log.blocks())
     assert samples > 200
 
-    assert settle_incomplete(path.parent) == [path]
+    assert finish_incomplete(path.parent) == [path]
     result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     assert (result["outcome"], result["passed"]) == ("incomplete", False)
-    assert settle_incomplete(path.parent) == []
+    assert finish_incomplete(path.parent) == []
 
 
 def polled(engine: Engine, until: Callable[[list[Event]], bool]) -> list[Event]:

@@ -8,13 +8,13 @@ import pytest
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.planned import profile
 from calstation.physics.parameters import INDEX
-from calstation.results.preview import MOST_ROUNDS, Forecast, forecast
+from calstation.results.preview import MOST_ROUNDS, Preview, forecast
 from calstation.sequencer.events import StageStarted
 from tests.station.conftest import PRODUCT, QUICK, Place
 
 
 class Told:
-    """A `Tell` that remembers."""
+    """A `ProgressCallback` that remembers."""
 
     def __init__(self) -> None:
         self.fractions: list[float] = []
@@ -25,7 +25,7 @@ class Told:
         self.notes.append(note)
 
 
-def foretold(place: Place, *stages: str, **schedule: dict[str, object]) -> Forecast:
+def foretold(place: Place, *stages: str, **schedule: dict[str, object]) -> Preview:
     """The forecast of these stages, with departures from the product's schedule by stage."""
     return forecast(Told(), replace(place.request(*stages), schedule=schedule))
 

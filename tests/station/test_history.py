@@ -15,7 +15,7 @@ from calstation.records.run_index import FILE
 from calstation.results import history as history_module
 from calstation.results.history import History, refresh_history
 from calstation.runs.resume import resumable
-from calstation.runs.startup_recovery import tidy_up
+from calstation.runs.startup_recovery import recover_startup
 from tests.records.records_samples import META, make_block
 
 
@@ -216,10 +216,10 @@ def test_opening_the_program_settles_and_hands_over(tmp_path: Path) -> None:
     (runs / "x.h5").rename(tmp_path / "going.h5")
     shutil.copyfile(tmp_path / "going.h5", runs / "x.h5")
     told: list[float] = []
-    tidied = tidy_up(lambda fraction, *_: told.append(fraction), runs, None)
+    tidied = recover_startup(lambda fraction, *_: told.append(fraction), runs, None)
     assert tidied.incomplete == (runs / "x.h5",)
     assert (tidied.delivery.folder, tidied.delivery.done) == (tmp_path / "handover", 1)
     assert (tmp_path / "handover" / "x.json").is_file()
     assert [run.outcome for run in History(runs).runs()] == ["incomplete"]
     assert told == sorted(told)
-    assert tidy_up(lambda *_: None, tmp_path / "none", None).incomplete == ()
+    assert recover_startup(lambda *_: None, tmp_path / "none", None).incomplete == ()

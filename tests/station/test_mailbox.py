@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from calstation.jobs.pipe_reader import Mailbox
+from calstation.jobs.pipe_reader import PipeReader
 from calstation.runs.engine import Engine
 from calstation.sequencer.events import Event, Fault, Message, to_json
 
@@ -51,13 +51,13 @@ def test_an_engine_frozen_in_mid_message_holds_nobody_up() -> None:
     assert not engine.alive
 
 
-def next_letter(mailbox: Mailbox) -> Any:
+def next_letter(mailbox: PipeReader) -> Any:
     return mailbox.take(PATIENCE)
 
 
 def test_messages_come_whole_and_in_order_then_the_end_for_good() -> None:
     here, there = Pipe()
-    mailbox = Mailbox(here)
+    mailbox = PipeReader(here)
     with pytest.raises(Empty):
         mailbox.take()
     sent: list[Any] = ["beat", {"event": "x" * 3_000_000}, [1, 2]]
@@ -75,7 +75,7 @@ def test_messages_come_whole_and_in_order_then_the_end_for_good() -> None:
 
 def test_hanging_up_is_noticed_at_the_other_end_even_where_nobody_took_anything() -> None:
     here, there = Pipe()
-    mailbox = Mailbox(here)
+    mailbox = PipeReader(here)
     end = threading.Event()
 
     def talk() -> None:

@@ -10,7 +10,7 @@ import pytest
 from calstation.errors import ConfigurationError
 from calstation.records.convert import partial_path
 from calstation.results.offline_solve import drop_partial, export_log, export_result, in_sigma, offline_solve
-from calstation.results.plots.log_index import overview
+from calstation.results.plots.index import log_index
 from calstation.results.resolve import resolve
 from tests.cli.conftest import six_position_rows, write_log
 
@@ -37,7 +37,7 @@ STORED: dict[str, Any] = {
 
 def test_a_range_is_solved_as_the_command_line_does(tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
-    spans = overview(Told(), log, tmp_path / "picture").spans
+    spans = log_index(Told(), log, tmp_path / "picture").spans
     told = Told()
     solved = offline_solve(told, log, None, 10, 2390, spans)
     assert solved.result == resolve(log, None, 10, 2390).result

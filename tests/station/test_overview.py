@@ -12,8 +12,8 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.records.convert import export_csv
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.results.plots.log_index import Overview, _held, overview, samples
-from calstation.results.plots.min_max_pyramid import BINS, Picture
+from calstation.results.plots.index import LogIndex, _held, log_index, samples
+from calstation.results.plots.min_max_pyramid import BINS, MinMaxPyramid
 
 RATE = 100.0
 META = {
@@ -78,13 +78,13 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(params=["raw", "csv", "csv.gz"])
-def seen(request: pytest.FixtureRequest, log: Path, tmp_path: Path) -> Overview:
+def seen(request: pytest.FixtureRequest, log: Path, tmp_path: Path) -> LogIndex:
     """The overview of the log in each of the forms a log has."""
     path = log
     if request.param != "raw":
         path = tmp_path / f"log.{request.param}"
         export_csv(log, path)
-    return overview(told, path, tmp_path / "picture")
+    return log_index(told, path, tmp_path / "picture")
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +93,7 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
     return seq, np.concatenate([b.counts[:, 0] for b in blocks()]) * np.rad2deg(1e-8) * RATE
 
 
-def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: Overview) -> None:
+def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: LogIndex) -> None:
     spans = [(s.stage, s.first_seq - START, s.last_seq - START, s.samples) for s in seen.spans]
     assert spans == [("rate", 500, 19_999, 19_460), ("excitation", 21_000, 90_000, 69_001)]
     assert (seen.steps.places[:, 0] - START).tolist() == [500, 9_040, 21_000, 40_000]
@@ -106,7 +106,7 @@ def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: Overview) -> None:
 
 
 def test_the_result_of_the_run_comes_along(log: Path, tmp_path: Path) -> None:
-    seen = overview(told, log, tmp_path / "picture")
+    seen = log_index(told, log, tmp_path / "picture")
     assert seen.outcome == "passed"
     assert seen.stored is not None
     assert seen.stored["outcome"] == "passed"
@@ -117,10 +117,10 @@ def test_the_result_of_the_run_comes_along(log: Path, tmp_path: Path) -> None:
     [(0, 90_000, 100), (0, 90_000, 2_000), (8_000, 12_000, 50), (30_000, 80_000, 640), (89_990, 90_000, 9)],
 )
 def test_columns_hold_the_extremes_of_their_samples(
-    seen: Overview, first: int, last: int, count: int
+    seen: LogIndex, first: int, last: int, count: int
 ) -> None:
     seq, gyro = truth()
-    columns = Picture(seen.folder).columns(START + first, START + last, count)
+    columns = MinMaxPyramid(seen.folder).columns(START + first, START + last, count)
     assert columns.seq[0] <= START + first
     assert len(columns) <= count + 4
     edges = np.searchsorted(seq, [*columns.seq, columns.seq[-1] + 10**9])
@@ -132,16 +132,16 @@ def test_columns_hold_the_extremes_of_their_samples(
     assert columns.seq[-1] + columns.samples > START + last
 
 
-def test_what_is_read_stays_within_what_is_drawn(seen: Overview) -> None:
-    picture = Picture(seen.folder)
+def test_what_is_read_stays_within_what_is_drawn(seen: LogIndex) -> None:
+    picture = MinMaxPyramid(seen.folder)
     for width in (90_000, 20_000, 3_000):
         columns = picture.columns(START, START + width, 100)
         assert columns.samples == BINS[0] or 50 <= len(columns) <= 104
 
 
-def test_single_samples_come_back_as_they_are(seen: Overview) -> None:
+def test_single_samples_come_back_as_they_are(seen: LogIndex) -> None:
     seq, gyro = truth()
-    start, stop = Picture(seen.folder).rows(START + 40_100, START + 40_200)
+    start, stop = MinMaxPyramid(seen.folder).rows(START + 40_100, START + 40_200)
     fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
     assert fine.samples == 1
     assert fine.seq[0] <= START + 40_100
@@ -150,16 +150,18 @@ def test_single_samples_come_back_as_they_are(seen: Overview) -> None:
     np.testing.assert_array_equal(fine.low, fine.high)
 
 
-def test_angles_are_held_between_polls(seen: Overview) -> None:
-    start, stop = Picture(seen.folder).rows(START + 40_105, START + 40_110)
+def test_angles_are_held_between_polls(seen: LogIndex) -> None:
+    start, stop = MinMaxPyramid(seen.folder).rows(START + 40_105, START + 40_110)
     fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
     np.testing.assert_allclose(fine.low[:, 6], 10.0, rtol=1e-6)
-    np.testing.assert_allclose(Picture(seen.folder).columns(START, START + 90_000, 100).high[:, 7], -20.0)
+    np.testing.assert_allclose(
+        MinMaxPyramid(seen.folder).columns(START, START + 90_000, 100).high[:, 7], -20.0
+    )
 
 
 def test_angles_are_not_held_over_a_gap(log: Path, tmp_path: Path) -> None:
-    seen = overview(told, log, tmp_path / "picture")
-    start, stop = Picture(seen.folder).rows(START + 8_990, START + 9_045)
+    seen = log_index(told, log, tmp_path / "picture")
+    start, stop = MinMaxPyramid(seen.folder).rows(START + 8_990, START + 9_045)
     fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
     known = ~np.isnan(fine.low[:, 6])
     assert known[fine.seq <= START + 8_999].all()
@@ -173,7 +175,7 @@ def test_angles_are_not_held_over_a_gap(log: Path, tmp_path: Path) -> None:
 
 def test_progress_reaches_the_end(log: Path, tmp_path: Path) -> None:
     fractions: list[float] = []
-    overview(lambda fraction, *_: fractions.append(fraction), log, tmp_path / "picture")
+    log_index(lambda fraction, *_: fractions.append(fraction), log, tmp_path / "picture")
     assert fractions == sorted(fractions)
     assert fractions[-1] > 0.95
 
@@ -182,4 +184,4 @@ def test_a_file_that_is_no_log_says_so(tmp_path: Path) -> None:
     wrong = tmp_path / "notes.h5"
     wrong.write_text("not a log", encoding="utf-8")
     with pytest.raises(InputError, match="no raw log"):
-        overview(told, wrong, tmp_path / "picture")
+        log_index(told, wrong, tmp_path / "picture")

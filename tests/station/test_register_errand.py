@@ -27,8 +27,8 @@ pytestmark = pytest.mark.long
 
 SERIAL = "SN-000042"
 VALUES = {"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}
+#: Of the unit's x gyro, larger than any calibrated one: what a wrong sign makes of it cannot be mistaken.
 SCALE = 0.02
-"""Of the unit's x gyro, larger than any calibrated one: what a wrong sign makes of it cannot be mistaken."""
 
 
 class Floor:

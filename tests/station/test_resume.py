@@ -17,7 +17,7 @@ from calstation.records.log import open_log
 from calstation.results.history import History
 from calstation.results.resolve import resolve
 from calstation.runs.engine import Engine
-from calstation.runs.incomplete import close_incomplete, settle_incomplete
+from calstation.runs.incomplete import close_incomplete, finish_incomplete
 from calstation.runs.resume import Continuation, find_resumable, resumable
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
@@ -303,7 +303,7 @@ def test_a_run_is_going_until_it_is_dead_whatever_its_log_was_touched(place: Pla
         os.kill(engine.process.pid, signal.SIGSTOP)  # it writes no more, and yet lives
         (log,) = (place.folder / "runs").glob("*.h5")
         os.utime(log, (touched, touched))
-        assert settle_incomplete(log.parent) == []
+        assert finish_incomplete(log.parent) == []
         for use in (close_incomplete, lambda path: Continuation.of(place.request(*STAGES), path)):
             with pytest.raises(ConfigurationError, match="its run is still going; stop it first"):
                 use(log)
@@ -312,7 +312,7 @@ def test_a_run_is_going_until_it_is_dead_whatever_its_log_was_touched(place: Pla
     os.utime(log, (touched, touched))
     result = json.loads(close_incomplete(log).read_text("utf-8"))
     assert (result["outcome"], result["advice"]) == ("incomplete", "repeat")
-    assert settle_incomplete(log.parent) == []
+    assert finish_incomplete(log.parent) == []
 
 
 def test_a_verdict_ends_what_came_before_it(place: Place, before: Verdict) -> None:

@@ -9,9 +9,9 @@ import tomli_w
 from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.resolving import prepare
-from calstation.config.run_summary import outline
 from calstation.config.schedules import offer
 from calstation.config.station import load_station, rails_by_hand
+from calstation.config.summary import run_summary
 from calstation.connection.link_test import Order, try_table
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
@@ -22,8 +22,8 @@ from calstation.registers.comparison import Registers
 from calstation.registers.verification import prove
 from calstation.results.preview import forecast
 from calstation.results.resolve import resolve
+from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.events import Message, PositionGuided
-from calstation.sequencer.fresh_data import FreshData
 from tests.station.conftest import STATION, Place
 
 SHORT = {"manual": True, "initial_rest_s": 5.0, "rest_s": 2.0, "step_deg": 120.0, "rate_dps": 90.0}
@@ -71,7 +71,7 @@ def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bi
     assert proof["carried_turn"]["passed"]
     assert not {"outer_turn", "inner_turn"} & set(proof)
     guided = [event for event in rig.told(PositionGuided) if event.stage]
-    planned = outline(rig.request())
+    planned = run_summary(rig.request())
     assert {event.state for event in guided} >= {"waiting", "still", "moving", "enough"}
     assert guided[-1].index == guided[-1].count == len(planned.positions)
     done = np.reshape(guided[-1].done, (-1, 3))
@@ -91,7 +91,7 @@ def test_what_needs_a_table_is_refused_in_a_sentence_before_anything_is_opened(r
     with pytest.raises(ConfigurationError, match=r"'rate' needs a table that is driven.*turned by hand"):
         prepare(rig.request("rate"))
     with pytest.raises(ConfigurationError, match="'six_position' needs a table that is driven"):
-        outline(rig.request("multi_position", "six_position"))
+        run_summary(rig.request("multi_position", "six_position"))
     rig.write({"schedule": {"multi_position": {**SHORT, "manual": False}}})
     with pytest.raises(
         ConfigurationError, match=r"product.toml: schedule.multi_position.manual must be true"
@@ -107,7 +107,7 @@ def test_what_is_carried_needs_rails(rig: Rig) -> None:
 
 
 def test_before_the_run_time_and_positions_are_known_and_sigmas_are_not(rig: Rig) -> None:
-    planned = outline(rig.request())
+    planned = run_summary(rig.request())
     assert planned.by_hand
     assert len(planned.positions) == 20
     assert np.allclose(np.linalg.norm(planned.positions, axis=1), 1.0)
@@ -142,7 +142,7 @@ def test_the_shipped_station_and_product_belong_together() -> None:
     )
     setup = prepare(request)
     assert setup.by_hand
-    assert outline(request).stages[0].duration < 600.0
+    assert run_summary(request).stages[0].duration < 600.0
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_a_carried_turn_shows_gyros_that_are_wrong(wrong: np.ndarray, passed: bo
         C = C @ rotation_matrix(0.01 * rate)
     first, second = np.r_[0.0, 0.0, 0.0, 0.0, 0.0, 9.8], np.r_[np.zeros(3), 9.8 * C[2]]
     seen = np.hstack([omega @ wrong.T, np.zeros((300, 3))])
-    fresh = FreshData((first, second), 10.0, carried=seen, period=0.01, corrected=True)
+    fresh = VerificationData((first, second), 10.0, carried=seen, period=0.01, corrected=True)
     checks = prove(fresh, Registers({}), covariance, context, 1e-5)
     (turn,) = [check for check in checks if check.name == "carried_turn"]
     assert turn.passed is passed

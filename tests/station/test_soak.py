@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.resolving import configured
 from calstation.simulation.fault_plan import KINDS
 from calstation.simulation.soak import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
@@ -111,7 +111,7 @@ def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.Capture
 
 
 @pytest.fixture(scope="module")
-def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Setup]:
+def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfiguration]:
     """A run with every choice of devices."""
     return {
         name: configured(
@@ -122,13 +122,13 @@ def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Setup]:
 
 
 def test_only_a_table_without_a_watchdog_may_keep_its_axes_on_when_its_engine_dies(
-    setups: dict[str, Setup],
+    setups: dict[str, ResolvedConfiguration],
 ) -> None:
     alone = {name for name, setup in setups.items() if _left_alone(setup.table)}
     assert alone == {"two drives", "ATL", "ACL", "MN"}
 
 
-def test_what_a_device_does_not_have_is_no_fault_of_it(setups: dict[str, Setup]) -> None:
+def test_what_a_device_does_not_have_is_no_fault_of_it(setups: dict[str, ResolvedConfiguration]) -> None:
     for kind, without in (
         ("watchdog_off", {"two drives", "ATL", "ACL", "MN"}),
         ("never_ready", {"VN-100"}),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.config import library
-from calstation.config.compatible_products import fitting_products
+from calstation.config.compatibility import compatible_products
 from calstation.config.request import RunRequest
 from calstation.config.resolving import prepare
 from calstation.connection.bench_process import BenchHost
@@ -67,11 +67,11 @@ def test_a_serial_number_is_one_unit_on_the_bench_and_the_seed_is_kept_as_it_was
 
 def test_the_products_that_fit_rails_and_tables_are_told_apart(home: Path) -> None:
     rails, positions = library.find("stations", "virtual_hand"), library.find("products", "mems_positions")
-    assert [name for name, _ in fitting_products(rails, positions)] == ["mems_hand"]
+    assert [name for name, _ in compatible_products(rails, positions)] == ["mems_hand"]
     (home / "products").mkdir()
     (home / "products" / "broken.toml").write_text("name = 1", encoding="utf-8")
     fit_a_table = ["mems_c", "mems_positions", "nav_a", "tactical_b"]
-    assert [name for name, _ in fitting_products(None, positions)] == fit_a_table
+    assert [name for name, _ in compatible_products(None, positions)] == fit_a_table
 
 
 def test_composed_registers_correct_in_one_step_as_two_do_in_turn() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.config.resolving import configured
-from calstation.connection.imu_session import unit_alone
+from calstation.connection.imu_session import open_imu_session
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import transfer
 from calstation.errors import DeviceFaultError, InputError
@@ -57,7 +57,7 @@ class Workbench:
         class Cut(BaseException):
             pass
 
-        with unit_alone(tell, setup) as unit:
+        with open_imu_session(tell, setup) as unit:
             commit = unit.imu.commit
 
             def cut() -> None:

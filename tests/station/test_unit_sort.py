@@ -8,7 +8,7 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.config import library
-from calstation.config.request import RegisterErrand
+from calstation.config.request import RegisterOperation
 from calstation.config.resolving import configured
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import Closing, Step
@@ -62,7 +62,7 @@ class Known:
 
     def restores(self) -> bool:
         """Whether the latest set may be put back, as the command line asks before it opens anything."""
-        return turning(RegisterErrand(self.place.request(), "restore"))
+        return turning(RegisterOperation(self.place.request(), "restore"))
 
 
 @pytest.fixture

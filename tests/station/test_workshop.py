@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from calstation.jobs.queue import Job, Workshop
+from calstation.jobs.queue import Job, JobQueue
 from tests.station import works
 
 PATIENCE = 120.0
 
 
 @pytest.fixture
-def workshop() -> Iterator[Workshop]:
-    shop = Workshop()
+def job_queue() -> Iterator[JobQueue]:
+    shop = JobQueue()
     yield shop
     shop.close()
 
@@ -36,28 +36,28 @@ def ended(job: Job) -> Job:
     return job
 
 
-def test_jobs_are_done_in_order_with_progress_and_result(workshop: Workshop) -> None:
-    first, second = workshop.submit(works.add, 1, b=2), workshop.submit(works.add, 3)
+def test_jobs_are_done_in_order_with_progress_and_result(job_queue: JobQueue) -> None:
+    first, second = job_queue.submit(works.add, 1, b=2), job_queue.submit(works.add, 3)
     assert (first.state, second.state) == ("waiting", "waiting")
     assert ended(second).result == 3
     assert (first.state, first.result, first.fraction, first.note) == ("done", 3, 1.0, "adding")
-    assert not workshop.busy
+    assert not job_queue.busy
 
 
-def test_an_error_is_one_clear_sentence(workshop: Workshop) -> None:
-    jobs = [workshop.submit(work) for work in (works.complain, works.blunder, works.unpicklable)]
+def test_an_error_is_one_clear_sentence(job_queue: JobQueue) -> None:
+    jobs = [job_queue.submit(work) for work in (works.complain, works.blunder, works.unpicklable)]
     clear, mistake, lost = (ended(job) for job in jobs)
     assert [job.state for job in jobs] == ["failed"] * 3
     assert clear.error == "log.h5: no such file; give the path of an existing log"
     assert mistake.error == "internal error: ZeroDivisionError: division by zero"
     assert lost.error.startswith("internal error: ")
-    assert ended(workshop.submit(works.add, 1)).result == 1
+    assert ended(job_queue.submit(works.add, 1)).result == 1
 
 
-def test_cancel_kills_and_the_next_job_still_runs(workshop: Workshop, tmp_path: Path) -> None:
+def test_cancel_kills_and_the_next_job_still_runs(job_queue: JobQueue, tmp_path: Path) -> None:
     started, go = tmp_path / "started", tmp_path / "go"
-    long, waiting = workshop.submit(works.wait, started, go), workshop.submit(works.add, 1)
-    following = workshop.submit(works.wait, tmp_path / "again", go)
+    long, waiting = job_queue.submit(works.wait, started, go), job_queue.submit(works.add, 1)
+    following = job_queue.submit(works.wait, tmp_path / "again", go)
     until(lambda: long.poll() == "running" and started.exists() and bool(started.read_text("utf-8")))
     assert waiting.cancel()
     assert long.cancel()
@@ -68,9 +68,9 @@ def test_cancel_kills_and_the_next_job_still_runs(workshop: Workshop, tmp_path: 
     assert following.result != int(started.read_text("utf-8"))
 
 
-def test_work_with_a_device_is_not_cancelled(workshop: Workshop, tmp_path: Path) -> None:
+def test_work_with_a_device_is_not_cancelled(job_queue: JobQueue, tmp_path: Path) -> None:
     started, go = tmp_path / "started", tmp_path / "go"
-    job = workshop.submit(works.wait, started, go, cancellable=False)
+    job = job_queue.submit(works.wait, started, go, cancellable=False)
     until(lambda: job.poll() == "running" and started.exists())
     assert not job.cancel()
     assert job.state == "running"
@@ -79,19 +79,19 @@ def test_work_with_a_device_is_not_cancelled(workshop: Workshop, tmp_path: Path)
 
 
 def test_closing_lets_work_with_a_device_end(tmp_path: Path) -> None:
-    workshop = Workshop()
+    job_queue = JobQueue()
     started, go = tmp_path / "started", tmp_path / "go"
-    job = workshop.submit(works.wait, started, go, cancellable=False)
-    waiting = workshop.submit(works.add, 1)
+    job = job_queue.submit(works.wait, started, go, cancellable=False)
+    waiting = job_queue.submit(works.add, 1)
     until(lambda: job.poll() == "running" and started.exists())
     go.touch()
-    workshop.close()
+    job_queue.close()
     assert (job.state, waiting.state) == ("done", "cancelled")
 
 
-def test_progress_and_time_left(workshop: Workshop, tmp_path: Path) -> None:
+def test_progress_and_time_left(job_queue: JobQueue, tmp_path: Path) -> None:
     go = tmp_path / "go"
-    job = workshop.submit(works.wait, tmp_path / "started", go)
+    job = job_queue.submit(works.wait, tmp_path / "started", go)
     assert job.remaining is None
     until(lambda: job.poll() == "running" and job.fraction == 0.25)
     assert job.remaining is not None
@@ -99,36 +99,36 @@ def test_progress_and_time_left(workshop: Workshop, tmp_path: Path) -> None:
     assert ended(job).remaining is None
 
 
-def test_a_dying_worker_fails_its_job_only(workshop: Workshop) -> None:
-    dead, alive = workshop.submit(works.die), workshop.submit(works.add, 2)
+def test_a_dying_worker_fails_its_job_only(job_queue: JobQueue) -> None:
+    dead, alive = job_queue.submit(works.die), job_queue.submit(works.add, 2)
     assert ended(alive).result == 2
     assert dead.state == "failed"
     assert "ended unexpectedly" in dead.error
 
 
-def test_a_worker_killed_while_idle_is_replaced(workshop: Workshop) -> None:
-    ended(workshop.submit(works.add, 1))
-    process = workshop._process
+def test_a_worker_killed_while_idle_is_replaced(job_queue: JobQueue) -> None:
+    ended(job_queue.submit(works.add, 1))
+    process = job_queue._process
     assert process is not None
     process.kill()
     process.join(PATIENCE)
-    assert ended(workshop.submit(works.add, 2)).result == 2
+    assert ended(job_queue.submit(works.add, 2)).result == 2
 
 
 def test_closing_ends_everything(tmp_path: Path) -> None:
-    workshop = Workshop()
-    running = workshop.submit(works.wait, tmp_path / "started", tmp_path / "go")
-    waiting = workshop.submit(works.add, 1)
+    job_queue = JobQueue()
+    running = job_queue.submit(works.wait, tmp_path / "started", tmp_path / "go")
+    waiting = job_queue.submit(works.add, 1)
     until(lambda: running.poll() == "running")
-    process = workshop._process
+    process = job_queue._process
     assert process is not None
-    workshop.close()
-    workshop.close()
+    job_queue.close()
+    job_queue.close()
     process.join(PATIENCE)
     assert not process.is_alive()
     assert (running.state, waiting.state) == ("cancelled", "cancelled")
     with pytest.raises(RuntimeError):
-        workshop.submit(works.add, 1)
+        job_queue.submit(works.add, 1)
 
 
 @pytest.mark.parametrize("state", ["idle", "working"])
@@ -138,9 +138,9 @@ def test_the_worker_ends_with_its_window(tmp_path: Path, state: str) -> None:
     script = tmp_path / "window.py"
     script.write_text(
         "import sys, time\nfrom pathlib import Path\n"
-        "from calstation.jobs.queue import Workshop\nfrom tests.station import works\n"
+        "from calstation.jobs.queue import JobQueue\nfrom tests.station import works\n"
         "if __name__ == '__main__':\n"
-        "    shop = Workshop()\n"
+        "    shop = JobQueue()\n"
         f"    job = shop.submit(works.wait, Path({str(started)!r}), Path({str(tmp_path / 'go')!r}))\n"
         "    while not Path(sys.argv[1]).exists():\n"
         "        job.poll(); time.sleep(0.01)\n"

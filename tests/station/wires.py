@@ -17,8 +17,8 @@ from calstation.connection.link_test import Order
 from calstation.devices.codecs.frame_checks import check_bytes
 from calstation.schema import validate
 
+#: Where nothing listens; of each process of tests another, for a port has one owner.
 NOBODY = f"tcp://127.0.0.1:{1 + int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:])}"
-"""Where nothing listens; of each process of tests another, for a port has one owner."""
 
 SITE = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0}
 Answer = Callable[[bytes], bytes]

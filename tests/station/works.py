@@ -6,36 +6,36 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import InputError
-from calstation.jobs.worker import Tell
+from calstation.jobs.worker import ProgressCallback
 
 
-def add(tell: Tell, a: int, b: int = 0) -> int:
+def add(tell: ProgressCallback, a: int, b: int = 0) -> int:
     """A sum, with progress on the way."""
     tell(0.5, 10.0, "adding")
     return a + b
 
 
-def complain(tell: Tell) -> None:
+def complain(tell: ProgressCallback) -> None:
     """An error that a person can understand."""
     raise InputError("log.h5: no such file; give the path of an existing log")
 
 
-def blunder(tell: Tell) -> None:
+def blunder(tell: ProgressCallback) -> None:
     """A mistake of the program."""
     raise ZeroDivisionError("division\nby zero")
 
 
-def unpicklable(tell: Tell) -> Any:
+def unpicklable(tell: ProgressCallback) -> Any:
     """A result that cannot travel."""
     return lambda: None
 
 
-def die(tell: Tell) -> None:
+def die(tell: ProgressCallback) -> None:
     """The process ends without a word."""
     os._exit(7)
 
 
-def wait(tell: Tell, started: Path, go: Path) -> int:
+def wait(tell: ProgressCallback, started: Path, go: Path) -> int:
     """Say that it began, then work until told to end; returns the process's id."""
     started.write_text(str(os.getpid()), encoding="utf-8")
     while not go.exists():

@@ -6,8 +6,8 @@ import numpy as np
 
 from calstation.physics.arrays import FloatArray
 
+#: In which the second-order term is worked off: its share of itself is some 10^-5.
 _ROUNDS = 4
-"""In which the second-order term is worked off: its share of itself is some 10^-5."""
 
 
 @dataclass(frozen=True)

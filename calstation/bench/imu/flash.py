@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+#: Before and behind what an image holds: its number, CRC-32 of all before.
 _NUMBER, _CHECK = struct.Struct("<I"), struct.Struct("<I")
-"""Before and behind what an image holds: its number, CRC-32 of all before."""
 
 
 class PowerCut(Exception):  # noqa: N818 - what happens to the unit, not an error of the program

@@ -8,15 +8,15 @@ import numpy as np
 
 from calstation.bench.truth.free_unit import FreeStream, Place
 from calstation.bench.truth.imu import ImuTruth
-from calstation.bench.truth.manual_rig import HandRig, Hands, Pose, foot
+from calstation.bench.truth.manual_rig import Hands, ManualRig, Pose, foot
 from calstation.bench.truth.stream import StreamOutput
 
+#: Between what is asked and the push, s.
 _REACTION = (0.5, 1.5)
-"""Between what is asked and the push, s."""
+#: Share of positions that are touched again too soon.
 _IMPATIENT = 0.12
-"""Share of positions that are touched again too soon."""
+#: How far such a touch turns a rail, rad.
 _TOUCHED = np.deg2rad(12.0)
-"""How far such a touch turns a rail, rad."""
 
 
 class HandStream:
@@ -32,7 +32,7 @@ class HandStream:
     asked : where the rails were asked to be last, rad
     """
 
-    def __init__(self, imu: ImuTruth, rig: HandRig, seed: np.random.SeedSequence) -> None:
+    def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:
         vibration, noise, own = (np.random.default_rng(part) for part in seed.spawn(3))
         self._samples = FreeStream(imu, Place(np.eye(3), np.asarray(rig.arm)), rig.field, vibration, noise)
         self._random = own

@@ -81,7 +81,7 @@ class DspUnit(ImuUnit):
         """See `ImuUnit.conversation`."""
         pending = b""
 
-        def hear(data: bytes, time: float) -> list[bytes]:
+        def check_cancelled(data: bytes, time: float) -> list[bytes]:
             nonlocal pending
             pending += data
             replies = []
@@ -96,7 +96,7 @@ class DspUnit(ImuUnit):
                 replies.append(self._answer_rtu(frame[1], frame[2:-2], time))
             return replies
 
-        return hear
+        return check_cancelled
 
     def _answer_rtu(self, function: int, data: bytes, time: float) -> bytes:
         try:

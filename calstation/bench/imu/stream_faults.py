@@ -5,8 +5,8 @@ import numpy as np
 from calstation.bench.imu.frames import STREAM
 from calstation.bench.truth.stream import StreamOutput
 
+#: Bytes of noise put before a frame.
 _NOISE_BYTES = 7
-"""Bytes of noise put before a frame."""
 
 _SATURATED = 2**31 - 1
 

@@ -24,8 +24,8 @@ from calstation.physics.arrays import FloatArray
 MODEL = "bench-imu"
 FIRMWARE = "1.0.0"
 
+#: Calibration registers, float32.
 REGISTERS = 30
-"""Calibration registers, float32."""
 
 # Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27: the
 # sensors' errors, measured = (I + M) true + b, force with K force² besides, which the corrected stream takes off.

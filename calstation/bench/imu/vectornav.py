@@ -102,13 +102,13 @@ class VectorNavUnit(ImuUnit):
         """See `ImuUnit.conversation`."""
         pending = b""
 
-        def hear(data: bytes, time: float) -> list[bytes]:
+        def check_cancelled(data: bytes, time: float) -> list[bytes]:
             nonlocal pending
             *lines, pending = (pending + data).split(b"\n")
             pending = pending[-1000:]
             return [self._line(line.decode("ascii", "replace").strip(), time) for line in lines]
 
-        return hear
+        return check_cancelled
 
     def _line(self, line: str, time: float) -> bytes:
         words, _, told = line[line.find("$") + 1 :].rpartition("*")

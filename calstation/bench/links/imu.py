@@ -12,8 +12,8 @@ from calstation.bench.links.pseudo_terminal import open_raw
 #: Kernel buffer of the line: a reader that falls further behind stops the bench's time, bytes.
 BUFFER = 65536
 
+#: Makes what hears the bytes of one connection and gives the unit's replies.
 Talk = Callable[[], Callable[[bytes], list[bytes]]]
-"""Makes what hears the bytes of one connection and gives the unit's replies."""
 
 
 async def _late(reply: bytes, slow: list[float]) -> bytes:
@@ -77,10 +77,10 @@ class SocketLine:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         writer.transport.set_write_buffer_limits(high=0)
         self._writer, self.sent = writer, 0
-        hear = self._talk()
+        check_cancelled = self._talk()
         try:
             while data := await reader.read(4096):
-                for reply in hear(data):
+                for reply in check_cancelled(data):
                     await self.send(await _late(reply, self.slow))
         except (ConnectionError, asyncio.CancelledError):
             pass
@@ -160,14 +160,14 @@ class TerminalLine:
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     async def _read(self) -> None:
-        hear, plugged = self._talk(), self._master
+        check_cancelled, plugged = self._talk(), self._master
         while True:
             if plugged != self._master:
-                hear, plugged = self._talk(), self._master
+                check_cancelled, plugged = self._talk(), self._master
             try:
                 data = os.read(self._master, 4096)
             except OSError:
                 data = b""
-            for reply in hear(data):
+            for reply in check_cancelled(data):
                 await self.send(await _late(reply, self.slow))
             await asyncio.sleep(self.POLL)

@@ -14,8 +14,8 @@ from calstation.bench.table.machine import Fault, Power, TableMachine
 from calstation.bench.table.registers import text_words
 from calstation.bench.table.text import Axes
 
+#: Modbus unit numbers of the outer and the inner drive.
 UNITS = (1, 2)
-"""Modbus unit numbers of the outer and the inner drive."""
 MODEL = "bench-drive"
 SENSE = (1.0, -1.0)
 
@@ -26,8 +26,8 @@ LOW, HIGH = 42, 44
 SIZE = HIGH + 2
 
 PROFILE_POSITION, PROFILE_VELOCITY_MODE, HOMING = 1, 3, 6
+#: Bits of the second word of the status.
 CLOSED, HOMED = 1, 2
-"""Bits of the second word of the status."""
 
 _ANGLE = np.deg2rad(1e-5)
 _SPEED = np.deg2rad(1e-4)

@@ -61,11 +61,11 @@ SETTLING_TIME = 0.1
 QUICK_STOP_BIT, FAULT_BIT, REMOTE_BIT, REACHED_BIT = 1 << 5, 1 << 3, 1 << 9, 1 << 10
 LIMIT_BIT, HOMED_BIT, MOVING_BIT = 1 << 11, 1 << 12, 1 << 14
 
+#: Amplitude and frequency with which joints that do not settle hunt about their target, rad and Hz.
 HUNTING = (np.deg2rad(0.02), 1.3)
-"""Amplitude and frequency with which joints that do not settle hunt about their target, rad and Hz."""
 
+#: The limit switches lie this far behind the travel: a move to its end is no overtravel, rad.
 SWITCH_BEYOND = np.deg2rad(0.5)
-"""The limit switches lie this far behind the travel: a move to its end is no overtravel, rad."""
 
 
 class TableMachine:

@@ -356,8 +356,8 @@ class Mn:
         return ""
 
 
+#: Controllers by the name of their language.
 LANGUAGES: dict[str, Callable[[Axes, str], TextController]] = {"atl": Atl, "acl": Acl, "mn": Mn}
-"""Controllers by the name of their language."""
 
 
 def _lines(data: bytes) -> tuple[list[str], bytes]:

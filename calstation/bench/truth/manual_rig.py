@@ -20,7 +20,7 @@ Pose = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class HandRig:
+class ManualRig:
     """The rig and the hands; angles in rad, s, m.
 
     Attributes
@@ -67,7 +67,7 @@ def around(step: float = np.deg2rad(45.0)) -> list[Pose]:
 
 
 def record(
-    imu: ImuTruth, rig: HandRig, poses: list[Pose], seed: int | np.random.SeedSequence
+    imu: ImuTruth, rig: ManualRig, poses: list[Pose], seed: int | np.random.SeedSequence
 ) -> tuple[Simulated, FreeMotion]:
     """A recording of the unit carried through `poses` (outer, inner) from (0, 0), and the true motion.
 
@@ -91,7 +91,7 @@ def record(
     return recorded, motion
 
 
-def push(rig: HandRig, poses: list[Pose], random: np.random.Generator) -> tuple[FreeMotion, float]:
+def push(rig: ManualRig, poses: list[Pose], random: np.random.Generator) -> tuple[FreeMotion, float]:
     """The motion through `poses` and how long it takes, s."""
     hands, time = Hands(rig, random), rig.initial_rest
     for pose in poses:
@@ -99,7 +99,7 @@ def push(rig: HandRig, poses: list[Pose], random: np.random.Generator) -> tuple[
     return hands.motion(foot(rig, random)), time
 
 
-def foot(rig: HandRig, random: np.random.Generator) -> FloatArray:
+def foot(rig: ManualRig, random: np.random.Generator) -> FloatArray:
     """How the rig stands, tilted about any direction, shape (3, 3)."""
     direction = random.standard_normal(3)
     return rotation(rig.tilt * direction / np.linalg.norm(direction))
@@ -113,7 +113,7 @@ class Hands:
     at : where the rails stand, or will at the end of the last push, rad
     """
 
-    def __init__(self, rig: HandRig, random: np.random.Generator) -> None:
+    def __init__(self, rig: ManualRig, random: np.random.Generator) -> None:
         self._rig, self._random = rig, random
         self.at = np.zeros(2)
         self._leaning = 0.0

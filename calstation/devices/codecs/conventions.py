@@ -22,11 +22,11 @@ from calstation.physics.parameters import AXES, NAMES
 from calstation.schema import StrictModel
 
 SENSORS = ("gyro", "accel")
+#: Places of a matrix, row by row.
 PAIRS = tuple(a + b for a in AXES for b in AXES)
-"""Places of a matrix, row by row."""
 
+#: Above the diagonal of an accelerometer's matrix, what is smaller than this is rounding.
 _TRIANGULAR = 1e-6
-"""Above the diagonal of an accelerometer's matrix, what is smaller than this is rounding."""
 
 
 class Convention(StrictModel):
@@ -61,10 +61,10 @@ def offset_slots(sensor: str) -> tuple[str, ...]:
     return tuple(f"{sensor}_offset_{axis}" for axis in AXES)
 
 
+#: Names that registers may have besides the parameters themselves.
 SLOTS: tuple[str, ...] = tuple(
     name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor))
 )
-"""Names that registers may have besides the parameters themselves."""
 
 
 def parameter_of(slot: str) -> str | None:

@@ -38,11 +38,11 @@ _SUMS: dict[str, tuple[int, CheckFunction]] = {
 }
 _CHECKS = {**_CRCS, **_SUMS}
 
+#: Bytes that each kind of CRC takes.
 CRC_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CRCS.items()}
-"""Bytes that each kind of CRC takes."""
 
+#: Bytes that each kind of check takes, sums and parities included.
 CHECK_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CHECKS.items()}
-"""Bytes that each kind of check takes, sums and parities included."""
 
 
 def check_bytes(kind: str, data: bytes, byte_order: Literal["little", "big"]) -> bytes:

@@ -12,8 +12,8 @@ from pydantic import AfterValidator
 from calstation.physics.arrays import FloatArray, IntArray
 
 ByteOrder = Literal["little", "big"]
+#: Order of the 16-bit words of a number; `fraction_first`: of a Q format, the fraction before the whole part.
 WordOrder = Literal["little", "big", "fraction_first"]
-"""Order of the 16-bit words of a number; `fraction_first`: of a Q format, the fraction before the whole part."""
 
 _INTEGER = re.compile(r"([ui])(8|16|24|32|40|48|56|64)")
 _FLOAT = re.compile(r"f(32|64)")
@@ -171,8 +171,8 @@ def _known(name: str) -> str:
     return name
 
 
+#: A type's name in a profile.
 NumberName = Annotated[str, AfterValidator(_known)]
-"""A type's name in a profile."""
 
 
 def check_code(code: str) -> None:

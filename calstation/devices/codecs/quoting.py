@@ -1,7 +1,7 @@
 """Bytes of a device as a person can read them: short, what is no letter written as its number."""
 
+#: Characters shown, where nothing else is asked for.
 LENGTH = 40
-"""Characters shown, where nothing else is asked for."""
 
 
 def quoted(data: bytes, length: int = LENGTH) -> str:

@@ -13,6 +13,7 @@ from calstation.devices.profiles.imu import OPS, ImuProfile
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 
+#: Usual codes of the errors in replies.
 ERRORS = {
     "1": "unknown command",
     "2": "no such register",
@@ -20,8 +21,8 @@ ERRORS = {
     "4": "it cannot do it in its present state",
     "5": "the value is refused",
 }
-"""Usual codes of the errors in replies."""
 
+#: What to do about them.
 MENDS = {
     "1": "compare [commands] of the IMU profile with the unit's manual",
     "2": "check the addresses of the registers in the IMU profile",
@@ -29,7 +30,6 @@ MENDS = {
     "4": "switch the unit off and on, then start again",
     "5": "check type, scale and range of the registers in the IMU profile",
 }
-"""What to do about them."""
 _ATTEMPTS = 3
 _VALUES_PER_TRANSFER = 32
 _PAYLOAD = 255

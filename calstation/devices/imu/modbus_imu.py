@@ -18,9 +18,10 @@ from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
+#: Registers in one transfer.
 _MOST = 120
-"""Registers in one transfer."""
 
+#: What to do about Modbus exceptions of a unit, by their codes.
 MENDS = {
     1: "compare [modbus] of the IMU profile with the unit's manual",
     **dict.fromkeys(
@@ -32,7 +33,6 @@ MENDS = {
     8: "switch the unit off and on, replace it where that does not help",
     **dict.fromkeys((10, 11), "check the gateway and modbus.unit of the IMU profile"),
 }
-"""What to do about Modbus exceptions of a unit, by their codes."""
 
 
 class ModbusImu(RegisteredImu):
@@ -123,7 +123,7 @@ class ModbusImu(RegisteredImu):
         try:
             self._write(command.address, [command.value], attempts=1, timeout=timeout)
         except ModbusBusyError as exc:
-            if exc.code != ACKNOWLEDGED:
+            if exc.exception != ACKNOWLEDGED:
                 raise
         else:
             if command.done is None:
@@ -185,11 +185,11 @@ class ModbusImu(RegisteredImu):
 
 
 class ModbusBusyError(ImuBusyError):
-    """Modbus exception 5 or 6; `code` is its number."""
+    """Modbus exception 5 or 6; `exception` is its number."""
 
     def __init__(self, text: str, reason: str, code: int) -> None:
         super().__init__(text, reason)
-        self.code = code
+        self.exception = code
 
 
 def _question(request: RtuRequest) -> Question[bytes]:

@@ -238,8 +238,8 @@ class Layout:
         return found
 
 
+#: Layouts remembered: noise that passes a check must not fill the memory.
 _LAYOUTS_KEPT = 256
-"""Layouts remembered: noise that passes a check must not fill the memory."""
 
 
 def _places(frame: FrameSection) -> list[tuple[FrameField, int]]:

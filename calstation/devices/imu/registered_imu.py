@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from calstation.devices.imu.frames import ReplyKind
 from calstation.devices.imu.registers import RegisterMap, alike
-from calstation.devices.imu.restart_marker import Mark, markable, marked
+from calstation.devices.imu.restart_marker import RestartMarker, markable, marked
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links.serial_link import SerialLink
@@ -18,8 +18,8 @@ from calstation.errors import DeviceFaultError
 
 T = TypeVar("T")
 
+#: Host time between two looks whether a unit has done what it was told, s.
 POLL = 0.02
-"""Host time between two looks whether a unit has done what it was told, s."""
 
 
 class RegisteredImu(StreamedImu):
@@ -57,11 +57,11 @@ class RegisteredImu(StreamedImu):
         own = section.frame if section is not None and corrected else None
         self._expect(own or self._profile.frame)
 
-    def wake(self, hear: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
+    def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
         """Find a unit that may have restarted by itself, see `interfaces.Imu`."""
         deadline = time.monotonic() + self._reset_timeout
         while True:
-            hear()
+            check_cancelled()
             self._forget_noise()
             try:
                 self._ask_identity(attempts=1)
@@ -140,7 +140,7 @@ class RegisteredImu(StreamedImu):
             )
         self._burns_until = 0.0
 
-    def _mark(self) -> Mark | None:
+    def _mark(self) -> RestartMarker | None:
         """Mark the unit's memory; waits until its flash takes no time any more. None where it has no registers."""
         entry = markable(self._registers.entries)
         if entry is None:
@@ -154,7 +154,7 @@ class RegisteredImu(StreamedImu):
             raise DeviceFaultError(
                 f"IMU: {entry} takes no value, so a restart could not be told; look at the unit's write protection"
             )
-        return Mark(entry, tuple(before), tuple(shown))
+        return RestartMarker(entry, tuple(before), tuple(shown))
 
     def _patiently(self, work: Callable[[], T]) -> T:
         """Do what a busy unit refuses, again and again for as long as its flash may take."""
@@ -167,7 +167,7 @@ class RegisteredImu(StreamedImu):
                     raise
             time.sleep(POLL)
 
-    def _restarted(self, mark: Mark | None, *, last: bool) -> bool:
+    def _restarted(self, mark: RestartMarker | None, *, last: bool) -> bool:
         """Whether it answers and the mark is gone. Raises DeviceFaultError where not and it is the `last` look."""
         try:
             self._ask_identity(attempts=1)

@@ -19,11 +19,11 @@ from calstation.devices.codecs.numbers import number
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 
+#: Passes after which a value that is stored and read again has come to rest.
 _ROUNDINGS = 8
-"""Passes after which a value that is stored and read again has come to rest."""
 
+#: Of types finer than the conversion to and from a matrix, the difference that is only rounding.
 _LEAST = {"f64": 1e-12}
-"""Of types finer than the conversion to and from a matrix, the difference that is only rounding."""
 
 
 @dataclass(frozen=True)

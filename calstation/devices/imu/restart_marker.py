@@ -11,14 +11,14 @@ from calstation.devices.codecs.conventions import SENSORS, matrix_slots
 from calstation.devices.codecs.numbers import number
 from calstation.devices.profiles.registers import RegisterEntry
 
+#: Of a register's range: numbers that nobody writes, of which one always differs from what is there.
 _PLACES = (0.381966, 0.618034)
-"""Of a register's range: numbers that nobody writes, of which one always differs from what is there."""
 
 _MATRIX = frozenset(slot for sensor in SENSORS for slot in matrix_slots(sensor))
 
 
 @dataclass(frozen=True)
-class Mark:
+class RestartMarker:
     """An entry that was written without a commit, what it held before and what it shows as long as nothing restarts."""
 
     entry: RegisterEntry

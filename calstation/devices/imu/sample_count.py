@@ -6,11 +6,11 @@ from calstation.devices.profiles.frame import FrameSection
 from calstation.estimation.common.sequence import unwrap_counter
 from calstation.physics.arrays import IntArray
 
+#: Frames that may overtake another; a counter that falls by more was reset.
 _OVERTAKEN = 3
-"""Frames that may overtake another; a counter that falls by more was reset."""
 
+#: Samples in a step of a clock; more is nonsense, and must not run over.
 _FARTHEST = 2.0**40
-"""Samples in a step of a clock; more is nonsense, and must not run over."""
 
 
 def wrap(frame: FrameSection) -> float:

@@ -25,7 +25,7 @@ class SilentImu(StreamedImu):
     def start(self, *, corrected: bool = False) -> None:
         """It streams by itself, and in one way."""
 
-    def wake(self, hear: Callable[[], None], *, corrected: bool = False) -> None:
+    def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
         """It cannot be asked; one that restarted streams again by itself."""
         self._forget_noise()
 

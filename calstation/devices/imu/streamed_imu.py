@@ -21,11 +21,11 @@ from calstation.devices.profiles.imu import CommandSection, ImuProfile
 from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray, IntArray
 
+#: Host time the reader waits for bytes before it looks for commands to send, s.
 _WAIT = 0.02
-"""Host time the reader waits for bytes before it looks for commands to send, s."""
+#: Frames' worth of bytes without one sound frame that count as a wrong setting of the link: of a link that has had no
+#: sound frame yet, and of one that works, by the stream's rate, for which noise of a moment is none.
 _NOISE_FRAMES, _NOISE_SECONDS = 40, 2.0
-"""Frames' worth of bytes without one sound frame that count as a wrong setting of the link: of a link that has had no
-sound frame yet, and of one that works, by the stream's rate, for which noise of a moment is none."""
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -144,7 +144,7 @@ class StreamedImu(ABC):
         """Begin to stream, see `interfaces.Imu`."""
 
     @abstractmethod
-    def wake(self, hear: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
+    def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
         """Find a unit that may have restarted by itself, see `interfaces.Imu`."""
 
     @abstractmethod

@@ -8,8 +8,8 @@ from calstation.devices.codecs.numbers import number
 from calstation.devices.imu.packets import Columns
 from calstation.devices.profiles.frame import FrameField, FrameSection
 
+#: Whole numbers below are exact as floats.
 _EXACT = 2.0**53
-"""Whole numbers below are exact as floats."""
 
 
 class TextFrame:

@@ -75,8 +75,8 @@ class Entry(Protocol):
         """Put down how it ended."""
 
 
+#: Puts an intention down: old and new registers by parameter, SI; on disk when it returns.
 Begin = Callable[[Mapping[str, float], Mapping[str, float]], Entry]
-"""Puts an intention down: old and new registers by parameter, SI; on disk when it returns."""
 
 
 @dataclass(frozen=True)

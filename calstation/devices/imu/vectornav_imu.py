@@ -16,10 +16,11 @@ from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
+#: Bytes of a reply.
 _LONGEST = 512
-"""Bytes of a reply."""
+#: Registers that tell who answers.
 _MODEL, _SERIAL, _FIRMWARE = 1, 3, 4
-"""Registers that tell who answers."""
+#: VN-100 User Manual UM001, section 3.8.
 ERRORS = {
     0x01: "hard fault, the unit restarts",
     0x02: "serial buffer overflow",
@@ -35,8 +36,8 @@ ERRORS = {
     0x0C: "insufficient baud rate",
     0xFF: "error buffer overflow",
 }
-"""VN-100 User Manual UM001, section 3.8."""
 
+#: What to do about them.
 MENDS = {
     **dict.fromkeys(
         (0x01, 0x0A), "look at its supply, switch it off and on; replace it where that does not help"
@@ -48,7 +49,6 @@ MENDS = {
     ),
     0x09: "look at the unit's write protection",
 }
-"""What to do about them."""
 
 
 class LineReply:

@@ -9,6 +9,7 @@ from calstation.devices.links.modbus_tcp import TcpConnection
 from calstation.devices.links.serial_link import PortLostError, SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
 
+#: What Modbus exceptions mean, by their codes.
 MEANINGS = {
     1: "the function is not supported",
     2: "no such register",
@@ -20,36 +21,35 @@ MEANINGS = {
     10: "gateway path unavailable",
     11: "no answer behind the gateway",
 }
-"""What Modbus exceptions mean, by their codes."""
 
+#: The exception of a device that does what it was told, but takes its time.
 ACKNOWLEDGED = 5
-"""The exception of a device that does what it was told, but takes its time."""
 
+#: Exceptions of a device that is only late.
 NOT_YET = (ACKNOWLEDGED, 6)
-"""Exceptions of a device that is only late."""
 
+#: What to do about Modbus exceptions of a table, by their codes.
 MENDS = {
     **dict.fromkeys((1, 2, 3), "check the table profile's registers"),
     **dict.fromkeys(NOT_YET, "wait until it is done, then start again"),
     **dict.fromkeys((10, 11), "check the gateway and the unit number"),
 }
-"""What to do about Modbus exceptions of a table, by their codes."""
 
+#: Host time until a device that is busy is asked again, s.
 _AGAIN_AFTER = 0.05
-"""Host time until a device that is busy is asked again, s."""
 
 _ATTEMPTS = 3
 T = TypeVar("T")
 
 
 class ModbusRefusalError(DeviceFaultError):
-    """The device answers with a Modbus exception; `code` is its number, `unit` who was asked."""
+    """The device answers with a Modbus exception; `exception` is its number, `unit` who was asked."""
 
     def __init__(self, what: str, code: int, unit: int) -> None:
         meaning = MEANINGS.get(code, f"exception {code}")
         mend = MENDS.get(code, "look at the drive's display")
         super().__init__(f"table: {what}: {meaning} (Modbus exception {code}); {mend}")
-        self.code = code
+        self.exception = code
         self.unit = unit
 
 

@@ -19,18 +19,18 @@ from calstation.devices.links.unanswered import QUIET, Unanswered
 
 READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 
+#: Bytes of the largest frame that an answer may be.
 LARGEST = 260
-"""Bytes of the largest frame that an answer may be."""
 
+#: Bytes of late answers that are looked into.
 _KEPT = 16 * LARGEST
-"""Bytes of late answers that are looked into."""
 
+#: Characters of silence that part two frames.
 _FRAME_GAP = 3.5
-"""Characters of silence that part two frames."""
 
 
+#: Unit, function, and how an answer's data begin.
 Look = tuple[int, int, bytes]
-"""Unit, function, and how an answer's data begin."""
 
 
 class UnansweredError(Exception):

@@ -12,6 +12,8 @@ from calstation.devices.links.serial_link import LINK_ERRORS, SerialSettings
 from calstation.devices.links.serial_ports import resolve
 from calstation.errors import DeviceFaultError
 
+#: No such USB adapter or port, not allowed to this user, in use, settings that the port refuses; host:port misspelt, a
+#: name that nobody knows, nothing served at the port, no way there.
 Reason = Literal[
     "no_adapter",
     "no_port",
@@ -24,19 +26,17 @@ Reason = Literal[
     "unreachable",
     "other",
 ]
-"""No such USB adapter or port, not allowed to this user, in use, settings that the port refuses; host:port misspelt, a
-name that nobody knows, nothing served at the port, no way there."""
 
+#: How addresses begin.
 SOCKETS = ("tcp://", "socket://")
-"""How addresses begin."""
 
+#: Why a connection does not come about, and the mend.
 _WHY = {
     "unknown_host": "nobody knows this host; correct its name in the station file, or give its IP address",
     "refused": "the host is there but serves nothing at this port; correct the port number in the station file, see"
     " that the device's server is on",
     "unreachable": "no answer within {:g} s; check power, network cable and the IP address in the station file",
 }
-"""Why a connection does not come about, and the mend."""
 
 _PERMISSION = {errno.EACCES, errno.EPERM}
 _BUSY = {errno.EBUSY, errno.EAGAIN}

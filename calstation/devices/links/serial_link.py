@@ -16,8 +16,8 @@ try:
 except ImportError:  # no termios on Windows
     termios_error = OSError  # type: ignore[assignment, misc]
 
+#: What pyserial raises: a closed pty gives plain OSError, a refused parity termios.error.
 LINK_ERRORS = (serial.SerialException, OSError, termios_error)
-"""What pyserial raises: a closed pty gives plain OSError, a refused parity termios.error."""
 
 _READ_SIZE = 65536
 

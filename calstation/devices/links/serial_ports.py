@@ -9,9 +9,9 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from calstation.errors import DeviceFaultError
 
+#: Begins a port that is named by its adapter: `usb:SERIALNUMBER`, `usb:SERIALNUMBER/2` for its second port; of several
+#: adapters with the same number `usb:SERIALNUMBER@1-4`, by the place on the bus where it is plugged in.
 USB = "usb:"
-"""Begins a port that is named by its adapter: `usb:SERIALNUMBER`, `usb:SERIALNUMBER/2` for its second port; of several
-adapters with the same number `usb:SERIALNUMBER@1-4`, by the place on the bus where it is plugged in."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from calstation.devices.profiles.text import CheckedLines, TextSection
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
+#: Bytes of a reply; more without its end is noise.
 _LONGEST = 4096
-"""Bytes of a reply; more without its end is noise."""
 
 
 class TextRefusalError(DeviceFaultError):

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Hashable, Iterator
 
+#: Host time without a byte after which nothing is being sent any more, s.
 QUIET = 0.05
-"""Host time without a byte after which nothing is being sent any more, s."""
 
+#: Unanswered requests that are kept in mind; a device that leaves more is not answering late, it is silent.
 _MOST = 100
-"""Unanswered requests that are kept in mind; a device that leaves more is not answering late, it is silent."""
 
 
 class Unanswered:

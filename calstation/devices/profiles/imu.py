@@ -25,11 +25,12 @@ from calstation.devices.profiles.registers import RegisterEntry, check_registers
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, load, suggestion
 
+#: Status words, taken together as one of 48 bits, `status` the lowest 16.
 STATUS_WORDS = ("status", "status2", "status3")
-"""Status words, taken together as one of 48 bits, `status` the lowest 16."""
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 
 
+#: Ops of the framed link, and their usual numbers; those of words belong to systems with axes of their own.
 OPS = {
     "identify": 1,
     "read": 2,
@@ -41,11 +42,10 @@ OPS = {
     "write_words": 8,
     "error": 255,
 }
-"""Ops of the framed link, and their usual numbers; those of words belong to systems with axes of their own."""
 
 
+#: The usual code of the framed link's error that its flash is being burnt.
 FLASH_BUSY = 3
-"""The usual code of the framed link's error that its flash is being burnt."""
 
 
 class StreamSection(StrictModel):
@@ -213,8 +213,8 @@ class VectorNavSection(StrictModel):
         return start
 
 
+#: The section that each protocol needs.
 _SECTIONS = {"framed": "commands", "modbus": "modbus", "vectornav": "vectornav"}
-"""The section that each protocol needs."""
 
 
 class PriorSigma(StrictModel):

@@ -15,12 +15,13 @@ from calstation.schema import EntryError, entry
 if TYPE_CHECKING:
     from calstation.devices.profiles.imu import ModbusUnitSection, StatusSection
 
+#: Ticks of a VectorNav's clock in a second.
 _NANOSECONDS = 1e9
-"""Ticks of a VectorNav's clock in a second."""
 
+#: Shortest time in which a counter may wrap, s: what is lost in a whole wrap is missed by the station's clock, by
+#: which
+#: samples come a few hundredths of a second sooner or later.
 SHORTEST_WRAP = 0.1
-"""Shortest time in which a counter may wrap, s: what is lost in a whole wrap is missed by the station's clock, by which
-samples come a few hundredths of a second sooner or later."""
 
 _LARGEST_ADDRESS = 0xFFFF
 

@@ -19,11 +19,11 @@ from calstation.devices.codecs.numbers import ByteOrder, NumberName, WordOrder, 
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, suggestion
 
+#: A unit's parameter may lie this many sigmas of its prior from zero.
 _LEGAL = 3.0
-"""A unit's parameter may lie this many sigmas of its prior from zero."""
 
+#: A value may read back otherwise by no more than this share of its range.
 _COARSEST = 0.01
-"""A value may read back otherwise by no more than this share of its range."""
 
 _LARGEST_ADDRESS = 0xFFFF
 

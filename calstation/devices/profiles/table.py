@@ -14,8 +14,8 @@ from calstation.errors import ConfigurationError
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load
 
+#: An angle in a line may be rounded by this many sigmas of the encoder.
 _COARSEST = 3.0
-"""An angle in a line may be rounded by this many sigmas of the encoder."""
 
 
 class ImuLinkSection(StrictModel):

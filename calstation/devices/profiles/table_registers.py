@@ -15,8 +15,8 @@ from calstation.devices.codecs.numbers import Number, check_code, number
 from calstation.schema import StrictModel, entry, suggestion
 
 JOINTS = ("outer", "inner")
+#: Of the table, or of each axis's own drive.
 DRIVE_REGISTERS = ("model", "controlword", "statusword", "fault")
-"""Of the table, or of each axis's own drive."""
 OPTIONAL_DRIVE_REGISTERS = (
     "serial",
     "interlock",
@@ -27,24 +27,24 @@ OPTIONAL_DRIVE_REGISTERS = (
     "status2",
 )
 JOINT_REGISTERS = ("position", "rate", "target", "target_rate", "acceleration")
+#: Travel as the table has it set; the rate of endless turns, where it is not `target_rate`.
 OPTIONAL_JOINT_REGISTERS = ("low", "high", "turn_rate")
-"""Travel as the table has it set; the rate of endless turns, where it is not `target_rate`."""
 TEXTS = ("model", "serial")
+#: Registers that are taken as they stand: whole numbers without a scale.
 WORDS = ("controlword", "statusword", "fault", "interlock", "heartbeat", "command", "mode", "status2")
-"""Registers that are taken as they stand: whole numbers without a scale."""
 STATUS_BITS = ("enabled", "fault", "settled", "homed")
+#: Bits that a profile may name besides: 0 while a quick stop is in force, 0 under local control, 1 at a limit.
 HINDRANCE_BITS = ("quick_stop", "remote", "limit")
-"""Bits that a profile may name besides: 0 while a quick stop is in force, 0 under local control, 1 at a limit."""
 OPTIONAL_BITS = ("moving", "interlock", *HINDRANCE_BITS)
 COMMANDS = ("move", "stop", "home")
+#: The command that a profile may name besides: turn endlessly at the target rates.
 RATE_COMMAND = "rate"
-"""The command that a profile may name besides: turn endlessly at the target rates."""
+#: Registers that a command may write.
 WRITTEN = ("command", "controlword", "mode", "turn_rate", "target_rate")
-"""Registers that a command may write."""
 
 _LAST_ADDRESS = 0xFFFF
+#: An angle's step may be this many sigmas of the encoder: coarser, and no encoder could be so good.
 _COARSEST = 3.0
-"""An angle's step may be this many sigmas of the encoder: coarser, and no encoder could be so good."""
 
 
 def _table_type(name: str) -> str:
@@ -137,11 +137,11 @@ def _as_writes(told: Any) -> Any:
     return told
 
 
+#: The number of a bit in the statusword, or where else the flag stands.
 Bit = Annotated[StatusBit, BeforeValidator(_as_bit)]
-"""The number of a bit in the statusword, or where else the flag stands."""
 
+#: What a command writes, in order: the number for `command`, or values of several registers.
 Writes = Annotated[list[dict[str, int]], BeforeValidator(_as_writes), Field(min_length=1)]
-"""What a command writes, in order: the number for `command`, or values of several registers."""
 
 
 @dataclass(frozen=True)

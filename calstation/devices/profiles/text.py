@@ -11,10 +11,10 @@ from pydantic import Field, field_validator, model_validator
 from calstation.devices.links.serial_link import SerialSettings
 from calstation.schema import EntryError, StrictModel, entry, suggestion
 
+#: What a command's line may name in braces, in degrees, °/s and °/s²; also `outer_angle`, `inner_rate` and so on.
 COMMAND_VALUES = ("axis", "angle", "rate", "acceleration")
-"""What a command's line may name in braces, in degrees, °/s and °/s²; also `outer_angle`, `inner_rate` and so on."""
+#: Values that each command has to tell; the first it must.
 _VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration")}
-"""Values that each command has to tell; the first it must."""
 _MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
 _NEVER_ALWAYS = ("fault", "moving", "settled")
 _FLAGS = ("enabled", "homed", "moving", "settled", "fault", "interlock", "remote")

@@ -13,7 +13,7 @@ from calstation.devices.profiles.table import TableProfile
 from calstation.errors import ConfigurationError
 
 
-class HandTable:
+class ManualTable:
     """The rig of a profile with `protocol = "hand"`; meets `interfaces.Table`."""
 
     def __init__(self, profile: TableProfile) -> None:

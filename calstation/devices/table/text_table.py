@@ -18,8 +18,8 @@ from calstation.estimation.common.samples import snap_angles
 from calstation.physics.arrays import FloatArray
 from calstation.physics.table import JointLimits
 
+#: Groups of each query's answers: one for both axes together, or one for each.
 Answers = dict[str, list[dict[str, str]]]
-"""Groups of each query's answers: one for both axes together, or one for each."""
 
 
 class TextTable:

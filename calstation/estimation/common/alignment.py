@@ -17,12 +17,12 @@ from calstation.physics.parameters import group_indices
 from calstation.physics.rotation import axis_rotation, level_attitude, rotation_matrix
 from calstation.physics.table import UP, TableGeometry
 
+#: Standard deviation of an azimuth of which nothing is known, rad.
 FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)
-"""Standard deviation of an azimuth of which nothing is known, rad."""
+#: Prior worth of a level found from the accelerometers alone, rad: wide, the data decide.
 FREE_TILT_SIGMA = 0.2
-"""Prior worth of a level found from the accelerometers alone, rad: wide, the data decide."""
+#: Above this a gyrocompassed azimuth (rad) is no point to linearise about; several are tried.
 HOPELESS_AZIMUTH_SIGMA = 0.35
-"""Above this a gyrocompassed azimuth (rad) is no point to linearise about; several are tried."""
 LONGEST_REST = 20.0
 SHORTEST_REST = 1.0
 

@@ -17,15 +17,15 @@ from calstation.physics.earth import RATE
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import group_indices
 
+#: A latitude further off than this many standard deviations is another one: noise reaches it once in 10^9 times.
 SIGMAS = 6.0
-"""A latitude further off than this many standard deviations is another one: noise reaches it once in 10^9 times."""
+#: Besides: by so much may plumb line and ellipsoid differ, rad, and a latitude be rounded.
 DEFLECTION = np.deg2rad(0.02)
-"""Besides: by so much may plumb line and ellipsoid differ, rad, and a latitude be rounded."""
+#: Standard deviation of the rate about the vertical, in earth rates, with which it tells latitudes 5° apart.
 _WORTH = np.sin(np.deg2rad(5.0)) / SIGMAS
-"""Standard deviation of the rate about the vertical, in earth rates, with which it tells latitudes 5° apart."""
 _WINDOW = 1.0
+#: A rest is so many windows long, its first and last not counted: in these the table may still have moved.
 _SHORTEST = 3
-"""A rest is so many windows long, its first and last not counted: in these the table may still have moved."""
 _MOVING = 3.0 * RATE
 _NEAR_POLE = 0.02
 _COLUMNS = (*group_indices("gyro_scale"), *group_indices("gyro_misalign"))

@@ -7,10 +7,10 @@ import numpy as np
 from calstation.estimation.common.context import SolveContext
 from calstation.physics.arrays import FloatArray
 
+#: Correlation time (s) of the Gauss-Markov process that stands in for bias instability.
 WANDER_TIME = 200.0
-"""Correlation time (s) of the Gauss-Markov process that stands in for bias instability."""
+#: Its sigma in units of B: its Allan deviation at 100 s, half its correlation time, is then the floor 0.664 B.
 WANDER_PER_INSTABILITY = 1.375
-"""Its sigma in units of B: its Allan deviation at 100 s, half its correlation time, is then the floor 0.664 B."""
 
 
 @dataclass(frozen=True)

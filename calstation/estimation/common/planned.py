@@ -18,8 +18,8 @@ from calstation.physics.parameters import group_matrix, group_vector
 from calstation.physics.rotation import axis_rotation, rotation_matrix, skew
 from calstation.physics.table import TableGeometry
 
+#: Samples made at a time.
 LONGEST_BLOCK = 20_000
-"""Samples made at a time."""
 
 
 class PlannedSamples:

@@ -16,10 +16,10 @@ from calstation.physics.earth import normal_gravity, rotation_rate
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import group_indices
 
+#: A shorter rest, s, is a pause in a turn and no position.
 SHORTEST_REST = 1.0
-"""A shorter rest, s, is a pause in a turn and no position."""
+#: Left out at the begin of a rest, s: a table's last microradians are nothing to a solver and much to a mean rate.
 CREEP = 0.5
-"""Left out at the begin of a rest, s: a table's last microradians are nothing to a solver and much to a mean rate."""
 
 
 @dataclass(frozen=True)

@@ -84,8 +84,8 @@ def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
     return kept
 
 
+#: Grid of encoder angles, rad (2e-7″), so coarse that degrees written in a file read back the same.
 ANGLE_STEP = 2.0**-40
-"""Grid of encoder angles, rad (2e-7″), so coarse that degrees written in a file read back the same."""
 
 
 def snap_angles(angles: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from calstation.estimation.common.samples import SampleBlock
 
+#: Columns of every block; those that some have besides come after them.
 _ROW = [
     ("seq", np.int64),
     ("time", np.float64),
@@ -21,9 +22,8 @@ _ROW = [
     ("valid", np.bool_),
     ("temperature", np.float64),
 ]
-"""Columns of every block; those that some have besides come after them."""
+#: Rows read back at a time.
 _CHUNK = 65_536
-"""Rows read back at a time."""
 
 
 class Spool:

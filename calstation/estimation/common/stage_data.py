@@ -9,16 +9,16 @@ from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
+#: Width of the window in which rest is judged, s.
 REST_WINDOW = 0.5
-"""Width of the window in which rest is judged, s."""
 BIAS_SIGMAS = 3.0
+#: A unit rests where its rate, its bias taken off, is below so many sigmas of the bias and so many rad/s besides.
 SLOWEST = np.deg2rad(0.1)
-"""A unit rests where its rate, its bias taken off, is below so many sigmas of the bias and so many rad/s besides."""
+#: Cut from both ends of a rest found in the data, s: a table creeps before it settles.
 REST_MARGIN = 0.3
-"""Cut from both ends of a rest found in the data, s: a table creeps before it settles."""
 
+#: A larger change of mean specific force from one window to the next, m/s², is another position.
 FORCE_STEP = 0.5
-"""A larger change of mean specific force from one window to the next, m/s², is another position."""
 
 
 @dataclass(frozen=True)

@@ -16,18 +16,18 @@ from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.stage_data import REST_WINDOW, StageData, rests, runs, window_mean
 from calstation.physics.arrays import FloatArray
 
+#: Share of all windows whose noise is taken for the noise at rest.
 QUIETEST = 0.1
-"""Share of all windows whose noise is taken for the noise at rest."""
+#: A window up to this much noisier than those belongs to them.
 ALIKE = 1.5
-"""A window up to this much noisier than those belongs to them."""
+#: No window with more gyro noise than this, rad/s rms, is a rest: it is a motion.
 LOUDEST = np.deg2rad(1.0)
-"""No window with more gyro noise than this, rad/s rms, is a rest: it is a motion."""
+#: Stretch that must be quiet on both sides of a cut, s.
 CUT_WINDOW = 0.15
-"""Stretch that must be quiet on both sides of a cut, s."""
+#: Force that jumps across a cut, m/s²; turning by as much in that time is no rest.
 CUT_STEP = 2.0
-"""Force that jumps across a cut, m/s²; turning by as much in that time is no rest."""
+#: How far the rate at rest may lie from that of the quietest windows, rad/s.
 RESTING_RATE_SIGMA = np.deg2rad(0.2)
-"""How far the rate at rest may lie from that of the quietest windows, rad/s."""
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,15 @@ from calstation.estimation.common.stillness import find_stillness
 from calstation.estimation.gimbal.iteration import drift_matrix, others
 from calstation.physics.arrays import FloatArray
 
+#: Joints within this count as brought back to zero.
 AT_ZERO = np.deg2rad(2.0)
-"""Joints within this count as brought back to zero."""
+#: A joint that moved further was turned; one that moved less has drifted.
 TURNED = np.deg2rad(5.0)
-"""A joint that moved further was turned; one that moved less has drifted."""
 SHORTEST_REST = 1.0
+#: The joints' rates at a rest are taken from this much of it next to the motion, s.
 LONGEST_FIT = 3.0
-"""The joints' rates at a rest are taken from this much of it next to the motion, s."""
+#: And their angles from this much.
 SHORT_LOOK = 0.3
-"""And their angles from this much."""
 
 
 @dataclass(frozen=True)

@@ -45,15 +45,15 @@ from calstation.physics.strapdown import (
     propagate,
 )
 
+#: Start of δp, m: the table holds the unit; no observation depends on it.
 POSITION_SIGMA = 1e-3
-"""Start of δp, m: the table holds the unit; no observation depends on it."""
 
+#: Start of δv before the first observation, m/s.
 START_VELOCITY_SIGMA = 1.0
-"""Start of δv before the first observation, m/s."""
 
 
+#: Observations within this time, s, are handed to the filter together.
 GROUP_TIME = 0.5
-"""Observations within this time, s, are handed to the filter together."""
 
 
 @dataclass
@@ -92,8 +92,8 @@ class History:
         return np.asarray(np.sum(self.innovation**2, axis=1))
 
 
+#: No reference to follow.
 _FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
-"""No reference to follow."""
 
 
 class NavigationFilter:

@@ -35,10 +35,10 @@ STATE_NAMES = (
     *NAMES,
 )
 LARGEST_TURN = np.deg2rad(5.0)
+#: Powers of F kept: φ → δv → δp and the biases before them need four; each further one brings earth rate times T.
 POWERS = 6
-"""Powers of F kept: φ → δv → δp and the biases before them need four; each further one brings earth rate times T."""
+#: A state is observable once its sigma is below this part of its prior's.
 OBSERVABLE = 0.9
-"""A state is observable once its sigma is below this part of its prior's."""
 
 
 def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:

@@ -18,8 +18,8 @@ from calstation.physics.imu_model import Compensation
 from calstation.physics.rotation import rotation_matrix
 from calstation.physics.strapdown import IntervalWork, interval_work, propagate
 
+#: The reference keeps the heading it is given, rad: the parameters held may be too poor to gyrocompass with.
 HEADING_SIGMA = 1e-4
-"""The reference keeps the heading it is given, rad: the parameters held may be too poor to gyrocompass with."""
 
 
 class Reference(NamedTuple):

@@ -26,11 +26,11 @@ from calstation.physics.strapdown import body_rotation
 
 MOST_PASSES = 20
 USUAL_PASSES = 2
+#: A pass is the last when it, or the next by the rate at which steps shrink, moves nothing by this many sigmas.
 SETTLED = 0.01
-"""A pass is the last when it, or the next by the rate at which steps shrink, moves nothing by this many sigmas."""
 AZIMUTHS_TRIED = 12
+#: An azimuth found from the data is first settled within this of where it seems to be, rad, then let free.
 NARROW_AZIMUTH_SIGMA = 0.3
-"""An azimuth found from the data is first settled within this of where it seems to be, rad, then let free."""
 
 
 @dataclass(frozen=True)

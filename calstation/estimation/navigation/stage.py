@@ -17,8 +17,8 @@ from calstation.estimation.navigation.relinearise import nis_consistency, restri
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 
+#: The live filter waits for this much data after a start, s, to align on.
 LIVE_ALIGNMENT = 5.0
-"""The live filter waits for this much data after a start, s, to align on."""
 
 
 class LiveFilter:

@@ -29,10 +29,10 @@ from calstation.physics.strapdown import (
 )
 
 NAVIGATION = PARAMETER_START
+#: The biases' places in the state; where they are unstable, as many further states follow how far they wander.
 BIAS = np.array([NAVIGATION + i for i in (*group_indices("gyro_bias"), *group_indices("accel_bias"))])
-"""The biases' places in the state; where they are unstable, as many further states follow how far they wander."""
+#: Navigation states an observation depends on: φ and δv, which δp never reaches.
 OBSERVED = 6
-"""Navigation states an observation depends on: φ and δv, which δp never reaches."""
 
 
 class Setting(NamedTuple):

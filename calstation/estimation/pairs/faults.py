@@ -9,16 +9,16 @@ from calstation.estimation.positions.recording_faults import frozen_columns
 from calstation.physics.arrays import FloatArray
 from calstation.physics.rotation import rotation_vector
 
+#: Less paired time than this, s, is no recording.
 LEAST_PAIRS = 5.0
-"""Less paired time than this, s, is no recording."""
+#: Rms rate about the axis turned least below which a matrix is not determined, rad/s.
 LEAST_RATE = np.deg2rad(3.0)
-"""Rms rate about the axis turned least below which a matrix is not determined, rad/s."""
+#: Rms change of specific force along the axis on which it changes least, m/s².
 LEAST_FORCE = 0.5
-"""Rms change of specific force along the axis on which it changes least, m/s²."""
+#: A matrix that lengthens or shortens by more than this has other units, not another scale factor.
 UNIT = 1.5
-"""A matrix that lengthens or shortens by more than this has other units, not another scale factor."""
+#: Gyro and accelerometer of one unit lie the same way to within this, rad.
 TOGETHER = np.deg2rad(10.0)
-"""Gyro and accelerometer of one unit lie the same way to within this, rad."""
 
 
 def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:

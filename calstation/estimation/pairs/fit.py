@@ -29,12 +29,12 @@ from calstation.physics.imu_model import Compensation
 from calstation.physics.parameters import PAIR_PARAMETERS
 
 Model = Literal["bias", "scale", "full"]
+#: Length of a block of the jackknife, s: residuals further apart than that are strangers.
 BLOCK = 0.5
-"""Length of a block of the jackknife, s: residuals further apart than that are strangers."""
+#: Clock offsets are sought within this, s.
 LARGEST_OFFSET = 1.0
-"""Clock offsets are sought within this, s."""
+#: Residuals beyond this many times the common size count less, in proportion.
 FAR = 4.0
-"""Residuals beyond this many times the common size count less, in proportion."""
 MOST_ITERATIONS = 20
 SETTLED = 1e-3
 GYRO_BIAS, GYRO_MATRIX = slice(0, 3), slice(3, 12)

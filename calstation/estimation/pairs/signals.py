@@ -9,12 +9,12 @@ from calstation.estimation.pairs.data import PairData
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.imu_model import Compensation
 
+#: Samples on each side that a reading between samples uses.
 READING = 10
-"""Samples on each side that a reading between samples uses."""
+#: And those that the low pass uses.
 HALF_WIDTH = 16
-"""And those that the low pass uses."""
+#: Cut-off of the low pass, in units of the sample rate: motion is below, most noise above.
 PASS_BAND = 0.2
-"""Cut-off of the low pass, in units of the sample rate: motion is below, most noise above."""
 
 
 @cache

@@ -20,10 +20,10 @@ from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.pairs.calibration import Calibrated, PairCalibration
 from calstation.estimation.pairs.static import StaticCheck
 
+#: Time between looks at the data while something is waited for, s.
 LOOK_INTERVAL = 1.0
-"""Time between looks at the data while something is waited for, s."""
+#: So many rests' lengths of samples from before the motion are collected with it: the biases show there.
 RESTS_KEPT = 10.0
-"""So many rests' lengths of samples from before the motion are collected with it: the biases show there."""
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from calstation.physics.rotation import level_attitude, rotation_matrix
 MOST_ITERATIONS = 30
 MOST_REWEIGHTINGS = 12
 SETTLED = 1e-3
+#: A Gauss-Newton step turns no attitude further than this, rad.
 LARGEST_STEP = 0.3
-"""A Gauss-Newton step turns no attitude further than this, rad."""
 
 
 @dataclass(frozen=True)

@@ -18,24 +18,24 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.rotation import rotation_matrix, rotation_vector
 
 WINDOW = 0.25
+#: A window so many times as noisy as the quietest moves.
 LOUD = 3.0
-"""A window so many times as noisy as the quietest moves."""
+#: And every window with more gyro noise than this, rad/s rms.
 LOUDEST = np.deg2rad(1.0)
-"""And every window with more gyro noise than this, rad/s rms."""
+#: A mean rate further from that at rest moves, rad/s.
 RATE = np.deg2rad(0.3)
-"""A mean rate further from that at rest moves, rad/s."""
+#: Windows before anything is said to rest.
 LEARNING = 8
-"""Windows before anything is said to rest."""
+#: Windows, 20 minutes of them, that tell noise and rate at rest: a night at one position must not slow a run.
 REMEMBERED = 4800
-"""Windows, 20 minutes of them, that tell noise and rate at rest: a night at one position must not slow a run."""
 
+#: A unit that has turned by less since its last rest still lies at the same position, rad.
 SAME = np.deg2rad(10.0)
-"""A unit that has turned by less since its last rest still lies at the same position, rad."""
+#: Positions suffice once the worst known combination of accelerometer errors shows so strongly in a mean one, where
+#: directions all over the sphere would reach 0.26.
 SPREAD = 0.1
-"""Positions suffice once the worst known combination of accelerometer errors shows so strongly in a mean one, where
-directions all over the sphere would reach 0.26."""
+#: And once the unit has turned so far about every axis, rad, root of the sum of squares over its motions.
 TURNED = 2.0
-"""And once the unit has turned so far about every axis, rad, root of the sum of squares over its motions."""
 
 State = Literal["waiting", "moving", "still", "enough", "repeat"]
 

@@ -15,10 +15,10 @@ from calstation.estimation.common.stage_data import StageData, slope_weights
 from calstation.estimation.common.stillness import Stillness
 from calstation.physics.arrays import FloatArray
 
+#: Left out of the rates at the begin of a rest, s: a rig's last microradians are nothing else but a rate.
 CREEP = 0.5
-"""Left out of the rates at the begin of a rest, s: a rig's last microradians are nothing else but a rate."""
+#: Residuals beyond this share of what the known noise explains show a scatter of their own.
 SIGNIFICANT = 0.9995
-"""Residuals beyond this share of what the known noise explains show a scatter of their own."""
 
 
 @dataclass(frozen=True)

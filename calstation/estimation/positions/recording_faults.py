@@ -21,33 +21,33 @@ from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import group_indices
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+#: A channel that repeats one value this long, s, and far longer than its noise makes likely, is frozen.
 FREEZE_TIME = 1.0
-"""A channel that repeats one value this long, s, and far longer than its noise makes likely, is frozen."""
+#: A recording in which fewer samples repeat the one before has noise in every channel, whatever the unit does.
 NOISY = 0.05
-"""A recording in which fewer samples repeat the one before has noise in every channel, whatever the unit does."""
+#: So many times the longest repetition that chance brings.
 UNLIKELY = 5.0
-"""So many times the longest repetition that chance brings."""
+#: Within this the length of a rest's force is a matter of bias and scale; beyond, of units.
 PLAUSIBLE_GRAVITY = (0.75, 1.33)
-"""Within this the length of a rest's force is a matter of bias and scale; beyond, of units."""
+#: Rests whose gravity differs less are one position.
 OTHER_POSITION = np.deg2rad(10.0)
-"""Rests whose gravity differs less are one position."""
+#: Factor that mends a slip of units, by its name.
 ACCEL_UNITS = {
     "g instead of m/s²": 9.80665,
     "mg instead of m/s²": 9.80665e-3,
     "m/s² instead of g": 1.0 / 9.80665,
     "mm/s² instead of m/s²": 1e-3,
 }
-"""Factor that mends a slip of units, by its name."""
 GYRO_UNITS = {
     "°/s instead of rad/s": np.pi / 180.0,
     "rad/s instead of °/s": 180.0 / np.pi,
     "mrad/s instead of rad/s": 1e-3,
     "m°/s instead of rad/s": np.pi / 180e3,
 }
+#: Factors tried where no slip of units explains the turns: neighbours are 3 % apart.
 FACTORS = np.exp(np.linspace(np.log(0.1), np.log(10.0), 154))
-"""Factors tried where no slip of units explains the turns: neighbours are 3 % apart."""
+#: Up to this share of motions may contradict gravity without a reason that holds for all; they are left out.
 STRAY = 0.1
-"""Up to this share of motions may contradict gravity without a reason that holds for all; they are left out."""
 
 
 @dataclass(frozen=True)

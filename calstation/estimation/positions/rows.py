@@ -28,8 +28,8 @@ from calstation.physics.imu_model import Compensation, compensation
 from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices, group_matrix, group_vector
 from calstation.physics.rotation import rotation_matrix, rotation_vector, skew
 
+#: Weight, 1/rad, with which a chain's first heading is held at what it is.
 FIXED = 1e3
-"""Weight, 1/rad, with which a chain's first heading is held at what it is."""
 _ACCEL = [p for p in PARAMETERS if p.group in ("accel_scale", "accel_misalign")]
 _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
 

@@ -8,12 +8,12 @@ from PySide6.QtGui import QColor
 
 from calstation.gui.widgets import theme
 
+#: A name, and where its band begins and ends.
 Band = tuple[str, float, float]
-"""A name, and where its band begins and ends."""
 
 
+#: Share of a plot's width that a character of a name takes, at least.
 _PER_CHARACTER = 0.008
-"""Share of a plot's width that a character of a name takes, at least."""
 
 
 class Bands:

@@ -8,6 +8,7 @@ from PySide6.QtCore import QCoreApplication
 from calstation.gui.text.fault_wording import word_fault
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
+#: What plans say that find no way within the table's limits, or that nobody can foretell.
 _PLANS = (
     QT_TRANSLATE_NOOP(
         "plans",
@@ -24,7 +25,6 @@ _PLANS = (
     ),
     QT_TRANSLATE_NOOP("plans", "motion by hand cannot be foretold; its sigmas come with the run"),
 )
-"""What plans say that find no way within the table's limits, or that nobody can foretell."""
 
 
 def one_line(text: str) -> str:

@@ -9,20 +9,20 @@ from calstation.gui.widgets.parameter_table import Column
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import display
-from calstation.results.preview import Forecast
+from calstation.results.preview import Preview
 
 
 def _say(text: str) -> str:
     return QCoreApplication.translate("forecast", text)
 
 
-def names(forecast: Forecast) -> tuple[str, ...]:
+def names(forecast: Preview) -> tuple[str, ...]:
     """Parameters that some stage estimates, in the table's order."""
     estimated = {name for stage in forecast.stages for name in stage.estimated}
     return tuple(name for name in NAMES if name in estimated)
 
 
-def columns(forecast: Forecast) -> list[Column]:
+def columns(forecast: Preview) -> list[Column]:
     """Unit, before, after each stage, limit, target, verdict."""
     made = [
         Column(
@@ -75,12 +75,12 @@ def shown(name: str, sigma: float) -> str:
     return f"{value:#.3g}".rstrip(".") if value >= 1e-4 else f"{value:.2g}"
 
 
-def _sigma_after(forecast: Forecast, number: int, name: str) -> str:
+def _sigma_after(forecast: Preview, number: int, name: str) -> str:
     sigma = forecast.stages[number].sigma
     return "—" if sigma is None else shown(name, float(sigma[INDEX[name]]))
 
 
-def _hint(forecast: Forecast, number: int, name: str) -> str:
+def _hint(forecast: Preview, number: int, name: str) -> str:
     stage = forecast.stages[number]
     if stage.sigma is None:
         return stage.error
@@ -97,18 +97,18 @@ def _bound(name: str, bound: float | None) -> str:
     return "" if bound is None else shown(name, bound)
 
 
-def _last(forecast: Forecast, name: str) -> float | None:
+def _last(forecast: Preview, name: str) -> float | None:
     sigma = forecast.stages[-1].sigma if forecast.stages else None
     return None if sigma is None else float(sigma[INDEX[name]])
 
 
-def reached(forecast: Forecast, name: str) -> bool | None:
+def reached(forecast: Preview, name: str) -> bool | None:
     """Whether a parameter's limit will be met, None where nothing says so."""
     sigma, limit = _last(forecast, name), forecast.limits.get(name)
     return None if sigma is None or limit is None else sigma <= limit
 
 
-def _verdict(forecast: Forecast, name: str) -> str:
+def _verdict(forecast: Preview, name: str) -> str:
     met = reached(forecast, name)
     if met is None:
         return _say(QT_TRANSLATE_NOOP("forecast", "no limit")) if name not in forecast.limits else "—"
@@ -119,6 +119,6 @@ def _verdict(forecast: Forecast, name: str) -> str:
     )
 
 
-def _state(forecast: Forecast, name: str) -> str | None:
+def _state(forecast: Preview, name: str) -> str | None:
     met = reached(forecast, name)
     return None if met is None else "good" if met else "bad"

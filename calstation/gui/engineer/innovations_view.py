@@ -14,13 +14,13 @@ from calstation.gui.widgets.plot import ThemedPlot
 from calstation.results.diagnostics import Diagnostics, StageDiagnostics
 
 _LEFT = 7 * theme.GRID
+#: Observations inside ±3 σ that are drawn in each plot; of more, every so many-th.
 _MOST = 1500
-"""Observations inside ±3 σ that are drawn in each plot; of more, every so many-th."""
 _BOUND = 3.0
+#: Of fewer observations a mean below its band is no sign of anything.
 _FEW = 100
-"""Of fewer observations a mean below its band is no sign of anything."""
+#: Least height of a plot, sigmas either way.
 _SHOWN = 5.0
-"""Least height of a plot, sigmas either way."""
 
 
 class InnovationsView(QWidget):

@@ -9,10 +9,10 @@ from calstation.gui.engineer.bands import Bands, dashed
 from calstation.gui.text.wording import word_stage
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import ThemedPlot
-from calstation.results.preview import Forecast
+from calstation.results.preview import Preview
 
+#: Width of the axes' numbers, so that both plots' times stand above each other, px.
 _LEFT = 9 * theme.GRID
-"""Width of the axes' numbers, so that both plots' times stand above each other, px."""
 
 
 class MotionPlot(QWidget):
@@ -20,7 +20,7 @@ class MotionPlot(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._forecast: Forecast | None = None
+        self._forecast: Preview | None = None
         self.plots = (ThemedPlot(), ThemedPlot())
         self._bands = (Bands(self.plots[0], named=True), Bands(self.plots[1], named=False))
         self._lines: list[pg.GraphicsObject] = []
@@ -39,7 +39,7 @@ class MotionPlot(QWidget):
         self.plots[1].setXLink(self.plots[0])
         self.retranslate()
 
-    def show_forecast(self, forecast: Forecast | None) -> None:
+    def show_forecast(self, forecast: Preview | None) -> None:
         """Draw this course, or nothing."""
         self._forecast = forecast
         for plot in self.plots:

@@ -24,10 +24,10 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.empty_state import EmptyState
 from calstation.physics.arrays import FloatArray
 
+#: Strength from which a state counts as observable.
 SEEN = 1.0 / 0.9
-"""Strength from which a state counts as observable."""
+#: Of strength on the scale: 1 to 100 000 times.
 _DECADES = 5.0
-"""Of strength on the scale: 1 to 100 000 times."""
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 3 * theme.GRID
 _SCALE_WIDTH = 14 * theme.GRID
 

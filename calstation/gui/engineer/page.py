@@ -19,11 +19,11 @@ from calstation.config.request import RunRequest
 from calstation.config.schedules import Offer, offer
 from calstation.errors import CalstationError
 from calstation.gui.engineer.choice_panel import ChoicePanel
-from calstation.gui.engineer.close_look import CloseLook
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
-from calstation.gui.engineer.register_desk import UNNAMED, RegisterDesk
+from calstation.gui.engineer.register_controller import UNNAMED, RegisterController
+from calstation.gui.engineer.result_analysis import ResultAnalysis
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
@@ -55,9 +55,9 @@ class EngineerPage(Page):
         self._source, self.open_button = ElidedLabel(), QPushButton()
         self.open_button.setObjectName("open_result_button")
         self.preview = PreviewView()
-        self._desk = RegisterDesk(app, self._request, self)
+        self._desk = RegisterController(app, self._request, self)
         self.registers = self._desk.view
-        self.look = CloseLook(app, self)
+        self.look = ResultAnalysis(app, self)
         self._saving = JobWatch(self)
         self.tabs, self.views = QTabBar(), QStackedWidget()
         self.tabs.setObjectName("engineer_views")
@@ -181,7 +181,7 @@ class EngineerPage(Page):
         )
 
     def _preview(self) -> None:
-        self.preview.watch.watch(self.app.workshop.submit(forecast, self._request()))
+        self.preview.watch.watch(self.app.job_queue.submit(forecast, self._request()))
         self.preview.begin()
 
     def _save(self) -> None:
@@ -211,7 +211,7 @@ class EngineerPage(Page):
 
     def _save_now(self, changes: dict[str, Any]) -> None:
         assert self._offer is not None
-        job = self.app.workshop.submit(
+        job = self.app.job_queue.submit(
             save_schedule, self._offer.product, changes, self._fields.engineer, cancellable=False
         )
         self._saving.watch(job)
@@ -237,7 +237,7 @@ class EngineerPage(Page):
     def _start(self) -> None:
         assert self._offer is not None
         self.notice.dismiss()
-        if self.app.workshop.at_device:
+        if self.app.job_queue.at_device:
             self.notice.ask(
                 "caution",
                 lambda: self.tr("The unit is being asked."),

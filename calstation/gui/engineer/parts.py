@@ -6,12 +6,12 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QHBoxLayout, QLabel, QToolButto
 from calstation.gui.text.wording import word_stage
 from calstation.gui.widgets import theme
 
+#: Stages of each part, by the part's object name's end.
 PARTS = {
     "scale_factors": ("rate", "six_position"),
     "installation": ("excitation",),
     "biases": ("azimuth_flip",),
 }
-"""Stages of each part, by the part's object name's end."""
 
 
 class Parts(QWidget):

@@ -22,10 +22,10 @@ from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.job_row import JobRow
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.parameter_table import ParameterModel, ParameterTable
-from calstation.results.preview import Forecast, Violation
+from calstation.results.preview import Preview, Violation
 
+#: Height of a line of a table with all parameters, px.
 _ROW = 26
-"""Height of a line of a table with all parameters, px."""
 
 
 class PreviewView(QWidget):
@@ -35,7 +35,7 @@ class PreviewView(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.forecast: Forecast | None = None
+        self.forecast: Preview | None = None
         self._stale = False
         self._error = ""
         self.watch = JobWatch(self)
@@ -123,7 +123,7 @@ class PreviewView(QWidget):
             self.retranslate()
         super().changeEvent(event)
 
-    def _done(self, forecast: Forecast) -> None:
+    def _done(self, forecast: Preview) -> None:
         self.forecast, self._stale = forecast, False
         self.plot.show_forecast(forecast)
         self.model.set_names(())
@@ -170,7 +170,7 @@ class PreviewView(QWidget):
         self._broken.setText("\n".join(lines))
         self._broken.setVisible(bool(lines) and not busy)
 
-    def _judge(self, forecast: Forecast) -> None:
+    def _judge(self, forecast: Preview) -> None:
         if self._stale:
             self._badge.show_state("waiting", self.tr("out of date"))
         elif forecast.violations:

@@ -18,8 +18,8 @@ from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
 from calstation.results.diagnostics import Diagnostics, StageDiagnostics
 
 _LEFT = 9 * theme.GRID
+#: A rest closer than this to a face goes by the face's name.
 _FACE = np.cos(np.deg2rad(30.0))
-"""A rest closer than this to a face goes by the face's name."""
 
 
 class ResidualsView(QWidget):

@@ -19,10 +19,10 @@ from calstation.physics.units import aligned, display, number
 from calstation.results.finished_run import Finished
 
 _NONE = "–"
+#: A change of more than so many sigmas is marked.
 _NOTABLE = 3.0
-"""A change of more than so many sigmas is marked."""
+#: Greatest height of the table of checks that compare no single parameter, px.
 _CHECKS_MOST = 26 * theme.GRID
-"""Greatest height of the table of checks that compare no single parameter, px."""
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "sigma_limit")
 
 

@@ -10,8 +10,8 @@ from calstation.gui.widgets import theme
 
 _OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
 _DAYS = (None, 1, 7, 30, 365)
+#: After the last key and before the search, ms.
 _TYPING = 150
-"""After the last key and before the search, ms."""
 
 
 class Filters(QWidget):

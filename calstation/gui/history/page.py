@@ -25,8 +25,8 @@ from calstation.runs.close_incomplete import close_run
 from calstation.runs.resume import Resumable, find_resumable
 from calstation.sequencer.events import Event, Verdict
 
+#: Runs listed at a time.
 MOST = 300
-"""Runs listed at a time."""
 _TABLE_SHARE, _DETAILS_SHARE = 15, 8
 
 
@@ -85,8 +85,8 @@ class HistoryPage(Page):
         if not self.app.runs_folder.is_dir():
             self.show_runs()
         elif not self._refresher.busy:
-            self._refresher.watch(self.app.workshop.submit(refresh_history, self.app.runs_folder))
-            self._offers.watch(self.app.workshop.submit(find_resumable, self.app.runs_folder))
+            self._refresher.watch(self.app.job_queue.submit(refresh_history, self.app.runs_folder))
+            self._offers.watch(self.app.job_queue.submit(find_resumable, self.app.runs_folder))
 
     def show_runs(self) -> None:
         """Show what the index holds of what is asked for."""
@@ -212,7 +212,7 @@ class HistoryPage(Page):
 
     def _close(self) -> None:
         if self.table.run is not None:
-            self._closer.watch(self.app.workshop.submit(close_run, self.table.run.log, None))
+            self._closer.watch(self.app.job_queue.submit(close_run, self.table.run.log, None))
             self._allow()
 
     def _closed(self) -> None:

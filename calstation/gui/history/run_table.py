@@ -23,10 +23,10 @@ from calstation.records.run_index import RunRecord
 
 Index = QModelIndex | QPersistentModelIndex
 
+#: Width that the stages need to be told apart, px.
 _STAGES = 30 * theme.GRID
-"""Width that the stages need to be told apart, px."""
+#: Columns left out where the room is short: attempt, operator, product, which stand beside the table as well.
 _GIVE_WAY = (4, 5, 3)
-"""Columns left out where the room is short: attempt, operator, product, which stand beside the table as well."""
 
 
 @dataclass(frozen=True)

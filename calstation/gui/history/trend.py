@@ -15,8 +15,8 @@ from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import display
 from calstation.records.run_index import IndexedRun
 
+#: Runs shown: the latest.
 _MOST = 30
-"""Runs shown: the latest."""
 _DATES = 4
 
 

@@ -14,11 +14,11 @@ from calstation.gui.widgets.parameter_table import Column, ParameterModel, Param
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import aligned, display, number
 from calstation.results.offline_solve import in_sigma
-from calstation.results.plots.log_index import Overview
+from calstation.results.plots.index import LogIndex
 from calstation.results.resolve import Resolved
 
+#: A difference of more than so many sigmas is marked.
 NOTABLE = 3.0
-"""A difference of more than so many sigmas is marked."""
 _NONE = "–"
 
 
@@ -27,7 +27,7 @@ class Comparison(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._overview: Overview | None = None
+        self._log_index: LogIndex | None = None
         self._solved: Resolved | None = None
         self._cells: dict[str, dict[str, str]] = {}
         self._marks: dict[str, float] = {}
@@ -86,9 +86,9 @@ class Comparison(QWidget):
         box.addWidget(self._nothing, 1)
         self.retranslate()
 
-    def show_log(self, overview: Overview) -> None:
+    def show_log(self, log_index: LogIndex) -> None:
         """Show what the run left in its log."""
-        self._overview, self._solved = overview, None
+        self._log_index, self._solved = log_index, None
         self._fill()
 
     def show_solved(self, solved: Resolved) -> None:
@@ -121,7 +121,7 @@ class Comparison(QWidget):
     # The table
 
     def _parameters(self) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        stored = self._overview.stored if self._overview is not None else None
+        stored = self._log_index.stored if self._log_index is not None else None
         online = {} if stored is None else stored["parameters"]
         return online, {} if self._solved is None else self._solved.result["parameters"]
 
@@ -163,10 +163,10 @@ class Comparison(QWidget):
     # The words above it
 
     def _say(self) -> None:
-        stored = self._overview.stored if self._overview is not None else None
+        stored = self._log_index.stored if self._log_index is not None else None
         if stored is None:
-            outcome = None if self._overview is None else self._overview.outcome
-            foreign = self._overview is not None and self._overview.meta.run is None
+            outcome = None if self._log_index is None else self._log_index.outcome
+            foreign = self._log_index is not None and self._log_index.meta.run is None
             if outcome is None and not foreign:
                 self.online_badge.show_state("caution", self.tr("No result: this run did not reach its end"))
             else:
@@ -208,15 +208,15 @@ class Comparison(QWidget):
 
     def _notes(self) -> list[str]:
         assert self._solved is not None
-        assert self._overview is not None
-        result, facts = self._solved.result, self._overview.facts
+        assert self._log_index is not None
+        result, facts = self._solved.result, self._log_index.facts
         notes = []
         log = result["log"]
         if (log["first_seq"], log["last_seq"]) != (facts.first_seq, facts.last_seq):
             notes.append(
                 self.tr("From samples {0} to {1}, part of the log.").format(log["first_seq"], log["last_seq"])
             )
-        run = None if self._overview.stored is None else self._overview.stored["stages"]
+        run = None if self._log_index.stored is None else self._log_index.stored["stages"]
         if run and run != result["stages"]:
             stages = self.tr(", ").join(word_stage(stage) for stage in result["stages"])
             notes.append(self.tr("Stages solved: {0}.").format(stages))

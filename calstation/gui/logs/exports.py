@@ -8,9 +8,9 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
 from calstation.gui.widgets.job_watch import JobWatch
-from calstation.jobs.queue import Workshop
+from calstation.jobs.queue import JobQueue
 from calstation.results.offline_solve import drop_partial, export_log, export_result
-from calstation.results.plots.log_index import Overview
+from calstation.results.plots.index import LogIndex
 
 
 class Exports(QObject):
@@ -18,14 +18,14 @@ class Exports(QObject):
 
     began = Signal()
 
-    def __init__(self, workshop: Workshop, page: QWidget) -> None:
+    def __init__(self, job_queue: JobQueue, page: QWidget) -> None:
         super().__init__(page)
-        self._workshop, self._page = workshop, page
+        self._job_queue, self._page = job_queue, page
         self.target: Path | None = None
         self.watch, self._sweeper = JobWatch(self), JobWatch(self)
         self.watch.cancelled.connect(self._sweep)
 
-    def ask_log(self, log: Overview, first: int, last: int) -> None:
+    def ask_log(self, log: LogIndex, first: int, last: int) -> None:
         """Ask where a log's samples from `first` to `last` are to go."""
         whole = (first, last) == (log.facts.first_seq, log.facts.last_seq)
         ending = "export" if whole else f"{first}-{last}"
@@ -63,13 +63,13 @@ class Exports(QObject):
 
     def _begin(self, target: Path, work: Callable[..., Any], *arguments: Any) -> None:
         self.target = target
-        self.watch.watch(self._workshop.submit(work, *arguments))
+        self.watch.watch(self._job_queue.submit(work, *arguments))
         self.began.emit()
 
     def _sweep(self) -> None:
         """A worker that was killed cannot tidy up."""
         assert self.target is not None
-        self._sweeper.watch(self._workshop.submit(drop_partial, self.target))
+        self._sweeper.watch(self._job_queue.submit(drop_partial, self.target))
 
 
 def _stem(path: Path) -> str:

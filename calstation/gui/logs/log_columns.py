@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calstation.results.plots.log_index import Overview
-from calstation.results.plots.min_max_pyramid import BINS, Columns, Picture, Values, group_of, joined
+from calstation.results.plots.index import LogIndex
+from calstation.results.plots.min_max_pyramid import BINS, Columns, MinMaxPyramid, Values, group_of, joined
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class Wanted:
 class LogColumns:
     """A log's picture, with the single samples fetched last."""
 
-    def __init__(self, overview: Overview) -> None:
-        self._facts = overview.facts
-        self._picture = Picture(overview.folder)
+    def __init__(self, log_index: LogIndex) -> None:
+        self._facts = log_index.facts
+        self._picture = MinMaxPyramid(log_index.folder)
         self._fine: tuple[Wanted, Columns] | None = None
 
     def keep(self, wanted: Wanted, columns: Columns) -> None:

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWi
 from calstation.gui.logs.marks import draw_sign
 from calstation.gui.text.wording import word_time
 from calstation.gui.widgets import theme
-from calstation.results.plots.log_index import Overview
+from calstation.results.plots.index import LogIndex
 
 _SIGN = 12
 
@@ -21,7 +21,7 @@ class LogHead(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._overview: Overview | None = None
+        self._log_index: LogIndex | None = None
         self._facts = _Elided()
         self._signs = {kind: (QLabel(), QLabel()) for kind in ("gap", "spoilt", "damaged")}
         self._buttons = {
@@ -51,9 +51,9 @@ class LogHead(QWidget):
         self._buttons["zoom_all_button"].clicked.connect(self.whole)
         self.retranslate()
 
-    def show_log(self, overview: Overview) -> None:
+    def show_log(self, log_index: LogIndex) -> None:
         """Say what a log is."""
-        self._overview = overview
+        self._log_index = log_index
         self.retranslate()
 
     def retranslate(self) -> None:
@@ -68,7 +68,7 @@ class LogHead(QWidget):
             self._buttons[name].setAccessibleName(tip)
         self._buttons["zoom_range_button"].setText(self.tr("Range"))
         self._buttons["zoom_all_button"].setText(self.tr("All"))
-        log = self._overview
+        log = self._log_index
         if log is None:
             return
         facts = log.facts

@@ -14,23 +14,23 @@ from calstation.gui.logs.range_item import RangeItem
 from calstation.gui.logs.time_axis import TimeAxis
 from calstation.gui.text import wording
 from calstation.gui.widgets import theme
-from calstation.results.plots.log_index import Overview
+from calstation.results.plots.index import LogIndex
 from calstation.results.plots.min_max_pyramid import CHANNELS, Columns
 
+#: Channels of each plot: gyro, accelerometer, angles.
 _PLOTS = ((0, 3), (3, 6), (6, 8))
-"""Channels of each plot: gyro, accelerometer, angles."""
+#: Width of the axes at the left, px.
 _AXIS = 9 * theme.GRID
-"""Width of the axes at the left, px."""
 _STRIP = 34
+#: What the view shows beyond the log's ends, of its length: an edge there can still be taken hold of.
 _MARGIN = 0.015
-"""What the view shows beyond the log's ends, of its length: an edge there can still be taken hold of."""
+#: Samples in the closest view.
 _CLOSEST = 10
-"""Samples in the closest view."""
+#: Room for the note at the top of a plot, px.
 _NOTE = 28
-"""Room for the note at the top of a plot, px."""
 _ZOOM = 0.5
+#: Of the view, what an arrow key moves it.
 _STEP = 0.2
-"""Of the view, what an arrow key moves it."""
 
 
 class LogPlot(QWidget):
@@ -55,7 +55,7 @@ class LogPlot(QWidget):
         box = QVBoxLayout(self)
         box.setContentsMargins(0, 0, 0, 0)
         box.addWidget(self._graph)
-        self._overview: Overview | None = None
+        self._log_index: LogIndex | None = None
         self._columns: LogColumns | None = None
         self._length = 1.0
         self._layers: list[Backdrop | Strip] = []
@@ -87,19 +87,19 @@ class LogPlot(QWidget):
 
     # What it shows
 
-    def show_log(self, overview: Overview) -> None:
+    def show_log(self, log_index: LogIndex) -> None:
         """Draw a log, all of it."""
-        self._overview = overview
-        self._columns = LogColumns(overview)
-        facts = overview.facts
-        self._length = (facts.last_seq + 1 - facts.first_seq) / overview.rate
+        self._log_index = log_index
+        self._columns = LogColumns(log_index)
+        facts = log_index.facts
+        self._length = (facts.last_seq + 1 - facts.first_seq) / log_index.rate
         pad = _MARGIN * self._length
-        closest = min(_CLOSEST / overview.rate, self._length)
+        closest = min(_CLOSEST / log_index.rate, self._length)
         for plot in self._all:
             plot.setLimits(
                 xMin=-pad, xMax=self._length + pad, minXRange=closest, maxXRange=self._length + 2 * pad
             )
-        marked = Marked(overview)
+        marked = Marked(log_index)
         for layer in self._layers:
             layer.marked = marked
         for item in self._ranges:
@@ -111,7 +111,7 @@ class LogPlot(QWidget):
 
     def close_log(self) -> None:
         """Draw nothing."""
-        self._overview = self._columns = None
+        self._log_index = self._columns = None
         for curve in self._curves:
             curve.clear()
         for layer in self._layers:
@@ -287,18 +287,18 @@ class LogPlot(QWidget):
         self.retranslate()
 
     def _seconds(self, seq: int) -> float:
-        assert self._overview is not None
-        return (seq - self._overview.facts.first_seq) / self._overview.rate
+        assert self._log_index is not None
+        return (seq - self._log_index.facts.first_seq) / self._log_index.rate
 
     def _seq(self, seconds: float) -> int:
-        assert self._overview is not None
-        facts = self._overview.facts
+        assert self._log_index is not None
+        facts = self._log_index.facts
         return min(
-            max(facts.first_seq + round(seconds * self._overview.rate), facts.first_seq), facts.last_seq
+            max(facts.first_seq + round(seconds * self._log_index.rate), facts.first_seq), facts.last_seq
         )
 
     def _changed(self) -> None:
-        if self._overview is not None and not self._redraw.isActive():
+        if self._log_index is not None and not self._redraw.isActive():
             self._redraw.start(0)
 
     def _dragged(self, item: RangeItem) -> None:
@@ -308,7 +308,7 @@ class LogPlot(QWidget):
         self.range_moved.emit(first, last)
 
     def _point(self, place: QPointF) -> None:
-        if self._overview is None:
+        if self._log_index is None:
             return
         box = self._plots[0].getViewBox()
         seconds = box.mapSceneToView(place).x()
@@ -317,7 +317,7 @@ class LogPlot(QWidget):
 
     def draw(self) -> None:
         """Draw what is in view."""
-        if self._overview is None or self._columns is None:
+        if self._log_index is None or self._columns is None:
             return
         left, right = self.view
         count = max(64, round(self._plots[0].getViewBox().width()))
@@ -325,9 +325,9 @@ class LogPlot(QWidget):
         if wanted is not None:
             self.samples_wanted.emit(wanted)
         self._drawn = columns.samples
-        wide = (right - left) * self._overview.rate / count
+        wide = (right - left) * self._log_index.rate / count
         seq, low, high = parted(columns, wide)
-        x = np.repeat((seq - self._overview.facts.first_seq) / self._overview.rate, 2)
+        x = np.repeat((seq - self._log_index.facts.first_seq) / self._log_index.rate, 2)
         for plot, (start, stop) in zip(self._plots, _PLOTS, strict=True):
             for channel in range(start, stop):
                 y = np.column_stack([low[:, channel], high[:, channel]]).ravel()

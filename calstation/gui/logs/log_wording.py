@@ -88,6 +88,7 @@ _SAME: tuple[str, ...] = (
     ),
 )
 
+#: What the command line says, and what is said where there are boxes to fill in.
 _INSTEAD: tuple[tuple[str, str], ...] = (
     (
         "no sample from {0} to {1}; the log holds {2} to {3}, choose --from and --to in there",
@@ -120,10 +121,9 @@ _INSTEAD: tuple[tuple[str, str], ...] = (
         ),
     ),
 )
-"""What the command line says, and what is said where there are boxes to fill in."""
 
+#: May stand before what is wrong with a recording.
 _STAGE = "(?:stage '[a-z_]+': )?"
-"""May stand before what is wrong with a recording."""
 
 
 def word_log_error(text: str, path: Path | None = None) -> str:

@@ -10,32 +10,32 @@ from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
 from calstation.gui.widgets import theme
 from calstation.physics.arrays import FloatArray
-from calstation.results.plots.log_index import Overview
+from calstation.results.plots.index import LogIndex
 
+#: Moves nearer to each other than this on the average, px, are not drawn.
 _STEPS_APART = 5
-"""Moves nearer to each other than this on the average, px, are not drawn."""
+#: Width of a gap or spoilt stretch too short to be seen, px.
 _LEAST = 3.0
-"""Width of a gap or spoilt stretch too short to be seen, px."""
+#: Size of a mark's sign, px.
 _SIGN = 9.0
-"""Size of a mark's sign, px."""
 
 
 class Marked:
     """A log's marks in seconds from its first sample; empty without a log."""
 
-    def __init__(self, overview: Overview | None = None) -> None:
+    def __init__(self, log_index: LogIndex | None = None) -> None:
         self.stages: list[tuple[str, float, float]] = []
         self.steps = np.empty(0)
         self.gaps = self.spoilt = np.empty((0, 2))
-        if overview is not None:
-            first, rate = overview.facts.first_seq, overview.rate
+        if log_index is not None:
+            first, rate = log_index.facts.first_seq, log_index.rate
             self.stages = [
                 (s.stage, (s.first_seq - first) / rate, (s.last_seq + 1 - first) / rate)
-                for s in overview.spans
+                for s in log_index.spans
             ]
-            self.steps = (overview.steps.places[:, 0] - first) / rate
-            self.gaps = (overview.gaps.places - first) / rate
-            self.spoilt = (overview.spoilt.places - [first, first - 1]) / rate
+            self.steps = (log_index.steps.places[:, 0] - first) / rate
+            self.gaps = (log_index.gaps.places - first) / rate
+            self.spoilt = (log_index.spoilt.places - [first, first - 1]) / rate
 
 
 class _Layer(pg.GraphicsObject):  # type: ignore[misc]

@@ -38,7 +38,7 @@ from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.results.history import History
 from calstation.results.offline_solve import offline_solve
-from calstation.results.plots.log_index import Overview, overview, samples
+from calstation.results.plots.index import LogIndex, log_index, samples
 from calstation.results.plots.min_max_pyramid import Columns
 from calstation.results.resolve import Resolved
 
@@ -54,13 +54,13 @@ class OfflinePage(Page):
         super().__init__(app)
         self.setObjectName("offline_page")
         self.setAcceptDrops(True)
-        self.log: Overview | None = None
+        self.log: LogIndex | None = None
         self.solved: Resolved | None = None
         self._pictures: Path | None = None
         self._picture: Path | None = None
         self._opened = 0
         self.reader, self.solver, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
-        self.exports = Exports(app.workshop, self)
+        self.exports = Exports(app.job_queue, self)
         self._wanted: Wanted | None = None
         self.source = SourceBar(app.settings, latest=self._latest_runs)
         self.notice = NoticeBar()
@@ -103,7 +103,7 @@ class OfflinePage(Page):
         self._opened += 1
         self._stack.setCurrentWidget(self._reading)
         self._picture = self._folder() / str(self._opened)
-        job = self.app.workshop.submit(overview, path, self._picture)
+        job = self.app.job_queue.submit(log_index, path, self._picture)
         self.reader.watch(job)
         self._allow()
 
@@ -117,7 +117,7 @@ class OfflinePage(Page):
             stages = None  # as recorded, which is what the run did
         first, last = self.range.range
         spans = self.log.spans
-        self.solver.watch(self.app.workshop.submit(offline_solve, self.log.path, stages, first, last, spans))
+        self.solver.watch(self.app.job_queue.submit(offline_solve, self.log.path, stages, first, last, spans))
         self._allow()
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
@@ -240,7 +240,7 @@ class OfflinePage(Page):
 
     # What comes of it
 
-    def _read(self, log: Overview) -> None:
+    def _read(self, log: LogIndex) -> None:
         self.log = log
         self.solved = None
         self.source.remember(log.path)
@@ -309,7 +309,7 @@ class OfflinePage(Page):
         if self.log is None or self._closer.busy:
             return
         log, self._wanted = self.log, wanted
-        job = self.app.workshop.submit(
+        job = self.app.job_queue.submit(
             samples, log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count
         )
         self._closer.watch(job)

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QMenu, QPushButton, QVBoxLayo
 from calstation.gui.text.wording import word_stage, word_time
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.count_spin import CountSpin
-from calstation.results.plots.log_index import Overview
+from calstation.results.plots.index import LogIndex
 
 
 class RangeBar(QWidget):
@@ -16,7 +16,7 @@ class RangeBar(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._overview: Overview | None = None
+        self._log_index: LogIndex | None = None
         self.first_spin, self.last_spin = CountSpin(), CountSpin()
         self._labels = QLabel(), QLabel()
         row = QHBoxLayout()
@@ -53,10 +53,10 @@ class RangeBar(QWidget):
         column.addWidget(self.note_label)
         self.retranslate()
 
-    def show_log(self, overview: Overview) -> None:
+    def show_log(self, log_index: LogIndex) -> None:
         """Take a log's limits; all of it is chosen."""
-        self._overview = overview
-        self.set_range(overview.facts.first_seq, overview.facts.last_seq)
+        self._log_index = log_index
+        self.set_range(log_index.facts.first_seq, log_index.facts.last_seq)
         self._fill()
 
     @property
@@ -67,13 +67,13 @@ class RangeBar(QWidget):
     @property
     def whole(self) -> bool:
         """Whether all of the log is chosen."""
-        log = self._overview
+        log = self._log_index
         return log is None or self.range == (log.facts.first_seq, log.facts.last_seq)
 
     def set_range(self, first: int, last: int) -> None:
         """Show a range; neither box can be set beyond the other, nor beyond the log."""
-        assert self._overview is not None
-        facts = self._overview.facts
+        assert self._log_index is not None
+        facts = self._log_index.facts
         first = min(max(first, facts.first_seq), facts.last_seq)
         last = min(max(last, first), facts.last_seq)
         for spin in (self.first_spin, self.last_spin):
@@ -103,11 +103,11 @@ class RangeBar(QWidget):
 
     def _fill(self) -> None:
         self._menu.clear()
-        if self._overview is None:
+        if self._log_index is None:
             return
-        facts = self._overview.facts
+        facts = self._log_index.facts
         parts = [(self.tr("Whole log"), facts.first_seq, facts.last_seq)]
-        parts += [(word_stage(s.stage), s.first_seq, s.last_seq) for s in self._overview.spans]
+        parts += [(word_stage(s.stage), s.first_seq, s.last_seq) for s in self._log_index.spans]
         for word, first, last in parts:
             action = self._menu.addAction(word)
             action.triggered.connect(lambda _=False, part=(first, last): self._choose(*part))
@@ -139,9 +139,9 @@ class RangeBar(QWidget):
     def _finished(self, spin: CountSpin) -> None:
         """What is outside the log the box has not taken; it holds what it held before."""
         typed, self._typed = self._typed, ""
-        if self._overview is None or not typed or typed == spin.lineEdit().text():
+        if self._log_index is None or not typed or typed == spin.lineEdit().text():
             return
-        facts = self._overview.facts
+        facts = self._log_index.facts
         self._say_note(
             self.tr("{0} is not in this log; it holds samples {1} to {2}.").format(
                 typed, facts.first_seq, facts.last_seq
@@ -153,8 +153,8 @@ class RangeBar(QWidget):
         self.note_label.setVisible(bool(text))
 
     def _say_length(self) -> None:
-        if self._overview is None:
+        if self._log_index is None:
             self.length_label.setText("")
             return
         first, last = self.range
-        self.length_label.setText(word_time((last - first + 1) / self._overview.rate))
+        self.length_label.setText(word_time((last - first + 1) / self._log_index.rate))

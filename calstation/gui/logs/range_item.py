@@ -7,8 +7,8 @@ from PySide6.QtGui import QColor, QPen
 
 from calstation.gui.widgets import theme
 
+#: Width within which an edge is taken hold of, px.
 _GRIP = 20
-"""Width within which an edge is taken hold of, px."""
 
 
 class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]

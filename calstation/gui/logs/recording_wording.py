@@ -9,6 +9,7 @@ from PySide6.QtCore import QCoreApplication
 
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
+#: A stage's name may stand before them; the page that shows them has named the method already.
 RECORDINGS: tuple[str, ...] = (
     QT_TRANSLATE_NOOP("logs", "{0} is frozen: one value all through; check its encoder"),
     QT_TRANSLATE_NOOP(
@@ -121,7 +122,6 @@ RECORDINGS: tuple[str, ...] = (
         "not corrected by K; correct them, or the schedule's gain and order",
     ),
 )
-"""A stage's name may stand before them; the page that shows them has named the method already."""
 
 _PHRASES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP("logs", "g instead of m/s²"),

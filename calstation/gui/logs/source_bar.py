@@ -11,8 +11,8 @@ from calstation.gui.widgets import theme
 
 _KEPT = 8
 _KEY = "offline/recent"
+#: A path that has not changed for this long and leads to a file is opened, as one that is pasted or filled in is.
 _SETTLED_MS = 400
-"""A path that has not changed for this long and leads to a file is opened, as one that is pasted or filled in is."""
 _ENDINGS = (".h5", ".csv", ".csv.gz")
 
 

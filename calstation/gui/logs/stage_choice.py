@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QWidget
 
 from calstation.gui.text.wording import word_stage
 from calstation.gui.widgets import theme
-from calstation.results.plots.log_index import Overview
+from calstation.results.plots.index import LogIndex
 
 _COLUMNS = 4
 
@@ -25,18 +25,18 @@ class StageChoice(QWidget):
         self._grid.setHorizontalSpacing(2 * theme.GRID)
         self._grid.setVerticalSpacing(0)
         self._grid.setColumnStretch(_COLUMNS, 1)
-        self._overview: Overview | None = None
+        self._log_index: LogIndex | None = None
         self._boxes: dict[str, QCheckBox] = {}
         self._range = (0, 0)
 
-    def show_log(self, overview: Overview) -> None:
+    def show_log(self, log_index: LogIndex) -> None:
         """Offer a log's stages, all ticked."""
-        self._overview = overview
+        self._log_index = log_index
         for box in self._boxes.values():
             self._grid.removeWidget(box)
             box.deleteLater()
         self._boxes = {}
-        for stage in dict.fromkeys(span.stage for span in overview.spans):
+        for stage in dict.fromkeys(span.stage for span in log_index.spans):
             box = QCheckBox()
             box.setObjectName(f"offline_stage_check_{stage}")
             box.setMinimumHeight(4 * theme.GRID)
@@ -44,7 +44,7 @@ class StageChoice(QWidget):
             box.toggled.connect(self.changed)
             self._grid.addWidget(box, *divmod(len(self._boxes), _COLUMNS))
             self._boxes[stage] = box
-        self.set_range(overview.facts.first_seq, overview.facts.last_seq)
+        self.set_range(log_index.facts.first_seq, log_index.facts.last_seq)
 
     def set_range(self, first: int, last: int) -> None:
         """Take the range into account."""
@@ -56,9 +56,9 @@ class StageChoice(QWidget):
     @property
     def held(self) -> tuple[str, ...]:
         """Stages with a sample in the range, in the log's order."""
-        if self._overview is None:
+        if self._log_index is None:
             return ()
-        spans = self._overview.spans
+        spans = self._log_index.spans
         return tuple(dict.fromkeys(s.stage for s in spans if s.within(*self._range)))
 
     @property

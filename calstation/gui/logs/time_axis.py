@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 import pyqtgraph as pg
 
+#: Distances between ticks that read well, s.
 _SPACINGS = (
     *(base * 10.0**power for power in range(-5, 0) for base in (1, 2, 5)),
     *(1.0, 2.0, 5.0, 10.0, 15.0, 30.0),
     *(60.0 * minutes for minutes in (1, 2, 5, 10, 15, 30)),
     *(3600.0 * hours for hours in (1, 2, 3, 6, 12, 24, 48, 96, 240, 480, 960)),
 )
-"""Distances between ticks that read well, s."""
+#: Least distance between ticks, px.
 _WIDE = 110
-"""Least distance between ticks, px."""
 
 
 class TimeAxis(pg.AxisItem):  # type: ignore[misc]

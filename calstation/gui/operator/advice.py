@@ -12,8 +12,8 @@ from calstation.gui.text.wording import word_group, word_stage
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.physics.units import display, number
 
+#: Rows that fit beside the verdict on a small screen; what failed or nearly did goes before what did not.
 _MOST_ROWS = 10
-"""Rows that fit beside the verdict on a small screen; what failed or nearly did goes before what did not."""
 
 
 @dataclass(frozen=True)

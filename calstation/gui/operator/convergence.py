@@ -15,14 +15,14 @@ from calstation.gui.widgets.line_labels import LineLabel, LineLabels
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.physics.units import DISPLAY
 
+#: Points kept per line; of more, every other one is dropped.
 _KEPT = 2000
-"""Points kept per line; of more, every other one is dropped."""
 
+#: Least time that the width shows, min.
 _SHORTEST = 0.1
-"""Least time that the width shows, min."""
 
+#: Host time between two drawings, s.
 _DRAW_EVERY = 0.25
-"""Host time between two drawings, s."""
 
 
 class Convergence(QFrame):

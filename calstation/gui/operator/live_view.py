@@ -50,13 +50,13 @@ class LiveView(QWidget):
 
     def start(self) -> None:
         """A run begins."""
-        outline = self._run.outline
+        run_summary = self._run.run_summary
         self.table.forget()
         self._traces.start()
-        self._convergence.start(outline.targets if outline is not None else {})
-        if outline is not None:
-            self.table.set_axes(outline.outer_axis, outline.inner_axis)
-            self.position.plan(outline)
+        self._convergence.start(run_summary.targets if run_summary is not None else {})
+        if run_summary is not None:
+            self.table.set_axes(run_summary.outer_axis, run_summary.inner_axis)
+            self.position.plan(run_summary)
 
     def stop(self) -> None:
         """The run has ended."""
@@ -80,7 +80,7 @@ class LiveView(QWidget):
     def refresh(self) -> None:
         """What belongs to where the run stands."""
         run = self._run
-        carried = run.outline is not None and run.outline.by_hand
+        carried = run.run_summary is not None and run.run_summary.by_hand
         begun = any(stage.state != "waiting" for stage in run.stages) and not run.errand
         self._lower.setCurrentIndex(1 if begun else 0)
         self.table.setVisible(not carried)

@@ -3,7 +3,7 @@
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.config.run_summary import Outline
+from calstation.config.summary import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
 from calstation.gui.operator.table_picture import TablePicture
 from calstation.gui.widgets import theme
@@ -15,7 +15,7 @@ class Loading(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
-        self._outline: Outline | None = None
+        self._run_summary: RunSummary | None = None
         self._title = QLabel()
         self._title.setProperty("kind", "section")
         self.picture = TablePicture()
@@ -55,22 +55,22 @@ class Loading(QFrame):
         layout.addLayout(row, 1)
         self.retranslate()
 
-    def plan(self, outline: Outline | None) -> None:
+    def plan(self, run_summary: RunSummary | None) -> None:
         """What the next run would be."""
-        self._outline = outline
-        if outline is not None:
-            self.picture.set_axes(outline.outer_axis, outline.inner_axis)
-            self.rails.set_plan(outline.outer_axis, outline.inner_axis, outline.positions)
-            self.picture.setVisible(not outline.by_hand)
-            self.rails.setVisible(outline.by_hand)
-            load = [angle * 3.141592653589793 / 180.0 for angle in outline.load_angle]
+        self._run_summary = run_summary
+        if run_summary is not None:
+            self.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
+            self.rails.set_plan(run_summary.outer_axis, run_summary.inner_axis, run_summary.positions)
+            self.picture.setVisible(not run_summary.by_hand)
+            self.rails.setVisible(run_summary.by_hand)
+            load = [angle * 3.141592653589793 / 180.0 for angle in run_summary.load_angle]
             self.picture.set_angles(load[0], load[1])
         self.retranslate()
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
-        virtual = self._outline is not None and self._outline.virtual
-        carried = self._outline is not None and self._outline.by_hand
+        virtual = self._run_summary is not None and self._run_summary.virtual
+        carried = self._run_summary is not None and self._run_summary.by_hand
         self._title.setText(self.tr("Load the unit"))
         if carried and virtual:
             names = (

@@ -17,14 +17,14 @@ from PySide6.QtWidgets import (
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolving import HandsError
-from calstation.config.run_summary import outline
+from calstation.config.resolving import ManualRigError
 from calstation.config.station import DEFAULT_PRODUCT
+from calstation.config.summary import run_summary
 from calstation.errors import CalstationError
+from calstation.gui.operator.compatibility_notice import CompatibilityNotice
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
-from calstation.gui.operator.misfit import Misfit
 from calstation.gui.operator.resuming import Resuming
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import Starting
@@ -38,8 +38,8 @@ from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.sequencer.control import Command
 
+#: Of the progress bar.
 _STEPS = 1000
-"""Of the progress bar."""
 
 
 class OperatorPage(Page):
@@ -192,19 +192,19 @@ class OperatorPage(Page):
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         try:
-            planned = outline(
+            planned = run_summary(
                 RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
             )
             self._problem = None
-        except HandsError as error:
+        except ManualRigError as error:
             planned = None
-            misfit = Misfit(app, error)
+            misfit = CompatibilityNotice(app, error)
             self._problem, choices = misfit.words, misfit.choices()
         except CalstationError as error:
             planned = None
             told = (type(error).__name__, str(error))
             self._problem = lambda: word_fault(*told).sentences
-        self._starting.outline = planned
+        self._starting.run_summary = planned
         self._stages.plan(planned)
         self._loading.plan(planned)
         if self._problem is not None:
@@ -282,7 +282,11 @@ class OperatorPage(Page):
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
             return
-        if run.state == "passed" and self._starting.outline is not None and self._starting.outline.virtual:
+        if (
+            run.state == "passed"
+            and self._starting.run_summary is not None
+            and self._starting.run_summary.virtual
+        ):
             self._fields.set_serial("")
             self._starting.suggest()
         self._fields.focus_serial()
@@ -380,11 +384,11 @@ class OperatorPage(Page):
             return self.tr("Load a unit, scan its serial number, press START.")
         if run.state == "starting":
             return self.tr("Starting the engine and connecting.")
-        if run.state == "stopping" and run.outline is not None and run.outline.by_hand:
+        if run.state == "stopping" and run.run_summary is not None and run.run_summary.by_hand:
             return self.tr("Stopping.")
         if run.state == "stopping":
             return self.tr("Stopping safely: the table comes to rest, then its axes are switched off.")
-        if run.state == "paused" and run.outline is not None and run.outline.by_hand:
+        if run.state == "paused" and run.run_summary is not None and run.run_summary.by_hand:
             return self.tr("Paused. Resume asks for the position in hand again.")
         if run.state == "paused":
             return self.tr("Paused; the table is at rest. Resume repeats the step in hand.")

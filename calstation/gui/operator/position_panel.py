@@ -5,18 +5,18 @@ from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
-from calstation.config.run_summary import Outline
+from calstation.config.summary import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.sequencer.events import PositionGuided
 
+#: Read from two metres, px; on a wide panel a third larger.
 _WORD, _SENTENCE = theme.VERDICT // 2, theme.VERDICT // 3
-"""Read from two metres, px; on a wide panel a third larger."""
 _WIDE = 170 * theme.GRID
 _KINDS = {"waiting": "waiting", "moving": "active", "still": "paused", "enough": "good", "repeat": "caution"}
+#: A rail that is asked for by less than this from where it is need not be named, rad.
 _TURNED = np.deg2rad(1.0)
-"""A rail that is asked for by less than this from where it is need not be named, rad."""
 
 
 class PositionPanel(QFrame):
@@ -59,10 +59,10 @@ class PositionPanel(QFrame):
         self._enlarge(1.0)
         self.retranslate()
 
-    def plan(self, outline: Outline) -> None:
+    def plan(self, run_summary: RunSummary) -> None:
         """A run begins: its rig and its positions."""
         self._guided, self._finishing, self._over = None, False, False
-        self.picture.set_plan(outline.outer_axis, outline.inner_axis, outline.positions)
+        self.picture.set_plan(run_summary.outer_axis, run_summary.inner_axis, run_summary.positions)
         self.retranslate()
 
     def take(self, guided: PositionGuided) -> None:

@@ -18,20 +18,20 @@ from calstation.physics.rotation import axis_rotation, rotation_matrix
 from calstation.sequencer.events import PositionGuided
 
 _UP = np.array([0.0, 0.0, 1.0])
+#: Half of the box along x, y, z; the globe's radius is 1.
 _HALF = np.array([0.34, 0.46, 0.16])
-"""Half of the box along x, y, z; the globe's radius is 1."""
 _CORNERS = _HALF * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 _AXIS = 0.74
+#: Radius and width of the ring that fills while it rests.
 _RING, _THICK = 1.3, 0.1
-"""Radius and width of the ring that fills while it rests."""
 _EXTENT = 1.38
 _DOT = 0.055
+#: Opacity of what lies behind the unit.
 _PALE = 0.35
-"""Opacity of what lies behind the unit."""
+#: Opacity of the next position where it lies there.
 _FAR = 0.6
-"""Opacity of the next position where it lies there."""
+#: Positions nearer to each other are one dot.
 _ALIKE = np.cos(np.deg2rad(20.0))
-"""Positions nearer to each other are one dot."""
 
 
 class PositionPicture(QWidget):

@@ -7,15 +7,15 @@ from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
 
+#: By the message that opens each; the first opens with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
-"""By the message that opens each; the first opens with START."""
 
+#: Says that an errand's preparation is over; a run's stages take this list's place.
 _DONE = "registers_writing"
-"""Says that an errand's preparation is over; a run's stages take this list's place."""
 
 _HOMING = _STEPS.index("homing")
+#: Messages that open a step in place of its own, where the unit is carried by hand.
 _SAME = {"checking_gravity": "checking_mounting"}
-"""Messages that open a step in place of its own, where the unit is carried by hand."""
 
 
 class Preparation(QFrame):
@@ -54,7 +54,7 @@ class Preparation(QFrame):
     @property
     def _carried(self) -> bool:
         """Whether the unit is carried by hand: then nothing is homed."""
-        return self._run.outline is not None and self._run.outline.by_hand
+        return self._run.run_summary is not None and self._run.run_summary.by_hand
 
     def refresh(self) -> None:
         """Follow the run."""

@@ -9,9 +9,10 @@ from calstation.gui.widgets import theme
 from calstation.physics.arrays import FloatArray
 
 _VIEW_AZIMUTH, _VIEW_ELEVATION = np.deg2rad(28.0), np.deg2rad(24.0)
+#: Angles of a drawn circle, rad.
 CIRCLE = np.linspace(0.0, 2.0 * np.pi, 73)
-"""Angles of a drawn circle, rad."""
 
+#: A box's faces as places among its corners, with the axis that each is across.
 _FACES = (
     (0, (0, 1, 3, 2)),
     (0, (4, 5, 7, 6)),
@@ -20,16 +21,15 @@ _FACES = (
     (2, (0, 2, 6, 4)),
     (2, (1, 3, 7, 5)),
 )
-"""A box's faces as places among its corners, with the axis that each is across."""
 
 _CA, _SA = float(np.cos(_VIEW_AZIMUTH)), float(np.sin(_VIEW_AZIMUTH))
 _CE, _SE = float(np.cos(_VIEW_ELEVATION)), float(np.sin(_VIEW_ELEVATION))
+#: From the table towards who looks at it, level frame.
 VIEWER = np.array([_SA * _CE, -_CA * _CE, _SE])
-"""From the table towards who looks at it, level frame."""
 
 
+#: From the level frame to the screen, y downward, shape (3, 2).
 _SCREEN = np.array([[_CA, _SA * _SE], [_SA, -_CA * _SE], [0.0, -_CE]])
-"""From the level frame to the screen, y downward, shape (3, 2)."""
 
 
 def flat(p: FloatArray) -> QPointF:

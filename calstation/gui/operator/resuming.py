@@ -16,7 +16,7 @@ from calstation.gui.widgets.job_watch import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.runs.close_incomplete import close_run
 from calstation.runs.resume import Resumable, find_resumable
-from calstation.runs.startup_recovery import tidy_up
+from calstation.runs.startup_recovery import recover_startup
 
 
 class Resuming(QObject):
@@ -35,7 +35,9 @@ class Resuming(QObject):
     def open_up(self) -> None:
         """When the window opens: runs that died get their result, what waits is handed over; then offer."""
         if self._app.runs_folder.is_dir():
-            tidying = self._app.workshop.submit(tidy_up, self._app.runs_folder, self._app.station_path)
+            tidying = self._app.job_queue.submit(
+                recover_startup, self._app.runs_folder, self._app.station_path
+            )
             self._tidying.watch(tidying)
         self.look()
 
@@ -52,10 +54,10 @@ class Resuming(QObject):
 
     def _submit(self) -> None:
         if self._app.runs_folder.is_dir():
-            self._search.watch(self._app.workshop.submit(find_resumable, self._app.runs_folder))
+            self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
 
     def _found(self, found: list[Resumable]) -> None:
-        if self._app.engine_link.running or self._starting.outline is None:
+        if self._app.engine_link.running or self._starting.run_summary is None:
             return
         if self._wanted is not None:
             chosen = [run for run in found if run.log.name == self._wanted.name]
@@ -118,7 +120,7 @@ class Resuming(QObject):
         )
 
     def _close(self, run: Resumable, others: list[Resumable]) -> None:
-        self._closing.watch(self._app.workshop.submit(close_run, run.log, self._header.operator))
+        self._closing.watch(self._app.job_queue.submit(close_run, run.log, self._header.operator))
         self._offer(others)
 
     def _complain(self, text: str) -> None:

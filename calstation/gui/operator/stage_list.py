@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.run_summary import Outline
+from calstation.config.summary import RunSummary
 from calstation.gui.shell.run_status import RunStatus, StageState, planned
 from calstation.gui.text.wording import word_stage, word_time
 from calstation.gui.widgets import theme
@@ -87,7 +87,7 @@ class StageList(QFrame):
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self._run = run
-        self._planned: Outline | None = None
+        self._planned: RunSummary | None = None
         self._title = QLabel()
         self._title.setProperty("kind", "section")
         self._title.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
@@ -115,9 +115,9 @@ class StageList(QFrame):
         run.changed.connect(self.refresh)
         self.refresh()
 
-    def plan(self, outline: Outline | None) -> None:
+    def plan(self, run_summary: RunSummary | None) -> None:
         """What the next run would do, shown while none is going on."""
-        self._planned = outline
+        self._planned = run_summary
         self.refresh()
 
     def refresh(self) -> None:
@@ -187,8 +187,8 @@ class StageList(QFrame):
         return word_time(self._run.left(stage) / pace)
 
     def _say_left(self, stages: list[StageState], planning: bool) -> None:
-        outline = self._planned if planning else self._run.outline
-        virtual = outline is not None and outline.virtual
+        run_summary = self._planned if planning else self._run.run_summary
+        virtual = run_summary is not None and run_summary.virtual
         if planning and stages:
             total = word_time(sum(stage.duration for stage in stages))
             self._left.setText(self.tr("{time} in all").format(time=total))

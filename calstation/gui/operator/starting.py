@@ -6,7 +6,7 @@ from dataclasses import replace
 from PySide6.QtCore import QObject
 
 from calstation.config.request import RunRequest
-from calstation.config.run_summary import Outline
+from calstation.config.summary import RunSummary
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.suggestion import suggested_serial
 from calstation.gui.shell.context import AppContext
@@ -25,7 +25,7 @@ class Starting(QObject):
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
         self._app, self._header, self._notice = app, header, notice
-        self.outline: Outline | None = None
+        self.run_summary: RunSummary | None = None
         header.serial_entered.connect(self.check)
         header.serial_edited.connect(self._edited)
         header.start_pressed.connect(self.start)
@@ -37,21 +37,21 @@ class Starting(QObject):
 
     def suggest(self) -> None:
         """On the virtual bench, fill an empty field with a number that has not passed yet."""
-        if self.outline is not None and self.outline.virtual and not self._header.serial:
+        if self.run_summary is not None and self.run_summary.virtual and not self._header.serial:
             history = self.history()
 
             def passed(serial: str) -> bool:
                 return history is not None and history.passed_before(serial) is not None
 
-            self._header.set_serial(suggested_serial(self.outline, passed))
+            self._header.set_serial(suggested_serial(self.run_summary, passed))
 
     def check(self) -> bool:
         """Check the number; a good one moves the focus to START, which is a separate press."""
         header = self._header
-        if self.outline is None:
+        if self.run_summary is None:
             return False
-        if not header.fits(self.outline.serial_pattern):
-            self._refuse(header.serial, self.outline.serial_pattern)
+        if not header.fits(self.run_summary.serial_pattern):
+            self._refuse(header.serial, self.run_summary.serial_pattern)
             return False
         history = self.history()
         before = history.attempts(header.serial) if history is not None else 0
@@ -63,9 +63,9 @@ class Starting(QObject):
 
     def start(self) -> None:
         """START was pressed: check, ask what must be asked, run."""
-        if self._app.engine_link.running or not self.check() or self.outline is None:
+        if self._app.engine_link.running or not self.check() or self.run_summary is None:
             return
-        if self._app.workshop.at_device:
+        if self._app.job_queue.at_device:
             self._notice.ask(
                 "caution",
                 lambda: self.tr("Another page is talking to a device"),
@@ -85,7 +85,7 @@ class Starting(QObject):
         history = self.history()
         if history is not None:
             failures = history.failures(serial)
-            allowed = self.outline.attempts_allowed
+            allowed = self.run_summary.attempts_allowed
             if allowed is not None and failures >= allowed:
                 self._ask_beyond(serial, failures, request)
                 return
@@ -98,7 +98,7 @@ class Starting(QObject):
 
     def run(self, request: RunRequest) -> None:
         """Run it; a real table is asked for first."""
-        if self.outline is not None and self.outline.virtual:
+        if self.run_summary is not None and self.run_summary.virtual:
             self._app.engine_link.start(request)
         else:
             self._ask_motion(lambda: self._app.engine_link.start(request))
@@ -115,7 +115,7 @@ class Starting(QObject):
                     "Which registers is the unit to have before it is calibrated? New ones are proved first, with a "
                     "turn of the table."
                 )
-                if self.outline is not None and not self.outline.by_hand
+                if self.run_summary is not None and not self.run_summary.by_hand
                 else self.tr("Which registers is the unit to have before it is calibrated?")
             ),
             [
@@ -135,7 +135,7 @@ class Starting(QObject):
 
     def _edited(self) -> None:
         self._header.note_serial("")
-        if self.outline is not None and not self._app.run.going:
+        if self.run_summary is not None and not self._app.run.going:
             self._notice.dismiss()
 
     def _refuse(self, serial: str, pattern: str) -> None:
@@ -188,7 +188,7 @@ class Starting(QObject):
         )
 
     def _ask_motion(self, go: Go) -> None:
-        station = self.outline.station if self.outline is not None else ""
+        station = self.run_summary.station if self.run_summary is not None else ""
         self._notice.ask(
             "caution",
             lambda: self.tr("The table of '{station}' is going to move").format(station=station),

@@ -3,21 +3,21 @@
 import re
 from collections.abc import Callable
 
-from calstation.config.run_summary import Outline
+from calstation.config.summary import RunSummary
 
 _TRIED = 1000
 
 
-def suggested_serial(outline: Outline, passed: Callable[[str], bool]) -> str:
+def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> str:
     """SN-000001 and so on where the bench takes any number, its own where its file names one; "" for hardware."""
-    if outline.bench is None:
+    if run_summary.bench is None:
         return ""
-    own = outline.bench.get("serial")
+    own = run_summary.bench.get("serial")
     if own is not None:
         return str(own)
     for number in range(1, _TRIED):
         serial = f"SN-{number:06d}"
-        if not re.fullmatch(outline.serial_pattern, serial):
+        if not re.fullmatch(run_summary.serial_pattern, serial):
             return ""
         if not passed(serial):
             return serial

@@ -23,14 +23,14 @@ from calstation.physics.rotation import axis_rotation
 
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
 _AXIS = 0.92
+#: Opacity of a table whose angles nobody knows.
 _PALE = 0.5
-"""Opacity of a table whose angles nobody knows."""
+#: Half of what must fit into the picture, in ring radii.
 _EXTENT = 1.38
-"""Half of what must fit into the picture, in ring radii."""
 
 
+#: Of the unit's box on the disc, along the disc's two directions and its normal, ring radii.
 _CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
-"""Of the unit's box on the disc, along the disc's two directions and its normal, ring radii."""
 
 
 class TablePicture(QWidget):

@@ -21,14 +21,14 @@ from calstation.gui.widgets.line_labels import LineLabel, LineLabels
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.sequencer.events import Trace
 
+#: Ticks kept: a quarter of an hour of device time.
 _KEPT = 16_384
-"""Ticks kept: a quarter of an hour of device time."""
 
+#: Between two drawings, ms.
 _EVERY = 33
-"""Between two drawings, ms."""
 
+#: Lengths of time that can be chosen, s.
 WINDOWS = (10.0, 60.0, 600.0)
-"""Lengths of time that can be chosen, s."""
 
 _FIRST_WINDOW = 1
 _PER_DEGREE = 180.0 / np.pi

@@ -27,14 +27,14 @@ from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
 from calstation.gui.widgets.reset_bar import ResetBar
 from calstation.sequencer.events import Fault, Verdict
 
+#: Least height of the block that holds the word, px.
 _HEAD = 12 * theme.GRID
-"""Least height of the block that holds the word, px."""
 
+#: Most height of a row of figures, px; they move together where room is scarce.
 _ROW = 4 * theme.GRID
-"""Most height of a row of figures, px; they move together where room is scarce."""
 
+#: Height of the shape beside the word, in that of the block; the word is a little smaller.
 _SHAPE = 0.6
-"""Height of the shape beside the word, in that of the block; the word is a little smaller."""
 
 
 class _Head(QWidget):

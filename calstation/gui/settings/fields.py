@@ -21,14 +21,14 @@ from calstation.gui.settings.port_box import AddressEdit, PortBox
 from calstation.gui.settings.problem_wording import word_problem
 from calstation.gui.widgets import theme
 
+#: Says a text in the language in force, anew whenever asked.
 Words = Callable[[], str]
-"""Says a text in the language in force, anew whenever asked."""
 
+#: Widths of a field's label and of its input, px.
 LABEL, EDITOR = 22 * theme.GRID, 30 * theme.GRID
-"""Widths of a field's label and of its input, px."""
 
+#: Width kept for a unit behind an input, px.
 _UNIT = 9 * theme.GRID
-"""Width kept for a unit behind an input, px."""
 
 
 Editor = NumberEdit | WordEdit | ChoiceBox | NumberBox | VectorEdit | AddressEdit | PortBox

@@ -19,8 +19,8 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.job_watch import JobWatch
 
 _SERIAL, _TCP, _SERVER = "serial", "tcp", "socket"
+#: Usual port numbers of Modbus TCP and of a serial server.
 _MODBUS_PORT, _SERVER_PORT = 502, 4001
-"""Usual port numbers of Modbus TCP and of a serial server."""
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 
 
@@ -162,7 +162,7 @@ class LinkSection(QWidget):
         """Look for ports, beside the window."""
         if not self.searching.busy:
             self.search_button.setEnabled(False)
-            self.searching.watch(self._app.workshop.submit(discover))
+            self.searching.watch(self._app.job_queue.submit(discover))
 
     def refresh(self) -> None:
         """Show what the draft says."""

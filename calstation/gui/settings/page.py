@@ -40,16 +40,16 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.notice import Choice, NoticeBar
 
 _NAV = 26 * theme.GRID
+#: Place of the section that scrolls by itself.
 _PROFILES = 5
-"""Place of the section that scrolls by itself."""
 _LINK = ("port", "timeout_s", "serial")
+#: What the station's first sections show of it.
 _PLACES: tuple[tuple[Place, ...], ...] = (
     (("name",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK), ("table", "unit")),
     tuple(("imu", key) for key in _LINK),
     (("site",),),
 )
-"""What the station's first sections show of it."""
 
 
 class StationPage(Page):

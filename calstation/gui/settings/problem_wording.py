@@ -11,6 +11,7 @@ from calstation.messages.marked import QT_TRANSLATE_NOOP
 _CONTEXT = "station_problem"
 
 
+#: Kinds of problems whose sentence does not depend on the field.
 _KINDS = {
     "missing": QT_TRANSLATE_NOOP("station_problem", "Missing; fill it in."),
     "greater_than": QT_TRANSLATE_NOOP("station_problem", "Out of range; it must be greater than {gt:g}."),
@@ -26,7 +27,6 @@ _KINDS = {
     "literal_error": QT_TRANSLATE_NOOP("station_problem", "Unknown; it must be {expected}."),
     "no_profile": QT_TRANSLATE_NOOP("station_problem", "“{value}” does not exist; choose from: {known}."),
 }
-"""Kinds of problems whose sentence does not depend on the field."""
 
 _TRAVEL = QT_TRANSLATE_NOOP("station_problem", "The lowest angle must lie below the highest.")
 _UNIT_VECTOR = QT_TRANSLATE_NOOP("station_problem", "Give a unit vector: its squares add up to 1.")
@@ -36,6 +36,7 @@ _TABLES_ADDRESS = QT_TRANSLATE_NOOP(
 _IMUS_ADDRESS = QT_TRANSLATE_NOOP(
     "station_problem", "Write socket://host:port for a serial server; port 1 to 65535."
 )
+#: What the rules over several values say of the fields of this page; all else is told in the loader's own words.
 _RULES: dict[Place, str] = {
     ("outer",): _TRAVEL,
     ("inner",): _TRAVEL,
@@ -47,7 +48,6 @@ _RULES: dict[Place, str] = {
         "station_problem", "Outer and inner axis are less than 60° apart; correct one of them."
     ),
 }
-"""What the rules over several values say of the fields of this page; all else is told in the loader's own words."""
 
 
 def word_problem(problem: Problem) -> str:

@@ -21,8 +21,8 @@ from calstation.physics.units import (
     MICRO_G,
 )
 
+#: A title and its lines of label and value.
 Section = tuple[str, list[tuple[str, str]]]
-"""A title and its lines of label and value."""
 
 
 translate = QCoreApplication.translate

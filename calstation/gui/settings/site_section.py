@@ -14,8 +14,8 @@ from calstation.gui.settings.inputs import ChoiceBox, NumberEdit
 from calstation.gui.widgets import theme
 
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
+#: Gravity, m/s², that stands in the input until the surveyed one is typed: no place has it, so nothing runs with it.
 _NOWHERE = 9.7
-"""Gravity, m/s², that stands in the input until the surveyed one is typed: no place has it, so nothing runs with it."""
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 
 

@@ -29,8 +29,8 @@ from calstation.gui.widgets.reset_bar import ResetBar
 from calstation.messages.finding import Finding, Report
 
 _KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad"}
+#: Findings behind which the table is reset.
 _LATCHED = ("fault", "fault_untold")
-"""Findings behind which the table is reset."""
 
 
 class _Line(QWidget):
@@ -170,7 +170,7 @@ class TestPanel(QFrame):
         self._clear()
         work = try_table if self._device == "table" else try_imu
         self._tested = self._setting(station)
-        self.watch.watch(self._app.workshop.submit(work, Order(station, self.product)))
+        self.watch.watch(self._app.job_queue.submit(work, Order(station, self.product)))
         self._show_running(True)
 
     def _order(self) -> Order | None:

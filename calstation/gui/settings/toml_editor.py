@@ -24,8 +24,8 @@ from calstation.config.editing import Problem
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
 
+#: Width of the column of marks, px.
 _MARK = 18
-"""Width of the column of marks, px."""
 
 
 def fixed_font() -> QFont:

@@ -12,8 +12,8 @@ from calstation.gui.widgets import theme
 _ROW = 11 * theme.GRID
 _NAME = 9 * theme.GRID
 _BAR = 2 * theme.GRID
+#: Distances that the scale's marks may have, degrees.
 _TICKS = (30, 90, 180, 360, 720, 1800, 3600)
-"""Distances that the scale's marks may have, degrees."""
 _MOST_TICKS = 8
 
 

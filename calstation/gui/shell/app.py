@@ -13,8 +13,8 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 
+#: Between two chances to hear Ctrl-C, ms.
 _HEAR_EVERY = 200
-"""Between two chances to hear Ctrl-C, ms."""
 
 
 def create_window(station: Path | None = None) -> QMainWindow:

@@ -13,7 +13,7 @@ from calstation.gui.shell.role import RoleLock
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
-from calstation.jobs.queue import Workshop
+from calstation.jobs.queue import JobQueue
 
 
 class AppContext(QObject):
@@ -44,7 +44,7 @@ class AppContext(QObject):
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
         super().__init__()
         self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
-        self.workshop = Workshop()
+        self.job_queue = JobQueue()
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.role = RoleLock(self)
@@ -98,7 +98,7 @@ class AppContext(QObject):
     def close(self) -> None:
         """End what runs beside the window; a run that is still going stops safely."""
         self.engine_link.close()
-        self.workshop.close()
+        self.job_queue.close()
 
 
 def _runs_folder() -> Path:

@@ -2,12 +2,12 @@
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.config.request import RegisterErrand, RunRequest
+from calstation.config.request import RegisterOperation, RunRequest
 from calstation.runs.engine import Engine
 from calstation.sequencer.control import Command
 
+#: Between two looks at the engine, ms.
 _EVERY = 30
-"""Between two looks at the engine, ms."""
 
 
 class EngineLink(QObject):
@@ -29,7 +29,7 @@ class EngineLink(QObject):
         super().__init__(parent)
         self._engine: Engine | None = None
         self.request: RunRequest | None = None
-        self.errand: RegisterErrand | None = None
+        self.errand: RegisterOperation | None = None
         self._timer = QTimer(self)
         self._timer.setInterval(_EVERY)
         self._timer.timeout.connect(self._poll)
@@ -39,10 +39,10 @@ class EngineLink(QObject):
         """Whether the process of a run or an errand lives."""
         return self._engine is not None
 
-    def start(self, order: RunRequest | RegisterErrand) -> None:
+    def start(self, order: RunRequest | RegisterOperation) -> None:
         """Start a run or an errand; only one at a time."""
         assert self._engine is None, "a run is going on"
-        self.errand = order if isinstance(order, RegisterErrand) else None
+        self.errand = order if isinstance(order, RegisterOperation) else None
         self.request = order if isinstance(order, RunRequest) else order.request
         self._engine = Engine.start(order)
         self.running_changed.emit(True)

@@ -38,8 +38,8 @@ _PAGES: tuple[type[Page], ...] = (
     StationPage,
     MethodsPage,
 )
+#: Height of the strip with STOP above every page, px.
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
-"""Height of the strip with STOP above every page, px."""
 
 _SMALLEST = QSize(1280, 720)
 

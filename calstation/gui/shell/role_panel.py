@@ -16,8 +16,8 @@ from calstation.errors import ConfigurationError
 from calstation.gui.shell.role import RoleLock
 from calstation.gui.widgets import theme
 
+#: Between two looks at the time to wait, ms.
 _TICK = 250
-"""Between two looks at the time to wait, ms."""
 
 
 class RolePanel(QFrame):

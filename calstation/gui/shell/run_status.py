@@ -7,7 +7,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.config.run_summary import Outline, outline
+from calstation.config.summary import RunSummary, run_summary
 from calstation.errors import CalstationError
 from calstation.gui.shell.engine_link import EngineLink
 from calstation.sequencer.control import Command
@@ -25,12 +25,13 @@ from calstation.sequencer.events import (
     Verdict,
 )
 
+#: States in which a run is going on.
 MOVING_STATES = ("starting", "preparing", "running", "pausing", "paused", "stopping")
-"""States in which a run is going on."""
 
+#: States in which a run or an errand is over.
 ENDED = ("stopped", "fault", "passed", "failed", "done")
-"""States in which a run or an errand is over."""
 
+#: Messages that still matter when the run is over.
 _REMARKS = (
     "step_repeated",
     "look_repeated",
@@ -46,16 +47,15 @@ _REMARKS = (
     "latitude_untold",
     "handover_waiting",
 )
-"""Messages that still matter when the run is over."""
 
+#: The last row: registers written and verified.
 TRANSFER = "transfer"
-"""The last row: registers written and verified."""
 
+#: Moves before and after the unit's restart, which tell how far its verification is.
 _TURNS = 17
-"""Moves before and after the unit's restart, which tell how far its verification is."""
 
+#: Host time after which a virtual bench's pace is known well enough to tell the time left, s.
 _TRUST_AFTER = 2.0
-"""Host time after which a virtual bench's pace is known well enough to tell the time left, s."""
 
 
 @dataclass
@@ -107,7 +107,7 @@ class RunStatus(QObject):
         super().__init__(parent)
         self._link = link
         self.state = "idle"
-        self.outline: Outline | None = None
+        self.run_summary: RunSummary | None = None
         self.errand = False
         self.serial = ""
         self.stages: list[StageState] = []
@@ -156,7 +156,7 @@ class RunStatus(QObject):
     @property
     def pace(self) -> float | None:
         """Device seconds per host second: 1 on hardware, measured on a virtual bench, None until known."""
-        if self.outline is not None and not self.outline.virtual:
+        if self.run_summary is not None and not self.run_summary.virtual:
             return 1.0
         elapsed, done = time.monotonic() - self._begun, self.done - self._behind
         return done / elapsed if self._begun and elapsed > _TRUST_AFTER and done > 0.0 else None
@@ -202,8 +202,8 @@ class RunStatus(QObject):
             self.transfer = None
             self._begun = self._behind = 0.0
             try:
-                self.outline = outline(self._link.request)
-                rows = planned(self.outline)
+                self.run_summary = run_summary(self._link.request)
+                rows = planned(self.run_summary)
                 self.stages = [row for row in rows if row.name == TRANSFER or not self.errand]
             except CalstationError:  # the engine meets it as well and tells it as a fault
                 self.stages = []
@@ -319,9 +319,9 @@ class RunStatus(QObject):
         return next((s for s in self.stages if s.name == name), None)
 
 
-def planned(outline: Outline) -> list[StageState]:
+def planned(run_summary: RunSummary) -> list[StageState]:
     """The rows of a run to come."""
-    rows = [StageState(s.name, s.duration) for s in outline.stages]
-    if outline.transfer is not None:
-        rows.append(StageState(TRANSFER, outline.transfer))
+    rows = [StageState(s.name, s.duration) for s in run_summary.stages]
+    if run_summary.transfer is not None:
+        rows.append(StageState(TRANSFER, run_summary.transfer))
     return rows

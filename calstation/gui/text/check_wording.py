@@ -12,6 +12,7 @@ from calstation.messages.marked import QT_TRANSLATE_NOOP
 from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
 from calstation.physics.units import ARCSECOND, DEGREE, MICRO_G, display
 
+#: What acceptance checks ask, by their names (`records.checks`).
 _SENTENCES = {
     "gravity_at_rest": QT_TRANSLATE_NOOP("checks", "At every rest the force is as long as gravity"),
     "improvement_at_rest": QT_TRANSLATE_NOOP(
@@ -27,8 +28,8 @@ _SENTENCES = {
     "excitation": QT_TRANSLATE_NOOP("checks", "Every sigma is a small part of what it was"),
     LATITUDE: QT_TRANSLATE_NOOP("checks", "The gyros see the earth turn as at the station's latitude"),
 }
-"""What acceptance checks ask, by their names (`records.checks`)."""
 
+#: The same in two or three words, where there is little room.
 _SHORT = {
     "gravity_at_rest": QT_TRANSLATE_NOOP("checks", "force at rest"),
     "improvement_at_rest": QT_TRANSLATE_NOOP("checks", "force at rest, improved"),
@@ -39,10 +40,9 @@ _SHORT = {
     "offline_online": QT_TRANSLATE_NOOP("checks", "solved again"),
     "excitation": QT_TRANSLATE_NOOP("checks", "sigma after over before"),
 }
-"""The same in two or three words, where there is little room."""
 
+#: Units of checks that compare no parameter, and in what people read them.
 _SHOWN = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
-"""Units of checks that compare no parameter, and in what people read them."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
+#: Values of `fault_sentences.SENTENCES`, and values of theirs.
 PHRASES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP("faults", "{0} (Modbus exception {1})"),
     QT_TRANSLATE_NOOP("faults", "{0} of unit {1}"),
@@ -77,4 +78,3 @@ PHRASES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP("faults", "compare this line with the unit's manual, and correct the IMU profile"),
     QT_TRANSLATE_NOOP("faults", "look at the unit's write protection"),
 )
-"""Values of `fault_sentences.SENTENCES`, and values of theirs."""

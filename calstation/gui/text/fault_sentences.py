@@ -2,6 +2,7 @@
 
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
+#: The sentences of a run's faults, values in numbered braces.
 SENTENCES: tuple[str, ...] = (
     QT_TRANSLATE_NOOP(
         "faults", "table: it is under local control; switch it to remote control, then start again"
@@ -374,4 +375,3 @@ SENTENCES: tuple[str, ...] = (
         "choose the product that belongs to the unit",
     ),
 )
-"""The sentences of a run's faults, values in numbered braces."""

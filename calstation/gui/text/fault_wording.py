@@ -27,6 +27,7 @@ _CAUSES = {
 }
 
 
+#: Names of a proof's comparisons (`station.proof`), in words.
 _MEASURED = {
     "gravity": QT_TRANSLATE_NOOP("faults", "gravity"),
     "earth_rate": QT_TRANSLATE_NOOP("faults", "the earth's rate"),
@@ -38,13 +39,13 @@ _MEASURED = {
     "rate_difference": QT_TRANSLATE_NOOP("faults", "the rate at rest is off by"),
     "turn_difference": QT_TRANSLATE_NOOP("faults", "a turn is off by"),
 }
-"""Names of a proof's comparisons (`station.proof`), in words."""
 
 _HEADS = ("table: ", "IMU: ", "engine: ", "virtual bench: ")
 _ENGINE_DEAD = "engine: its process ended unexpectedly"
 _HEAD = re.compile(r"^[^:：]*(: |：)")
 
 
+#: Sentences that a window says otherwise than a terminal: in plainer words, or with a mend that is a button.
 _REWORDED: tuple[tuple[str, str], ...] = (
     (
         r"table: fault 'interlock'.*",
@@ -196,8 +197,8 @@ _REWORDED: tuple[tuple[str, str], ...] = (
         ),
     ),
 )
-"""Sentences that a window says otherwise than a terminal: in plainer words, or with a mend that is a button."""
 
+#: What may stand behind a sentence: what the unit holds after it, or another way.
 _BEHIND: tuple[tuple[str, str], ...] = (
     (
         r"; the unit was restarted and holds its old registers",
@@ -223,7 +224,6 @@ _BEHIND: tuple[tuple[str, str], ...] = (
     ),
     (re.escape(OR_AT_REST), QT_TRANSLATE_NOOP("faults", "Or choose “Write, table at rest”.")),
 )
-"""What may stand behind a sentence: what the unit holds after it, or another way."""
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,10 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication, QLibraryInfo, QLocale, QTranslator
 from PySide6.QtWidgets import QComboBox, QWidget
 
+from calstation.gui.text.bind import languages
+
+#: Code and own name of each language; English first.
 LANGUAGES = (("en", "English"), ("zh_CN", "中文"))
-"""Code and own name of each language; English first."""
 
 _FOLDER = Path(__file__).parents[1] / "translations"
 _installed: list[QTranslator] = []
@@ -36,8 +38,14 @@ def use(code: str) -> None:
         app.removeTranslator(translator)
     _installed.clear()
     QLocale.setDefault(QLocale(QLocale.Language.C))
-    if _current == "en":
-        return
+    if _current != "en":
+        _install(code)
+    languages.changed.emit()
+
+
+def _install(code: str) -> None:
+    app = QCoreApplication.instance()
+    assert app is not None
     own = sorted(_FOLDER.glob(f"*_{code}.qm"))
     theirs = Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)) / f"qtbase_{code}.qm"
     for file in (theirs, *own):

@@ -174,6 +174,7 @@ _REASONS = {
     ),
 }
 
+#: Values of messages that are words themselves.
 _VALUES = {
     "holds": {
         "old": QT_TRANSLATE_NOOP("wording", "its old registers"),
@@ -192,8 +193,8 @@ _VALUES = {
         "read_back": QT_TRANSLATE_NOOP("wording", "by reading back alone"),
     },
 }
-"""Values of messages that are words themselves."""
 
+#: A run's states and outcomes as they stand on the screen.
 _STATES = {
     "idle": QT_TRANSLATE_NOOP("wording", "READY"),
     "starting": QT_TRANSLATE_NOOP("wording", "STARTING"),
@@ -210,8 +211,8 @@ _STATES = {
     "incomplete": QT_TRANSLATE_NOOP("wording", "INCOMPLETE"),
     "resolved": QT_TRANSLATE_NOOP("wording", "SOLVED OFFLINE"),
 }
-"""A run's states and outcomes as they stand on the screen."""
 
+#: The shape (`widgets.badge.KINDS`) that goes with each state.
 KINDS = {
     "idle": "none",
     "starting": "waiting",
@@ -227,7 +228,6 @@ KINDS = {
     "failed": "bad",
     "incomplete": "waiting",
 }
-"""The shape (`widgets.badge.KINDS`) that goes with each state."""
 
 _STEPS = {
     "start": QT_TRANSLATE_NOOP("wording", "To the start of the stage"),

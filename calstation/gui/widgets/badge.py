@@ -8,8 +8,8 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
 
+#: Ring, ring with a dot, filled triangle, tick, cross, triangle with a mark, two bars, square.
 KINDS = ("none", "waiting", "active", "good", "bad", "caution", "paused", "stopped")
-"""Ring, ring with a dot, filled triangle, tick, cross, triangle with a mark, two bars, square."""
 
 
 def state_colour(kind: str) -> QColor:

@@ -3,8 +3,8 @@
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractSpinBox, QDoubleSpinBox, QWidget
 
+#: Up to here a double, and so this box, holds every whole number.
 LARGEST = 2**53
-"""Up to here a double, and so this box, holds every whole number."""
 
 
 class CountSpin(QDoubleSpinBox):

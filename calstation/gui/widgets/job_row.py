@@ -8,8 +8,8 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.job_watch import JobWatch
 
 _STEPS = 1000
+#: Fraction from which the time left is worth saying.
 _FIRM = 0.05
-"""Fraction from which the time left is worth saying."""
 
 
 class JobRow(QWidget):

@@ -4,8 +4,8 @@ from PySide6.QtCore import QObject, QTimer, Signal
 
 from calstation.jobs.queue import Job
 
+#: Between two looks at the job, ms.
 _EVERY = 50
-"""Between two looks at the job, ms."""
 
 
 class JobWatch(QObject):

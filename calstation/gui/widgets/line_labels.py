@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
 
+#: Width kept for the lines that lead from a curve's end to its name, px.
 _LEADER = 2 * theme.GRID
-"""Width kept for the lines that lead from a curve's end to its name, px."""
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLay
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
 
+#: Says a text in the language in force, anew whenever asked.
 Words = Callable[[], str]
-"""Says a text in the language in force, anew whenever asked."""
 
 
 @dataclass(frozen=True)

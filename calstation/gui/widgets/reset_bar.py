@@ -82,7 +82,7 @@ class ResetBar(QWidget):
             return
         if order is None or self._app.engine_link.running or self.watch.busy:
             return
-        self.watch.watch(self._app.workshop.submit(reset_table, order, cancellable=False))
+        self.watch.watch(self._app.job_queue.submit(reset_table, order, cancellable=False))
         self._show()
         self.changed.emit()
 

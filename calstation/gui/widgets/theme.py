@@ -6,20 +6,20 @@ from functools import cache
 from PySide6.QtGui import QColor, QFont, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
 
+#: Every margin and distance is a multiple of this, px.
 GRID = 8
-"""Every margin and distance is a multiple of this, px."""
 
+#: The three text sizes, px.
 BODY, SECTION, VERDICT = 14, 18, 72
-"""The three text sizes, px."""
 
+#: Least height of a button, and of START and STOP, px.
 BUTTON, BIG_BUTTON = 44, 64
-"""Least height of a button, and of START and STOP, px."""
 
+#: Height of the bar with the tabs, px.
 TOP_BAR = 56
-"""Height of the bar with the tabs, px."""
 
+#: x, y and z wherever they are drawn, safe for colour-blind eyes, in both themes.
 AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
-"""x, y and z wherever they are drawn, safe for colour-blind eyes, in both themes."""
 
 FAMILIES = [
     "Segoe UI",
@@ -50,6 +50,7 @@ class Colours:
     on_state: str
 
 
+#: Colours by theme name.
 COLOURS = {
     "light": Colours(
         window="#eceff1",
@@ -80,7 +81,6 @@ COLOURS = {
         on_state="#0d1317",
     ),
 }
-"""Colours by theme name."""
 
 _current = "light"
 

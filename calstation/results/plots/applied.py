@@ -18,8 +18,8 @@ from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta
 
 _COLUMNS = 2000
+#: Samples are averaged over this long at least, s: a line of single samples shows their noise and nothing else.
 _MEAN_OVER = 0.25
-"""Samples are averaged over this long at least, s: a line of single samples shows their noise and nothing else."""
 _SHORTEST_REST = 1.0
 
 

@@ -36,7 +36,7 @@ class GimbalAxis:
 
 
 @dataclass(frozen=True)
-class GimbalPicture:
+class GimbalPlotData:
     """All axes in the order in which they were turned; threshold : of a drift, rad.
 
     least_squares : value and sigma of each misalignment from all samples at once, rad
@@ -47,11 +47,11 @@ class GimbalPicture:
     least_squares: Mapping[str, tuple[float, float]]
 
 
-def gimbal_picture(details: Mapping[str, Any], schedule: Mapping[str, Any]) -> GimbalPicture:
+def gimbal_plot_data(details: Mapping[str, Any], schedule: Mapping[str, Any]) -> GimbalPlotData:
     """From the stage's details and the schedule in force."""
     threshold = float(np.deg2rad(schedule["threshold_arcsec"] / 3600.0))
     order = str(schedule["order"])
-    return GimbalPicture(
+    return GimbalPlotData(
         tuple(_axis(told, order, threshold) for told in details["axes"]),
         threshold,
         {name: (row["value"], row["sigma"]) for name, row in details["least_squares"].items()},

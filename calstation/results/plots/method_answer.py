@@ -19,16 +19,16 @@ from calstation.records.log import Log, open_log
 from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import row_count
-from calstation.results.plots.gimbal import GimbalPicture, gimbal_picture
-from calstation.results.plots.pairs import PairPicture, pair_picture, stored_values
+from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
+from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
 from calstation.results.plots.positions import PositionPicture, position_picture
 from calstation.results.resolve import Resolved, resolve
 from calstation.schema import validate
 from calstation.simulation.recordings import read_truth
 from procedures import method
 
+#: Shares of the work at which a recording is read, and at which it is solved.
 _READ, _SOLVED = 0.3, 0.8
-"""Shares of the work at which a recording is read, and at which it is solved."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class MethodAnswer:
     resolved: Resolved
     before: Mapping[str, tuple[float, float | None]]
     schedule: Mapping[str, Any]
-    picture: PositionPicture | GimbalPicture | PairPicture
+    picture: PositionPicture | GimbalPlotData | PairPlotData
 
     @property
     def parameters(self) -> Mapping[str, Any]:
@@ -114,14 +114,14 @@ def found_vector(meta: LogMeta, parameters: Mapping[str, Any]) -> FloatArray:
 
 def _picture(
     log: Log, stage: str, result: Mapping[str, Any], schedule: Mapping[str, Any]
-) -> PositionPicture | GimbalPicture | PairPicture:
+) -> PositionPicture | GimbalPlotData | PairPlotData:
     details = result["details"].get(stage, {})
     if stage == "gimbal":
-        return gimbal_picture(details, schedule)
+        return gimbal_plot_data(details, schedule)
     context = context_from_meta(log.meta)
     data = data_of(log, stage)
     if stage == "cross_calibration":
-        return pair_picture(data, context, prior_from_meta(log.meta), details)
+        return pair_plot_data(data, context, prior_from_meta(log.meta), details)
     found = found_vector(log.meta, result["parameters"])
     return position_picture(data, context, prior_from_meta(log.meta).mean, found, log.meta.product)
 

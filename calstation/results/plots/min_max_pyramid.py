@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from calstation.physics.arrays import IntArray
 
+#: Columns of every array of values: °/s, m/s² and °, as people read them.
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "outer", "inner")
-"""Columns of every array of values: °/s, m/s² and °, as people read them."""
 FACTOR = 16
+#: Samples in a bin of each level.
 BINS = (16, 256, 4096)
-"""Samples in a bin of each level."""
 SAMPLE = np.dtype([("seq", "<i8"), ("values", "<f4", (len(CHANNELS),))])
 Values = NDArray[np.float32]
 _SAMPLES = "samples"
@@ -99,7 +99,7 @@ class _Level:
         return bins
 
 
-class PictureWriter:
+class PyramidWriter:
     """Makes the files from consecutive samples.
 
     Parameters
@@ -135,7 +135,7 @@ class PictureWriter:
             level += 1
 
 
-class Picture:
+class MinMaxPyramid:
     """Reads the files; what it reads at a time is bounded by what is drawn."""
 
     def __init__(self, folder: Path) -> None:

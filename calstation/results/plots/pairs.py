@@ -20,8 +20,8 @@ from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
 from calstation.records.pair_store import load_pair, pair_path
 from calstation.results.pair_run import pair_folder
 
+#: Stretches of time into which what is left is gathered.
 _COLUMNS = 800
-"""Stretches of time into which what is left is gathered."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class SecondaryPicture:
+class SecondaryPlotData:
     """One secondary: its place among the IMUs, what is left of both sensors, and its check at rest.
 
     check : as `estimation.pair_watch.check_values` tells it; None where the body never rested
@@ -82,22 +82,22 @@ class Happening:
 
 
 @dataclass(frozen=True)
-class PairPicture:
+class PairPlotData:
     """All secondaries of a recording, and what the site keeps of them.
 
     happened : where the schedule leaves the calibration to its triggers, what they led to; duration : s
     """
 
     primary: str
-    secondaries: tuple[SecondaryPicture, ...]
+    secondaries: tuple[SecondaryPlotData, ...]
     kept: tuple[Kept, ...]
     happened: tuple[Happening, ...]
     duration: float
 
 
-def pair_picture(
+def pair_plot_data(
     data: StageData, context: SolveContext, prior: Belief, details: Mapping[str, Any]
-) -> PairPicture:
+) -> PairPlotData:
     """From a stage's samples and the details of its result."""
     c = compensation(prior.mean)
     shown = []
@@ -106,10 +106,10 @@ def pair_picture(
         found = StoredPair(told["stored"]["values"])
         left = _left(pair, c, pair_vector(secondary.stored), pair_vector(found)) if "fit" in told else {}
         static = {sensor: told["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
-        shown.append(SecondaryPicture(secondary.number, secondary.imu.serial, left, told["check"], static))
+        shown.append(SecondaryPlotData(secondary.number, secondary.imu.serial, left, told["check"], static))
     begin = float(data.time[0])
     happened = tuple(_happening(told, begin) for told in details["events"])
-    return PairPicture(
+    return PairPlotData(
         context.imu.serial,
         tuple(shown),
         kept_pairs(context, pair_folder()),

@@ -9,12 +9,12 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import aligned, display, number
-from calstation.results.plots.gimbal import GimbalPicture
+from calstation.results.plots.gimbal import GimbalPlotData
 from calstation.results.plots.method_answer import MethodAnswer
 
 _NONE = "–"
+#: A difference of more than so many sigmas is marked.
 _NOTABLE = 3.0
-"""A difference of more than so many sigmas is marked."""
 _NUMBERS = ("value", "sigma", "before", "before_sigma", "other", "other_sigma", "apart", "truth", "error")
 
 
@@ -42,7 +42,7 @@ class AnswerTable(QWidget):
     def show_answer(self, answer: MethodAnswer) -> None:
         """Show an answer's parameters."""
         parameters, picture = answer.parameters, answer.picture
-        other = picture.least_squares if isinstance(picture, GimbalPicture) else {}
+        other = picture.least_squares if isinstance(picture, GimbalPlotData) else {}
         truth = answer.recording.truth
         names = [*(n for n in NAMES if n in parameters), *(n for n in parameters if n not in INDEX)]
         self._apart = {}

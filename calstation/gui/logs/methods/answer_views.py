@@ -14,7 +14,7 @@ from calstation.gui.logs.methods.pair_view import PairCheckView, PairLeftView
 from calstation.gui.logs.methods.positions_view import PositionsView
 from calstation.gui.logs.methods.scrolled import scrolled
 from calstation.gui.widgets.checks_table import ChecksTable
-from calstation.results.plots.gimbal import GimbalPicture
+from calstation.results.plots.gimbal import GimbalPlotData
 from calstation.results.plots.method_answer import MethodAnswer
 from calstation.results.plots.positions import PositionPicture
 
@@ -58,7 +58,7 @@ class AnswerViews:
         picture = answer.picture
         if self.positions is not None and isinstance(picture, PositionPicture):
             self.positions.show_picture(picture)
-        if self.gimbal is not None and isinstance(picture, GimbalPicture):
+        if self.gimbal is not None and isinstance(picture, GimbalPlotData):
             self.gimbal.show_picture(picture)
         if self.check is not None and self.left is not None:
             self.check.show_answer(answer)

@@ -11,8 +11,8 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state, state_colour
 
 _ROW = 30.0
+#: Share of a bar's width at which its threshold lies; a longer bar ends in an open end.
 _LIMIT_AT = 0.5
-"""Share of a bar's width at which its threshold lies; a longer bar ends in an open end."""
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from calstation.results.plots.gimbal import GimbalAxis
 
 _HEIGHT = 62
 _BAR_TOP, _BAR = 24.0, 14.0
+#: The bar reaches to so many times the largest stable gain, or the gain in use.
 _ROOM = 1.35
-"""The bar reaches to so many times the largest stable gain, or the gain in use."""
 
 
 class GainBar(QWidget):

@@ -13,10 +13,10 @@ from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.elided import ElidedLabel
 from calstation.physics.arrays import FloatArray
 from calstation.physics.units import ARCSECOND
-from calstation.results.plots.gimbal import GimbalAxis, GimbalPicture
+from calstation.results.plots.gimbal import GimbalAxis, GimbalPlotData
 
+#: A promise smaller than this part of the smallest drift measured is not drawn.
 _FAINT = 0.2
-"""A promise smaller than this part of the smallest drift measured is not drawn."""
 
 
 class _AxisPanel(QFrame):
@@ -61,7 +61,7 @@ class GimbalView(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._picture: GimbalPicture | None = None
+        self._picture: GimbalPlotData | None = None
         self.plot = MethodPlot(log=True)
         self.plot.getAxis("bottom").setTickSpacing(1.0, 1.0)
         self._panels: list[_AxisPanel] = []
@@ -76,7 +76,7 @@ class GimbalView(QWidget):
         row.addWidget(self.plot, 11)
         row.addWidget(scrolled(side), 8)
 
-    def show_picture(self, picture: GimbalPicture) -> None:
+    def show_picture(self, picture: GimbalPlotData) -> None:
         """Draw it."""
         self._picture = picture
         for panel in self._panels:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from PySide6.QtCore import QCoreApplication
 
 MULTI_POSITION, GIMBAL, CROSS_CALIBRATION = "multi_position", "gimbal", "cross_calibration"
+#: The methods by the names of their stages, in the page's order.
 STAGES = (MULTI_POSITION, GIMBAL, CROSS_CALIBRATION)
-"""The methods by the names of their stages, in the page's order."""
 
+#: The kind of recording (`station.bench_recordings.Kind`) that each of them solves.
 RECORDED_AS = {MULTI_POSITION: "hand", GIMBAL: "gimbal", CROSS_CALIBRATION: "pair"}
-"""The kind of recording (`station.bench_recordings.Kind`) that each of them solves."""
 
 
 @dataclass(frozen=True)

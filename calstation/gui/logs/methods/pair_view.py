@@ -17,10 +17,10 @@ from calstation.physics.parameters import pair_name
 from calstation.physics.units import DEGREE, display, number
 from calstation.results.pair_check import Followed, PairChecked
 from calstation.results.plots.method_answer import MethodAnswer
-from calstation.results.plots.pairs import Kept, Left, PairPicture, SecondaryPicture
+from calstation.results.plots.pairs import Kept, Left, PairPlotData, SecondaryPlotData
 
+#: What is left is drawn in °/s and m/s²: it is mostly that of motion.
 _RATE, _FORCE = DEGREE, 1.0
-"""What is left is drawn in °/s and m/s²: it is mostly that of motion."""
 
 
 class PairCheckView(QWidget):
@@ -86,7 +86,7 @@ class PairCheckView(QWidget):
         """Show what a solved recording says at rest, and what its triggers led to where it has any."""
         self._answer, self._checked = answer, None
         picture = answer.picture
-        assert isinstance(picture, PairPicture)
+        assert isinstance(picture, PairPlotData)
         end = Followed(picture.duration, picture.duration, "waiting", 0.0, picture.happened)
         self.timeline.show_followed(end if picture.happened else None)
         self.retranslate()
@@ -108,7 +108,7 @@ class PairCheckView(QWidget):
         if self._checked is not None:
             return self._checked.kept
         picture = None if self._answer is None else self._answer.picture
-        return picture.kept if isinstance(picture, PairPicture) else ()
+        return picture.kept if isinstance(picture, PairPlotData) else ()
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
@@ -147,7 +147,7 @@ class PairCheckView(QWidget):
     def _bars(self) -> list[CheckBar]:
         assert self._answer is not None
         picture = self._answer.picture
-        assert isinstance(picture, PairPicture)
+        assert isinstance(picture, PairPlotData)
         bars: list[CheckBar] = []
         by_trigger = {h.number for h in picture.happened if h.kind == "calibrated"}
         for place, secondary in enumerate(picture.secondaries):
@@ -210,7 +210,7 @@ class PairLeftView(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._answer: MethodAnswer | None = None
-        self._calibrated: list[SecondaryPicture] = []
+        self._calibrated: list[SecondaryPlotData] = []
         self.figures = [Figure() for _ in range(4)]
         self.gyro_plot, self.accel_plot = MethodPlot(log=True), MethodPlot(log=True)
         self.accel_plot.setXLink(self.gyro_plot)
@@ -235,7 +235,7 @@ class PairLeftView(QWidget):
         """Draw it, the first secondary that was calibrated; the others can be chosen."""
         self._answer = answer
         picture = answer.picture
-        assert isinstance(picture, PairPicture)
+        assert isinstance(picture, PairPlotData)
         self._calibrated = [s for s in picture.secondaries if s.left]
         with QSignalBlocker(self.secondary_combo):
             self.secondary_combo.clear()

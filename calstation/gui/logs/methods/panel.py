@@ -20,7 +20,7 @@ from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.answer_head import AnswerHead
 from calstation.gui.logs.methods.answer_views import AnswerViews
-from calstation.gui.logs.methods.applied_desk import AppliedDesk
+from calstation.gui.logs.methods.applied_controller import AppliedController
 from calstation.gui.logs.methods.bench_box import BenchBox
 from calstation.gui.logs.methods.guidance import Guidance
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
@@ -35,8 +35,8 @@ from calstation.results.plots.method_answer import MethodAnswer, solve_method
 from calstation.simulation.recordings import record_on_bench, recordings_folder
 
 _LOGS = (".h5", ".csv", ".csv.gz")
+#: The tab that is always there.
 _GUIDANCE = 0
-"""The tab that is always there."""
 
 
 class MethodPanel(QWidget):
@@ -51,13 +51,13 @@ class MethodPanel(QWidget):
         self.path: Path | None = None
         self.answer: MethodAnswer | None = None
         self.maker, self.solver, self.checker = JobWatch(self), JobWatch(self), JobWatch(self)
-        self.exports = Exports(app.workshop, self)
+        self.exports = Exports(app.job_queue, self)
         self.source = SourceBar(app.settings, name=f"{stage}_log", key=f"methods/{stage}/recent")
         self.notice = NoticeBar()
         self.notice.setObjectName(f"{stage}_notice")
         self.answers = AnswerViews(stage)
         applied = self.answers.applied
-        self.applying = None if applied is None else AppliedDesk(app, applied, self)
+        self.applying = None if applied is None else AppliedController(app, applied, self)
         self._build()
         self._connect()
         self.retranslate()
@@ -80,7 +80,7 @@ class MethodPanel(QWidget):
         self._forget()
         path = recordings_folder() / f"{self.stage}-{grade}-{seed}.h5"
         self.maker.watch(
-            self.app.workshop.submit(record_on_bench, RECORDED_AS[self.stage], path, grade, seed)
+            self.app.job_queue.submit(record_on_bench, RECORDED_AS[self.stage], path, grade, seed)
         )
         self._allow()
 
@@ -89,7 +89,7 @@ class MethodPanel(QWidget):
         if self.busy or self.path is None:
             return
         self._forget()
-        self.solver.watch(self.app.workshop.submit(solve_method, self.path, self.stage))
+        self.solver.watch(self.app.job_queue.submit(solve_method, self.path, self.stage))
         self._allow()
 
     def check(self) -> None:
@@ -97,7 +97,7 @@ class MethodPanel(QWidget):
         if self.busy or self.path is None:
             return
         self.notice.dismiss()
-        self.checker.watch(self.app.workshop.submit(check_pair, self.path))
+        self.checker.watch(self.app.job_queue.submit(check_pair, self.path))
         self._allow()
 
     def guide_live(self) -> None:

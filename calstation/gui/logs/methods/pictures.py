@@ -23,13 +23,13 @@ _TO_EYE = np.array(
 )
 _RIGHT = np.array([np.cos(_AZIMUTH), np.sin(_AZIMUTH), 0.0])
 _UP = np.cross(_TO_EYE, _RIGHT)
+#: Half of what must fit into a picture, in radii of its outermost ring.
 _EXTENT = 1.3
-"""Half of what must fit into a picture, in radii of its outermost ring."""
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 97)
 _BOX = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
 _FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+#: Share of a labelled picture's width that is kept for names on either side.
 _NAMES_ROOM = 0.3
-"""Share of a labelled picture's width that is kept for names on either side."""
 
 
 class MethodPicture(QWidget):

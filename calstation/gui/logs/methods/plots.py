@@ -13,14 +13,14 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.physics.arrays import FloatArray
 
+#: A word and its colour, in the note at the top of a plot.
 Part = tuple[str, str]
-"""A word and its colour, in the note at the top of a plot."""
 
 _NOTE = 3.5 * theme.GRID
 _AXIS = 8 * theme.GRID
 _PALE = 110
+#: Marks of a decade that carry a number.
 _LABELLED = (1.0, 2.0, 5.0)
-"""Marks of a decade that carry a number."""
 
 
 class _PlainLog(pg.AxisItem):  # type: ignore[misc]

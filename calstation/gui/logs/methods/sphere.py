@@ -11,8 +11,8 @@ from calstation.physics.arrays import FloatArray
 
 _EXTENT = 1.3
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 73)
+#: Turn of the sphere per pixel dragged, rad.
 _PER_PIXEL = 0.008
-"""Turn of the sphere per pixel dragged, rad."""
 
 
 class PositionSphere(QWidget):

@@ -12,6 +12,7 @@ from calstation.results.pair_check import Followed
 
 _TOP, _MARK, _LANE = 26.0, 16.0, 22.0
 _LANES = 2
+#: The shape of each happening (`badge.KINDS`); what tells more comes later.
 _STATES = {
     "triggered": "waiting",
     "checked": "none",
@@ -20,7 +21,6 @@ _STATES = {
     "calibrated": "good",
     "given_up": "bad",
 }
-"""The shape of each happening (`badge.KINDS`); what tells more comes later."""
 
 
 class Timeline(QWidget):

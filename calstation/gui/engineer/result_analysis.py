@@ -18,10 +18,10 @@ from calstation.gui.text.wording import word_state
 from calstation.gui.widgets.job_watch import JobWatch
 from calstation.results.diagnostics import Diagnostics, diagnose
 from calstation.results.finished_run import Finished, finished
-from calstation.results.preview import Forecast
+from calstation.results.preview import Preview
 
 
-class CloseLook(QObject):
+class ResultAnalysis(QObject):
     """The four views of a result and the jobs that fill them.
 
     `changed` when another run is opened or could not be; `loaded` once it is there; `failed(path, sentence)`
@@ -56,10 +56,10 @@ class CloseLook(QObject):
     def open(self, path: Path) -> None:
         """Look at a result or a log."""
         self._path = path
-        self.loading.watch(self._app.workshop.submit(finished, path, self._app.runs_folder))
+        self.loading.watch(self._app.job_queue.submit(finished, path, self._app.runs_folder))
         self.changed.emit()
 
-    def foresee(self, told: Forecast) -> None:
+    def foresee(self, told: Preview) -> None:
         """Before any run is opened, the observability that a preview expects."""
         if self.run is None:
             self.observability.show_stages({s.stage: s.observability for s in told.stages})
@@ -77,7 +77,7 @@ class CloseLook(QObject):
         else:
             self._looked = run.log
             log, stages = run.result["log"], tuple(run.result["stages"])
-            job = self._app.workshop.submit(diagnose, run.log, stages, log["first_seq"], log["last_seq"])
+            job = self._app.job_queue.submit(diagnose, run.log, stages, log["first_seq"], log["last_seq"])
             self.diagnosing.watch(job)
             for lazy in self._deep:
                 lazy.show_work()

@@ -16,14 +16,14 @@ from calstation.records.log import Log, open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import raw_rows, row_count
-from calstation.results.plots.min_max_pyramid import Columns, Picture, PictureWriter, group_of, joined
+from calstation.results.plots.min_max_pyramid import Columns, MinMaxPyramid, PyramidWriter, group_of, joined
 
+#: Marks of a kind that are kept; of more only the number is known.
 MOST_MARKS = 20_000
-"""Marks of a kind that are kept; of more only the number is known."""
+#: Rows read before those asked for, to find the angles last polled.
 _LOOK_BACK = 4096
-"""Rows read before those asked for, to find the angles last polled."""
+#: Beside the picture: first row and number of rows of each stretch of damaged ones, shape (n, 2).
 _HOLES = "holes.npy"
-"""Beside the picture: first row and number of rows of each stretch of damaged ones, shape (n, 2)."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Marks:
 
 
 @dataclass(frozen=True)
-class Overview:
+class LogIndex:
     """What a log is, as far as it is drawn and asked about.
 
     Attributes
@@ -83,7 +83,7 @@ class Overview:
         return self.meta.imu.sample_rate_hz
 
 
-def overview(tell: Callable[..., None], path: Path, folder: Path) -> Overview:
+def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
     """Read a log once: picture into `folder` (made here), marks and facts.
 
     Raises
@@ -100,7 +100,7 @@ def overview(tell: Callable[..., None], path: Path, folder: Path) -> Overview:
     held, last = np.full(2, np.nan), -1
     try:
         folder.mkdir(parents=True)
-        writer = PictureWriter(folder, keep_samples=path.suffix != SUFFIX)
+        writer = PyramidWriter(folder, keep_samples=path.suffix != SUFFIX)
         done = 0
         for block in log.blocks():
             angles = _held(np.rad2deg(block.angles), block.seq, held, last)
@@ -116,7 +116,7 @@ def overview(tell: Callable[..., None], path: Path, folder: Path) -> Overview:
         raise ConfigurationError(
             f"{folder}: the log's picture cannot be written ({exc.strerror or exc}); make room on its disk"
         ) from exc
-    return gathered.overview(log, folder, scale)
+    return gathered.log_index(log, folder, scale)
 
 
 def samples(
@@ -133,7 +133,7 @@ def samples(
         angles = _held(np.rad2deg(rows["angles"]), seq, np.full(2, np.nan), -1)
         values = np.hstack([rows["counts"] * scale, angles]).astype(np.float32)
     else:
-        kept = Picture(folder).samples(before, stop)
+        kept = MinMaxPyramid(folder).samples(before, stop)
         seq, values = kept["seq"], kept["values"]
     tell(1.0)
     seq, values = seq[start - before :], values[start - before :]
@@ -196,8 +196,8 @@ class _Gathered:
         self._spans.append(Span(block.stage, first, last, count))
         self._parted = False
 
-    def overview(self, log: Log, folder: Path, scale: FloatArray) -> Overview:
-        return Overview(
+    def log_index(self, log: Log, folder: Path, scale: FloatArray) -> LogIndex:
+        return LogIndex(
             log.path,
             log.meta,
             log.outcome,

@@ -15,19 +15,19 @@ from calstation.sequencer.events import SampleStats, TableMoved, Trace
 from calstation.sequencer.guard import latched
 from calstation.sequencer.ports import Clock, Emit
 
+#: Station time without a sample that counts as no data, s.
 NO_DATA = 1.0
-"""Station time without a sample that counts as no data, s."""
 
 _NOTHING = Flow(0, 0, False, False, False)
 
+#: Host time between two events that only refresh a display, s.
 _SHOW_TABLE, _SHOW_SAMPLES = 0.1, 0.5
-"""Host time between two events that only refresh a display, s."""
 
+#: Ticks kept for a trace: a bench faster than its listener shows the latest.
 _TRACED_AT_MOST = 400
-"""Ticks kept for a trace: a bench faster than its listener shows the latest."""
 
 
-class Pulse:
+class ControlLoop:
     """Runs ticks in the engine's thread and interrupts the step in hand.
 
     Attributes
@@ -82,11 +82,11 @@ class Pulse:
         self._acquisition.poll(self.status, asked, self._clock.now())
         self.flow = self._drained()
         self._trace()
-        self.keep_alive()
+        self.feed_watchdog()
         self._show()
         self._check_table()
         self._check_unit()
-        self.hear()
+        self.check_cancelled()
         if self.watchful:
             self._check_data()
 
@@ -95,7 +95,7 @@ class Pulse:
         """Whether the unit has sent nothing for too long."""
         return self._clock.now() - self._acquisition.last_arrival > NO_DATA
 
-    def hear(self) -> None:
+    def check_cancelled(self) -> None:
         """Take the operator's commands. Raises StopRequested or PauseRequested."""
         self._control.take()
         if self._control.stopping:
@@ -103,7 +103,7 @@ class Pulse:
         if self._control.pausing and self.pausable:
             raise PauseRequested
 
-    def keep_alive(self) -> None:
+    def feed_watchdog(self) -> None:
         """Feed the table's watchdog every quarter of its time (host time); let the journal write."""
         self._service()
         now = time.monotonic()

@@ -5,20 +5,20 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.resolving import check_station, configured
 from calstation.devices.imu.registers import RegisterMap
 from calstation.physics.motion import Carry
 from calstation.physics.parameters import GROUPS, NAMES, group_indices
 from calstation.physics.table import TableGeometry
 from calstation.records.meta import context_from_meta
-from calstation.sequencer.fresh_data import DURATION
+from calstation.sequencer.capture import DURATION
 from calstation.sequencer.preview import plan_time
 from procedures import method
 
 
 @dataclass(frozen=True)
-class StageOutline:
+class StageSummary:
     """A stage to come: its name and what its plan takes, s of device time."""
 
     name: str
@@ -26,7 +26,7 @@ class StageOutline:
 
 
 @dataclass(frozen=True)
-class Outline:
+class RunSummary:
     """What a run on a station with a product would be.
 
     Attributes
@@ -52,7 +52,7 @@ class Outline:
     outer_axis: tuple[float, float, float]
     inner_axis: tuple[float, float, float]
     serial_pattern: str
-    stages: tuple[StageOutline, ...]
+    stages: tuple[StageSummary, ...]
     transfer: float | None
     targets: Mapping[str, float]
     attempts_allowed: int | None
@@ -66,7 +66,7 @@ class Outline:
         return self.bench is not None
 
 
-def outline(request: RunRequest) -> Outline:
+def run_summary(request: RunRequest) -> RunSummary:
     """Read what a request names; its serial number is not looked at, but must not be empty.
 
     Raises ConfigurationError with file, field and mend.
@@ -77,7 +77,7 @@ def outline(request: RunRequest) -> Outline:
     geometry = setup.table.geometry()
     meta = setup.meta(datetime.now(UTC), 1, {})
     plans = setup.task(meta).stages
-    return Outline(
+    return RunSummary(
         station=setup.station.name,
         product=setup.product.name,
         bench=setup.station.bench,
@@ -86,7 +86,7 @@ def outline(request: RunRequest) -> Outline:
         inner_axis=geometry.inner_axis,
         serial_pattern=setup.product.serial_pattern,
         stages=tuple(
-            StageOutline(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s)))
+            StageSummary(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s)))
             for p in plans
         ),
         transfer=DURATION if RegisterMap(tuple(setup.imu.registers)).parameters else None,
@@ -107,7 +107,7 @@ def _up(geometry: TableGeometry, step: Carry) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-def _targets(setup: Setup) -> dict[str, float]:
+def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
     context = context_from_meta(setup.meta(datetime.now(UTC), 1, {}))
     last = {name: stage for stage in setup.stages for name in method(stage).estimates(context)}
     limits = setup.product.limits

@@ -10,19 +10,19 @@ from calstation.physics.motion import Move
 from calstation.physics.table import INNER, OUTER, UP, JointLimits, TableGeometry
 from calstation.sequencer.guard import JOINTS
 
+#: At most, rad/s and rad/s²: the turns take a minute where the table and the unit's span allow it.
 RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(120.0)
-"""At most, rad/s and rad/s²: the turns take a minute where the table and the unit's span allow it."""
 
 _WHOLE = 2.0 * np.pi
+#: Of a turn, the first that travel allows; whole ones first, in which an encoder's error cancels.
 _AMOUNTS = tuple(np.deg2rad(v) for a in (360.0, 180.0, 90.0, 30.0) for v in (a, -a))
-"""Of a turn, the first that travel allows; whole ones first, in which an encoder's error cancels."""
 
+#: By which the inner joint stands otherwise when the outer one turns again, about another axis of the body.
 _QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
-"""By which the inner joint stands otherwise when the outer one turns again, about another axis of the body."""
 
 _STOP = np.deg2rad(90.0)
+#: A direction of gravity in the body this far from every other is worth a rest.
 _NEW = np.deg2rad(20.0)
-"""A direction of gravity in the body this far from every other is worth a rest."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class ProofPath:
+class VerificationPath:
     """Poses from `start` (rad), where the first rest is, and back to it; `to_start` brings the table there."""
 
     start: tuple[float, float]
@@ -70,9 +70,9 @@ class ProofPath:
         return Move(*self.start, move.rate, move.acceleration, ("verify",))
 
 
-def proof_path(
+def verification_path(
     start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float = np.inf
-) -> ProofPath:
+) -> VerificationPath:
     """The outer joint turns, and again with the inner one elsewhere, then the inner one: all within travel.
 
     Parameters
@@ -91,7 +91,7 @@ def proof_path(
     # The other way round: a whole turn then ends three quarters from the start instead of five.
     way.turn(INNER, -np.sign(quarter) * abs(way.amount(INNER, -np.sign(quarter))))
     way.go(INNER, start[INNER] - way.pose[INNER])
-    return ProofPath(start, tuple(way.legs), tuple(way.turns))
+    return VerificationPath(start, tuple(way.legs), tuple(way.turns))
 
 
 class _Way:

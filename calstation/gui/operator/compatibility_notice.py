@@ -4,21 +4,21 @@ from functools import partial
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.config.compatible_products import fitting_products
-from calstation.config.resolving import HandsError
+from calstation.config.compatibility import compatible_products
+from calstation.config.resolving import ManualRigError
 from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets.notice import Choice
 
+#: Most products that get a button; all are named.
 _BUTTONS = 2
-"""Most products that get a button; all are named."""
 
 
-class Misfit:
+class CompatibilityNotice:
     """Words and answers for the operator, who chooses products and knows no stages."""
 
-    def __init__(self, app: AppContext, error: HandsError) -> None:
+    def __init__(self, app: AppContext, error: ManualRigError) -> None:
         self._app, self._error = app, error
-        self._found = fitting_products(app.station_path, app.product_path)
+        self._found = compatible_products(app.station_path, app.product_path)
 
     def words(self) -> str:
         """What does not fit, and what does."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
-from calstation.config.request import RegisterErrand, RunRequest
+from calstation.config.request import RegisterOperation, RunRequest
 from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text.wording import word_message, word_step
@@ -15,14 +15,14 @@ from calstation.registers.manual import UnitRegisters, Wanted, read_unit, wanted
 from calstation.results.finished_run import Finished
 from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
 
+#: Stands for the unit in a request where none is named yet.
 UNNAMED = "-"
-"""Stands for the unit in a request where none is named yet."""
 
+#: Messages that say how a unit was left whose write did not come to its end.
 _LEFT = ("transfer_unproved", "old_unproved")
-"""Messages that say how a unit was left whose write did not come to its end."""
 
 
-class RegisterDesk(QObject):
+class RegisterController(QObject):
     """Does the view's work, reading in the workshop, writing by the engine; `changed` when something else may be done.
 
     request : what would be run now, for its station, product and engineer's name
@@ -34,7 +34,7 @@ class RegisterDesk(QObject):
         super().__init__(parent)
         self._app, self._request = app, request
         self._run: Finished | None = None
-        self._errand: RegisterErrand | None = None
+        self._errand: RegisterOperation | None = None
         self._left = ""
         self.view = RegistersView()
         self._wanting = JobWatch(self)
@@ -52,7 +52,7 @@ class RegisterDesk(QObject):
         self._run = run
         self.view.show_wanted(None)
         if run.result["parameters"]:
-            job = self._app.workshop.submit(wanted_registers, self._request(), dict(run.result))
+            job = self._app.job_queue.submit(wanted_registers, self._request(), dict(run.result))
             self._wanting.watch(job)
 
     def _take_again(self) -> None:
@@ -80,7 +80,7 @@ class RegisterDesk(QObject):
         self.changed.emit()
 
     def _read(self) -> None:
-        job = self._app.workshop.submit(read_unit, self._request(), self._app.runs_folder, cancellable=False)
+        job = self._app.job_queue.submit(read_unit, self._request(), self._app.runs_folder, cancellable=False)
         self.view.watch.watch(job)
         self.view.begin()
         self.changed.emit()
@@ -91,13 +91,13 @@ class RegisterDesk(QObject):
 
     def _write(self, values: Mapping[str, float], at_rest: bool) -> None:
         assert self._run is not None
-        if self._app.workshop.at_device:
+        if self._app.job_queue.at_device:
             self.view.regret(
                 lambda: self.tr("Another page is talking to a device; try again in some seconds.")
             )
             return
         result = self._run.result
-        self._errand = RegisterErrand(
+        self._errand = RegisterOperation(
             replace(self._request(), serial=str(result["unit"]["serial"])),
             "write",
             dict(values),

@@ -18,7 +18,7 @@ from calstation.results.plots.applied import apply_to_recording
 from calstation.results.plots.method_answer import MethodAnswer
 
 
-class AppliedDesk(QObject):
+class AppliedController(QObject):
     """Does the view's work with one answer after another.
 
     `began()`: what is wrong with work before is no news any more; `failed(say)`: `say` words what is wrong in the
@@ -53,7 +53,7 @@ class AppliedDesk(QObject):
             return
         self.began.emit()
         self._path = path
-        self._view.watch.watch(self._app.workshop.submit(apply_to_recording, path, *self._vectors()))
+        self._view.watch.watch(self._app.job_queue.submit(apply_to_recording, path, *self._vectors()))
         self._allow()
 
     def apply_now(self) -> None:
@@ -62,7 +62,7 @@ class AppliedDesk(QObject):
             return
         self.began.emit()
         self._path = None
-        job = self._app.workshop.submit(
+        job = self._app.job_queue.submit(
             apply_to_unit,
             self._answer.recording.path,
             self._app.station_path,

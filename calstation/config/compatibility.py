@@ -4,12 +4,12 @@ from pathlib import Path
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolved import Setup
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.resolving import check_station, configured
 from calstation.errors import ConfigurationError
 
 
-def fitting_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
+def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
     """Name and file of every product that fits the station, those for the units of `instead_of` first.
 
     A product that cannot be read fits no station.
@@ -30,7 +30,7 @@ def fitting_products(station: Path | None, instead_of: Path | None) -> list[tupl
     return [(name, path) for _, name, path in sorted(found)]
 
 
-def _read(request: RunRequest) -> Setup | None:
+def _read(request: RunRequest) -> ResolvedConfiguration | None:
     try:
         return configured(request)[0]
     except ConfigurationError:

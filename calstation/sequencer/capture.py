@@ -10,24 +10,24 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.control import Interruption
-from calstation.sequencer.proof_path import Leg, ProofPath, Turn
-from calstation.sequencer.pulse import Pulse
+from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import UnitStream
+from calstation.sequencer.verification_moves import Leg, Turn, VerificationPath
 
+#: Rest of a unit that no table turns, s.
 REST = 10.0
-"""Rest of a unit that no table turns, s."""
 
+#: Rest in each attitude on a table, s.
 SHORT_REST = 3.0
-"""Rest in each attitude on a table, s."""
 
+#: IMU time taken after a move has settled, so that its last samples are there, s.
 _BEHIND = 0.1
-"""IMU time taken after a move has settled, so that its last samples are there, s."""
 
 _ATTEMPTS = 3
 
+#: About what it takes to look at a unit before and after its restart on a table, s.
 DURATION = 72.0
-"""About what it takes to look at a unit before and after its restart on a table, s."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Turned:
 
 
 @dataclass(frozen=True)
-class FreshData:
+class VerificationData:
     """Output of a unit.
 
     Attributes
@@ -66,26 +66,26 @@ class FreshData:
     carried: FloatArray = field(default_factory=lambda: np.empty((0, 6)))
     period: float = 0.0
     corrected: bool = False
-    reference: "FreshData | None" = None
+    reference: "VerificationData | None" = None
 
 
 class Restarted(Interruption):
     """The unit restarted while it was looked at: what it showed before is not to be mixed with what it shows now."""
 
 
-def fresh_data(
-    pulse: Pulse,
+def verification_data(
+    control_loop: ControlLoop,
     acquisition: Acquisition,
     runner: StepRunner,
     stream: UnitStream,
-    path: ProofPath,
+    path: VerificationPath,
     scale: FloatArray,
-) -> FreshData:
+) -> VerificationData:
     """Rest and turn along a path and back to its start. The table must stand there, and `stream` be whole.
 
     `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing, Restarted.
     """
-    look = _Look(pulse, acquisition, runner, stream, scale)
+    look = _Look(control_loop, acquisition, runner, stream, scale)
     rests = [look.rest()]
     parts: list[list[Turned]] = [[] for _ in path.turns]
     here = path.start
@@ -97,14 +97,14 @@ def fresh_data(
         if leg.rest:
             rests.append(look.rest())
         here = leg.move.outer, leg.move.inner
-    return FreshData(tuple(rests), SHORT_REST, tuple(map(_summed, parts)))
+    return VerificationData(tuple(rests), SHORT_REST, tuple(map(_summed, parts)))
 
 
 @dataclass(frozen=True)
 class _Look:
     """Rests and turns of which no sample is missing, of a unit that streams as it was told."""
 
-    pulse: Pulse
+    control_loop: ControlLoop
     acquisition: Acquisition
     runner: StepRunner
     stream: UnitStream
@@ -115,7 +115,7 @@ class _Look:
         for _ in range(_ATTEMPTS):
             self._mend()
             with self.acquisition.tap() as blocks:
-                self.pulse.rested(SHORT_REST)
+                self.control_loop.rested(SHORT_REST)
             if self._whole(blocks):
                 return mean_at_rest(np.concatenate([block.counts for block in blocks])) * self.scale
         raise self._lossy()
@@ -128,9 +128,9 @@ class _Look:
             if attempt:
                 self.runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
             with self.acquisition.tap() as blocks:
-                self.pulse.tick()  # a gap before the first block would not show
+                self.control_loop.tick()  # a gap before the first block would not show
                 self.runner.drive(move)
-                self.pulse.rested(_BEHIND)
+                self.control_loop.rested(_BEHIND)
             if self._whole(blocks):
                 counts = np.concatenate([block.counts for block in blocks])
                 period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)

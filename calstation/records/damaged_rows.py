@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+#: Holes of which a message says where they are.
 _TOLD = 6
-"""Holes of which a message says where they are."""
 
 
 @dataclass(frozen=True)
-class Hole:
+class DamagedRows:
     """Rows that are left out.
 
     Attributes
@@ -33,7 +33,7 @@ class Hole:
         return f"{first}…{last}"
 
 
-def told(holes: Sequence[Hole]) -> dict[str, int | str]:
+def told(holes: Sequence[DamagedRows]) -> dict[str, int | str]:
     """What a message says of holes: rows in all, and where the first of them are."""
     places = [hole.missing for hole in holes[:_TOLD]] + ["…"] * (len(holes) > _TOLD)
     return {"rows": sum(hole.count for hole in holes), "where": ", ".join(places)}

@@ -1,0 +1,55 @@
+"""Texts that follow the language: bound once, shown again whenever the language changes."""
+
+from collections.abc import Callable
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtWidgets import QAbstractButton, QGroupBox, QLabel
+
+
+class _Languages(QObject):
+    changed = Signal()
+
+
+#: Emits `changed` after another language has been installed (`language.use`).
+languages = _Languages()
+
+
+class _Binding(QObject):
+    """Calls `show` now and after each change of language, as long as its owner lives."""
+
+    def __init__(self, owner: QObject, show: Callable[[], Any]) -> None:
+        super().__init__(owner)
+        self._show = show
+        languages.changed.connect(self.apply)
+        self.apply()
+
+    def apply(self) -> None:
+        """Show the text in the current language."""
+        self._show()
+
+
+def bind(
+    target: QLabel | QAbstractButton | QGroupBox | Callable[[str], Any], text: Callable[[], str]
+) -> None:
+    """Show a text on a widget in the current language, and again after each change of language.
+
+    Parameters
+    ----------
+    target : a label, button or group box, or a bound setter of any Qt object such as ``button.setToolTip``
+    text : gives the text in the current language, ``lambda: self.tr("Load the unit")``
+    """
+    if isinstance(target, QGroupBox):
+        target = target.setTitle
+    elif isinstance(target, QLabel | QAbstractButton):
+        target = target.setText
+    setter = target
+    owner = getattr(setter, "__self__", None)
+    if not isinstance(owner, QObject):
+        raise TypeError("bind needs a widget or a bound method of a Qt object")
+    _Binding(owner, lambda: setter(text()))
+
+
+def on_language_change(owner: QObject, show: Callable[[], Any]) -> None:
+    """Call `show` now and after each change of language, as long as `owner` lives: for views made from data."""
+    _Binding(owner, show)

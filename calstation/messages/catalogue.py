@@ -1,0 +1,79 @@
+"""Reads the catalogue: one TOML file per family, one table per code (``table.no_answer`` is ``[no_answer]`` in
+``catalogue/table.toml``)."""
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Literal
+
+Severity = Literal["info", "warning", "error"]
+
+#: Keys that a catalogue entry may have.
+_KEYS = {"text", "remedy", "window", "zh", "zh_remedy", "severity", "source", "resettable"}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One message.
+
+    Attributes
+    ----------
+    code : family and name, ``table.no_answer``
+    text : what happened, with the names of its values in braces
+    remedy : what to do; may be empty
+    window : what to do, where the window offers another way than the command line; empty where it does not
+    zh, zh_remedy : text and remedy in Chinese, as the window shows them
+    severity : ``info``, ``warning`` or ``error``
+    source : where the cause is: a code of the family ``source``, such as ``table``; empty where it needs no name
+    resettable : whether an operator may reset the fault on the device
+    """
+
+    code: str
+    text: str
+    remedy: str = ""
+    window: str = ""
+    zh: str = ""
+    zh_remedy: str = ""
+    severity: Severity = "error"
+    source: str = ""
+    resettable: bool = False
+
+
+def families() -> tuple[str, ...]:
+    """Names of all families, sorted."""
+    files = resources.files("calstation.messages").joinpath("catalogue").iterdir()
+    return tuple(sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml")))
+
+
+@cache
+def family(name: str) -> dict[str, Entry]:
+    """All entries of a family by their codes; empty for an unknown family.
+
+    A table ``[defaults]`` at the top of the file gives `severity` and `source` for all of its entries. A term may be
+    written in one line: ``rate = ["Rate", "速率"]``.
+    """
+    file = resources.files("calstation.messages").joinpath("catalogue", f"{name}.toml")
+    if not file.is_file():
+        return {}
+    tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    defaults = tables.pop("defaults", {})
+    entries = {}
+    for key, value in tables.items():
+        code = f"{name}.{key}"
+        given = {"text": value[0], "zh": value[1]} if isinstance(value, list) else value
+        unknown = set(given) - _KEYS
+        if unknown:
+            raise ValueError(f"{code}: unknown keys {sorted(unknown)}")
+        entries[code] = Entry(code=code, **{**defaults, **given})
+    return entries
+
+
+def known(code: str) -> bool:
+    """Whether the catalogue has this code."""
+    return code in family(code.partition(".")[0])
+
+
+def entry(code: str) -> Entry:
+    """The entry of a code. Raises KeyError for an unknown code."""
+    return family(code.partition(".")[0])[code]

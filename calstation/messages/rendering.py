@@ -1,0 +1,172 @@
+"""Messages as values, and their sentences in one language."""
+
+import errno
+import string
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from calstation.messages.catalogue import Entry, entry, known
+
+Language = Literal["en", "zh_CN"]
+
+#: What a message may carry: JSON values, or another message as a part of its sentence.
+Value = Any
+
+_OS_REASONS = {
+    errno.ENOENT: "os.not_found",
+    errno.EACCES: "os.no_permission",
+    errno.EPERM: "os.no_permission",
+    errno.ENOSPC: "os.disk_full",
+    errno.EDQUOT: "os.disk_full",
+    errno.EROFS: "os.read_only",
+    errno.EBUSY: "os.busy",
+    errno.EEXIST: "os.exists",
+    errno.EISDIR: "os.is_folder",
+    errno.ENOTDIR: "os.not_folder",
+    errno.EIO: "os.io_error",
+    errno.ENODEV: "os.no_device",
+    errno.ENXIO: "os.no_device",
+    errno.ECONNREFUSED: "os.connection_refused",
+    errno.ECONNRESET: "os.connection_lost",
+    errno.EPIPE: "os.connection_lost",
+    errno.EHOSTUNREACH: "os.unreachable",
+    errno.ENETUNREACH: "os.unreachable",
+    errno.ETIMEDOUT: "os.timed_out",
+    errno.ENAMETOOLONG: "os.name_too_long",
+}
+
+
+@dataclass(frozen=True)
+class Text:
+    """A catalogue code with its values; may stand as a value inside another message."""
+
+    code: str
+    values: Mapping[str, Value] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, code: str, **values: Value) -> "Text":
+        """The message of a code with these values."""
+        return cls(code, values)
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON-ready: code and values, messages inside likewise."""
+        return {"code": self.code, "values": values_to_json(self.values)}
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A message in one language: where its cause is (may be empty), what happened, what to do (may be empty)."""
+
+    source: str
+    text: str
+    remedy: str
+
+    @property
+    def sentences(self) -> str:
+        """What happened and what to do."""
+        return f"{self.text} {self.remedy}".strip()
+
+    @property
+    def line(self) -> str:
+        """The whole message in one line, its source first."""
+        return f"{self.source}: {self.sentences}" if self.source else self.sentences
+
+
+def render(
+    code: str, values: Mapping[str, Value], language: Language = "en", *, window: bool = False
+) -> Rendered:
+    """The sentences of a message.
+
+    Parameters
+    ----------
+    code : a catalogue code
+    values : what stands in the braces of its text and remedy
+    language : ``en`` or ``zh_CN``
+    window : whether remedies may name what only the window has, such as its buttons; so they do in Chinese
+
+    Raises
+    ------
+    KeyError
+        The catalogue lacks the code, or a value is missing.
+    """
+    found = entry(code)
+    form = _Formatter(language, window)
+    source = term("source", found.source, language) if found.source else ""
+    text, remedy = _templates(found, language, window)
+    return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values))
+
+
+def sentence(message: Text, language: Language = "en", *, window: bool = False) -> str:
+    """A message in one line."""
+    return render(message.code, message.values, language, window=window).line
+
+
+def term(family: str, name: str, language: Language = "en", **values: Value) -> str:
+    """A term of a family, such as the stage ``rate``; a name that the catalogue lacks is shown with blanks for `_`."""
+    code = f"{family}.{name}"
+    return render(code, values, language).text if known(code) else str(name).replace("_", " ")
+
+
+def os_reason(error: OSError) -> Text:
+    """Why the operating system refused, as a message that can be translated."""
+    code = _OS_REASONS.get(error.errno or 0)
+    return Text(code) if code else Text.of("os.other", words=error.strerror or str(error))
+
+
+def values_to_json(values: Mapping[str, Value]) -> dict[str, Any]:
+    """Values of a message as JSON has them: paths as text, NumPy scalars as numbers, messages as tables."""
+    return {name: _to_json(value) for name, value in values.items()}
+
+
+def values_from_json(values: Mapping[str, Any]) -> dict[str, Value]:
+    """What `values_to_json` wrote, messages inside restored."""
+    return {name: _from_json(value) for name, value in values.items()}
+
+
+class _Formatter(string.Formatter):
+    """`str.format` with two additions: messages are rendered, and ``{axis:@joint}`` shows a term of a family."""
+
+    def __init__(self, language: Language, window: bool) -> None:
+        self._language: Language = language
+        self._window = window
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if isinstance(value, Text):
+            text = render(value.code, value.values, self._language, window=self._window)
+            return text.remedy if format_spec == "remedy" else text.text
+        if isinstance(value, list | tuple):
+            between = "、" if self._language == "zh_CN" else ", "
+            return between.join(self.format_field(item, format_spec) for item in value)
+        if format_spec.startswith("@"):
+            return term(format_spec[1:], str(value), self._language)
+        if value is None:
+            return "–"
+        return str(super().format_field(value, format_spec))
+
+
+def _templates(found: Entry, language: Language, window: bool) -> tuple[str, str]:
+    if language == "zh_CN" and found.zh:
+        return found.zh, found.zh_remedy
+    return found.text, found.window if window and found.window else found.remedy
+
+
+def _to_json(value: Value) -> Any:
+    if isinstance(value, Text):
+        return value.to_json()
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Mapping):
+        return values_to_json(value)
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        return [_to_json(item) for item in value]
+    return value.item() if hasattr(value, "item") else value
+
+
+def _from_json(value: Any) -> Value:
+    if isinstance(value, dict) and set(value) == {"code", "values"}:
+        return Text(value["code"], values_from_json(value["values"]))
+    if isinstance(value, list):
+        return [_from_json(item) for item in value]
+    return value

@@ -1,0 +1,19 @@
+"""Helpers that tests of every package share."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from calstation.errors import CalstationError
+from calstation.schema import EntryError
+
+
+@contextmanager
+def raises_code(
+    kind: type[CalstationError] | type[EntryError], code: str
+) -> Iterator["pytest.ExceptionInfo[CalstationError | EntryError]"]:
+    """Expect an error of a class with a code of the message catalogue; gives pytest's exception info."""
+    with pytest.raises(kind) as caught:
+        yield caught
+    assert caught.value.code == code, f"{caught.value.code or 'no code'}: {caught.value}"

@@ -1,0 +1,62 @@
+"""Messages become sentences in both languages, with their values, terms and messages inside."""
+
+import errno
+import pickle
+
+import pytest
+
+from calstation.errors import CalstationError, DeviceFaultError
+from calstation.messages import catalogue
+from calstation.messages.rendering import Text, os_reason, render, term, values_from_json, values_to_json
+
+
+def test_every_family_can_be_read() -> None:
+    assert "source" in catalogue.families()
+    for name in catalogue.families():
+        assert catalogue.family(name)
+
+
+def test_an_error_knows_code_values_and_sentence() -> None:
+    error = DeviceFaultError("program.internal", detail="ZeroDivisionError")
+    assert (error.code, error.values, error.exit_code) == (
+        "program.internal",
+        {"detail": "ZeroDivisionError"},
+        3,
+    )
+    assert str(error).startswith("Program: Internal error: ZeroDivisionError. Start the run again.")
+    assert error.render("zh_CN").source == "程序"
+
+
+def test_an_error_survives_a_process_boundary() -> None:
+    error = pickle.loads(pickle.dumps(DeviceFaultError("program.internal", detail="x")))
+    assert isinstance(error, DeviceFaultError)
+    assert (error.code, error.values) == ("program.internal", {"detail": "x"})
+
+
+def test_messages_stand_inside_messages_and_travel_as_json() -> None:
+    reason = os_reason(OSError(errno.ENOSPC, "No space left on device"))
+    assert reason == Text("os.disk_full")
+    values = {"detail": reason, "path": ["a", "b"]}
+    assert values_from_json(values_to_json(values)) == values
+    assert render("program.internal", values).text == "Internal error: the disk is full."
+    assert render("program.internal", values, "zh_CN").text == "程序内部错误：磁盘已满。"
+
+
+def test_a_reason_that_the_catalogue_lacks_keeps_the_systems_words() -> None:
+    assert (
+        render("program.internal", {"detail": os_reason(OSError(9999, "odd"))}).text == "Internal error: odd."
+    )
+
+
+def test_terms_are_translated_and_unknown_ones_are_readable() -> None:
+    assert term("source", "table", "zh_CN") == "转台"
+    assert term("source", "some_thing") == "some thing"
+
+
+def test_a_missing_value_is_a_mistake_of_the_program() -> None:
+    with pytest.raises(KeyError):
+        render("program.internal", {})
+
+
+def test_a_resettable_fault_says_so_itself() -> None:
+    assert not CalstationError("program.internal", detail="x").resettable
