@@ -17,12 +17,12 @@ from calstation.cli import wording as terminal
 from calstation.config.summary import RunSummary
 from calstation.gui.operator import advice
 from calstation.gui.operator.convergence import Convergence
-from calstation.gui.operator.ring import RingBuffer
-from calstation.gui.operator.suggestion import suggested_serial
+from calstation.gui.operator.starting import suggested_serial
+from calstation.gui.operator.traces import RingBuffer
 from calstation.gui.text import language
 from calstation.gui.text.fault_wording import known, word_fault
 from calstation.gui.text.wording import word_message, word_step
-from calstation.gui.widgets.line_labels import spread
+from calstation.gui.widgets.plot import spread
 
 PACKAGE = Path(calstation.__file__).parent
 RUNNING = ("sequencer/guard.py", "sequencer/pulse.py", "sequencer/preflight.py", "sequencer/steps.py")

@@ -5,8 +5,7 @@ from PySide6.QtWidgets import QStackedWidget, QVBoxLayout, QWidget
 
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.empty_state import EmptyState
-from calstation.gui.widgets.job_row import JobRow
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobRow, JobWatch
 
 
 class LazyView(QStackedWidget):

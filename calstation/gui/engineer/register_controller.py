@@ -10,7 +10,7 @@ from calstation.config.request import RegisterOperation, RunRequest
 from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text.wording import word_message, word_step
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobWatch
 from calstation.registers.manual import UnitRegisters, Wanted, read_unit, wanted_registers
 from calstation.results.finished_run import Finished
 from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted

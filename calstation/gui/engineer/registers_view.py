@@ -10,8 +10,7 @@ from calstation.gui.history.run_table import local_time
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.empty_state import EmptyState
-from calstation.gui.widgets.job_row import JobRow
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.units import aligned, display

@@ -15,7 +15,7 @@ from calstation.gui.engineer.verdict_wording import word_verdict
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text.wording import word_state
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobWatch
 from calstation.results.diagnostics import Diagnostics, diagnose
 from calstation.results.finished_run import Finished, finished
 from calstation.results.preview import Preview

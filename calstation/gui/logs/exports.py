@@ -7,7 +7,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobWatch
 from calstation.jobs.queue import JobQueue
 from calstation.results.offline_solve import drop_partial, export_log, export_result
 from calstation.results.plots.index import LogIndex

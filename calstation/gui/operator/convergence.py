@@ -11,8 +11,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui.text.wording import word_group
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.line_labels import LineLabel, LineLabels
-from calstation.gui.widgets.plot import ThemedPlot
+from calstation.gui.widgets.plot import LineLabel, LineLabels, ThemedPlot
 from calstation.physics.units import DISPLAY
 
 #: Points kept per line; of more, every other one is dropped.

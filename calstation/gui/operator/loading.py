@@ -4,8 +4,8 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.config.summary import RunSummary
-from calstation.gui.operator.position_picture import PositionPicture
-from calstation.gui.operator.table_picture import TablePicture
+from calstation.gui.operator.position_panel import PositionPicture
+from calstation.gui.operator.table_panel import TablePicture
 from calstation.gui.widgets import theme
 
 

@@ -1,15 +1,211 @@
-"""Guides who carries the unit by hand: the picture, one large word with its shape, what to do, which position it is."""
+"""Guides the operator through the positions of a manual rig: drawing, state, task and position count."""
+
+import itertools
 
 import numpy as np
-from PySide6.QtCore import QEvent, Qt, Signal
-from PySide6.QtGui import QResizeEvent
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPolygonF, QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from calstation.config.summary import RunSummary
-from calstation.gui.operator.position_picture import PositionPicture
+from calstation.gui.operator.projection import CIRCLE, basis, box, depth, flat, head, letter, pen
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
+from calstation.physics.arrays import FloatArray
+from calstation.physics.rotation import axis_rotation, rotation_matrix
 from calstation.sequencer.events import PositionGuided
+
+_UP = np.array([0.0, 0.0, 1.0])
+#: Half of the box along x, y, z; the globe's radius is 1.
+_HALF = np.array([0.34, 0.46, 0.16])
+_CORNERS = _HALF * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+_AXIS = 0.74
+#: Radius and width of the ring that fills while it rests.
+_RING, _THICK = 1.3, 0.1
+_EXTENT = 1.38
+_DOT = 0.055
+#: Opacity of what lies behind the unit.
+_PALE = 0.35
+#: Opacity of the next position where it lies there.
+_FAR = 0.6
+#: Positions nearer to each other are one dot.
+_ALIKE = np.cos(np.deg2rad(20.0))
+
+
+class PositionPicture(QWidget):
+    """Draws `PositionGuided` events; `set_plan` tells how the rig is built and which positions are asked for."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._outer, self._inner = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+        self._planned = np.empty((0, 3))
+        self._attitude = np.eye(3)
+        self._guided: PositionGuided | None = None
+        self.setMinimumSize(160, 160)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+
+    def sizeHint(self) -> QSize:
+        """Square."""
+        return QSize(360, 360)
+
+    def set_plan(
+        self,
+        outer: tuple[float, float, float],
+        inner: tuple[float, float, float],
+        positions: tuple[tuple[float, float, float], ...],
+    ) -> None:
+        """Rails as unit vectors in b at home, and gravity's direction in b at every position to come."""
+        self._outer, self._inner = outer, inner
+        self._planned = _distinct(np.array(positions).reshape(-1, 3))
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is measured: the unit lies level."""
+        self._guided, self._attitude = None, np.eye(3)
+        self.update()
+
+    def take(self, guided: PositionGuided) -> None:
+        """Show where the unit stands."""
+        arrived = len(guided.done) // 3 >= guided.index
+        if guided.state == "enough":
+            known = (guided.outer, guided.inner) if arrived else (guided.outer_before, guided.inner_before)
+            self._attitude = self._asked(*known)
+        self._attitude = _upright(self._attitude, np.array(guided.up))
+        self._guided = guided
+        self.update()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Hear of a new language."""
+        if event.type() == QEvent.Type.LanguageChange:
+            self.update()
+        super().changeEvent(event)
+
+    def _asked(self, outer: float, inner: float) -> FloatArray:
+        """Attitude at rail angles, rad, level frame."""
+        return np.asarray(axis_rotation(self._outer, outer) @ axis_rotation(self._inner, inner))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw from back to front."""
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        scale = min(self.width(), self.height()) / (2.0 * _EXTENT)
+        painter.translate(self.width() / 2.0, self.height() / 2.0)
+        painter.scale(scale, scale)
+        self._ring(painter)
+        self._globe(painter)
+        self._dots(painter, behind=True)
+        box(painter, _CORNERS @ self._attitude.T)
+        self._axes(painter)
+        self._dots(painter, behind=False)
+        self._gravity(painter)
+        painter.end()
+
+    def _ring(self, painter: QPainter) -> None:
+        """Fills clockwise from the top as the rest goes on."""
+        c, now = theme.colours(), self._guided
+        frame = QRectF(-_RING, -_RING, 2.0 * _RING, 2.0 * _RING)
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.setPen(pen(c.line, _THICK))
+        painter.drawEllipse(frame)
+        if now is None or now.state not in ("still", "enough"):
+            return
+        share = 1.0 if now.state == "enough" else min(now.rest / now.wanted, 1.0)
+        line = pen(c.good if now.state == "enough" else c.accent, _THICK)
+        line.setCapStyle(Qt.PenCapStyle.FlatCap)
+        painter.setPen(line)
+        painter.drawArc(frame, 90 * 16, round(-share * 360 * 16))
+
+    def _globe(self, painter: QPainter) -> None:
+        """A sphere that turns with the unit, by three circles across its axes; their far halves dotted."""
+        c = theme.colours()
+        painter.setPen(pen(c.line, 0.012))
+        painter.drawEllipse(QPointF(0.0, 0.0), 1.0, 1.0)
+        for normal in self._attitude.T:
+            u, v = basis(normal)
+            points = np.outer(np.cos(CIRCLE), u) + np.outer(np.sin(CIRCLE), v)
+            for first, second in itertools.pairwise(points):
+                far = depth(first + second) > 0.0
+                painter.setOpacity(_PALE if far else 1.0)
+                painter.drawLine(flat(first), flat(second))
+        painter.setOpacity(1.0)
+
+    def _dots(self, painter: QPainter, *, behind: bool) -> None:
+        """Positions done as full dots, those to do as rings, the next one as a large ring."""
+        c, now = theme.colours(), self._guided
+        done = np.array(now.done if now is not None else ()).reshape(-1, 3)
+        wanted = None if now is None else self._asked(now.outer, now.inner).T @ _UP
+        if now is not None and len(done) >= now.index:
+            wanted = None
+        painter.setOpacity(_PALE if behind else 1.0)
+        for up in _distinct(done):
+            at = self._attitude @ up
+            if (depth(at) > 0.0) is behind:
+                painter.setPen(pen(c.panel, 0.02))
+                painter.setBrush(QColor(c.text))
+                painter.drawEllipse(flat(at), _DOT, _DOT)
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        known = done if wanted is None else np.vstack([done, wanted])
+        for up in self._planned:
+            at = self._attitude @ up
+            if (depth(at) > 0.0) is behind and not (len(known) and (known @ up).max() > _ALIKE):
+                painter.setPen(pen(c.muted, 0.025))
+                painter.drawEllipse(flat(at), _DOT, _DOT)
+        if wanted is not None and (depth(at := self._attitude @ wanted) > 0.0) is behind:
+            painter.setOpacity(_FAR if behind else 1.0)
+            painter.setPen(pen(c.accent, 0.06))
+            painter.drawEllipse(flat(at), 2.0 * _DOT, 2.0 * _DOT)
+        painter.setOpacity(1.0)
+
+    def _axes(self, painter: QPainter) -> None:
+        for i, name in sorted(enumerate("xyz"), key=lambda pair: -depth(self._attitude[:, pair[0]])):
+            direction = self._attitude[:, i]
+            start, tip, colour = flat(_HALF[i] * direction), flat(_AXIS * direction), theme.AXIS_COLOURS[name]
+            line = pen(colour, 0.045)
+            if depth(direction) > 0.3:
+                line.setStyle(Qt.PenStyle.DotLine)
+            painter.setPen(line)
+            painter.drawLine(start, tip)
+            head(painter, tip, colour)
+            letter(self, painter, name, flat((_AXIS + 0.14) * direction), colour)
+
+    def _gravity(self, painter: QPainter) -> None:
+        """The mark at the top to which the next dot is to come, and the arrow down."""
+        c = theme.colours()
+        top = flat(1.02 * _UP)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(c.accent))
+        painter.drawPolygon(
+            QPolygonF([top, top + QPointF(-0.09, -0.16), top + QPointF(0.09, -0.16)]),
+        )
+        foot, tip = flat(-1.0 * _UP), flat(-1.26 * _UP)
+        painter.setPen(pen(c.text, 0.035))
+        painter.drawLine(foot, tip + QPointF(0.0, -0.06))
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(c.text))
+        painter.drawPolygon(QPolygonF([tip, tip + QPointF(-0.06, -0.12), tip + QPointF(0.06, -0.12)]))
+        word = self.tr("down")
+        letter(self, painter, word, foot + QPointF(0.34, 0.1), c.text)
+
+
+def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:
+    """The attitude turned the shortest way so that `up` (b) points up."""
+    seen = attitude @ up
+    axis = np.cross(seen, _UP)
+    size = float(np.linalg.norm(axis))
+    angle = float(np.arctan2(size, seen @ _UP))
+    if size < 1e-9:
+        axis, size = basis(_UP)[0], 1.0
+    return np.asarray(rotation_matrix(axis / size * angle) @ attitude)
+
+
+def _distinct(directions: FloatArray) -> FloatArray:
+    """Unit vectors of which none are alike, in order, shape (k, 3)."""
+    found: list[FloatArray] = []
+    for direction in directions:
+        if not found or max(float(direction @ other) for other in found) < _ALIKE:
+            found.append(direction)
+    return np.array(found).reshape(-1, 3)
+
 
 #: Read from two metres, px; on a wide panel a third larger.
 _WORD, _SENTENCE = theme.VERDICT // 2, theme.VERDICT // 3

@@ -12,7 +12,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.starting import Starting
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text.wording import word_stage
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.runs.close_incomplete import close_run
 from calstation.runs.resume import Resumable, find_resumable

@@ -1,5 +1,6 @@
-"""From a serial number to a run: the number is checked, what must be asked is asked inline, then the engine starts."""
+"""Starts a run: checks the serial number, asks what must be asked in the notice bar, then starts the engine."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -8,7 +9,6 @@ from PySide6.QtCore import QObject
 from calstation.config.request import RunRequest
 from calstation.config.summary import RunSummary
 from calstation.gui.operator.header import RunHeader
-from calstation.gui.operator.suggestion import suggested_serial
 from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.results.history import History
@@ -198,3 +198,22 @@ class Starting(QObject):
 
     def _cancel(self) -> Choice:
         return Choice("cancel_choice", lambda: self.tr("Cancel"), self._header.focus_serial, primary=True)
+
+
+_TRIED = 1000
+
+
+def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> str:
+    """SN-000001 and so on where the bench takes any number, its own where its file names one; "" for hardware."""
+    if run_summary.bench is None:
+        return ""
+    own = run_summary.bench.get("serial")
+    if own is not None:
+        return str(own)
+    for number in range(1, _TRIED):
+        serial = f"SN-{number:06d}"
+        if not re.fullmatch(run_summary.serial_pattern, serial):
+            return ""
+        if not passed(serial):
+            return serial
+    return ""

@@ -1,13 +1,146 @@
-"""The table's picture with its two angles, and whether it moves."""
+"""The table drawn at its encoder angles, with the angles, the rates and whether it moves."""
 
 import numpy as np
-from PySide6.QtCore import QEvent, Qt
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtCore import QEvent, QPointF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPixmap
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
-from calstation.gui.operator.table_picture import TablePicture
+from calstation.gui.operator.projection import (
+    CIRCLE,
+    VIEWER,
+    basis,
+    box,
+    depth,
+    flat,
+    head,
+    letter,
+    pen,
+    polygon,
+)
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
+from calstation.physics.arrays import FloatArray
+from calstation.physics.rotation import axis_rotation
 from calstation.sequencer.events import TableMoved
+
+_RING, _HOLE, _DISC = 1.0, 0.86, 0.8
+_AXIS = 0.92
+#: Opacity of a table whose angles nobody knows.
+_PALE = 0.5
+#: Half of what must fit into the picture, in ring radii.
+_EXTENT = 1.38
+
+
+#: Of the unit's box on the disc, along the disc's two directions and its normal, ring radii.
+_CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
+
+
+class TablePicture(QWidget):
+    """Draws the table at two joint angles; `set_axes` tells how it is built."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._outer_axis, self._inner_axis = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+        self._frame = np.array([*basis(self._inner_axis), self._inner_axis])
+        self._angles = (0.0, 0.0)
+        self._known = False
+        self.setMinimumSize(120, 120)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+
+    def sizeHint(self) -> QSize:
+        """Square."""
+        return QSize(220, 220)
+
+    def set_axes(self, outer: tuple[float, float, float], inner: tuple[float, float, float]) -> None:
+        """The axes as unit vectors in b at home."""
+        self._outer_axis, self._inner_axis = np.array(outer), np.array(inner)
+        self._frame = np.array([*basis(self._inner_axis), self._inner_axis])
+        self.update()
+
+    def set_angles(self, outer: float, inner: float, *, known: bool = True) -> None:
+        """Joint angles, rad; pale where they are not known."""
+        if (outer, inner, known) != (*self._angles, self._known):
+            self._angles, self._known = (outer, inner), known
+            self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw from back to front."""
+        if self._known:
+            self._draw(QPainter(self))
+            return
+        ratio = self.devicePixelRatioF()
+        picture = QPixmap(self.size() * ratio)
+        picture.setDevicePixelRatio(ratio)
+        picture.fill(Qt.GlobalColor.transparent)
+        self._draw(QPainter(picture))
+        painter = QPainter(self)
+        painter.setOpacity(_PALE)
+        painter.drawPixmap(0, 0, picture)
+
+    def _draw(self, painter: QPainter) -> None:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        scale = min(self.width(), self.height()) / (2.0 * _EXTENT)
+        painter.translate(self.width() / 2.0, self.height() / 2.0)
+        painter.scale(scale, scale)
+        ring = axis_rotation(tuple(self._outer_axis), self._angles[0])
+        unit = ring @ axis_rotation(tuple(self._inner_axis), self._angles[1])
+        normal = ring @ self._inner_axis
+        facing = float(normal @ VIEWER) >= 0.0
+        self._posts(painter, behind=True)
+        if not facing:
+            self._unit(painter, unit)
+        self._plate(painter, normal, _RING, _HOLE)
+        self._plate(painter, normal, _DISC, 0.0)
+        if facing:
+            self._unit(painter, unit)
+        self._posts(painter, behind=False)
+        self._axes(painter, unit, normal, facing)
+        painter.end()
+
+    def _posts(self, painter: QPainter, *, behind: bool) -> None:
+        """The stand: a post to each end of the outer axis."""
+        c = theme.colours()
+        floor = -0.95
+        for side in (1.0, -1.0):
+            end = side * 1.14 * self._outer_axis
+            if (depth(end) > 0.0) is not behind:
+                continue
+            foot = np.array([end[0], end[1], floor])
+            painter.setPen(pen(c.line, 0.10))
+            painter.drawLine(flat(foot), flat(end))
+            painter.setPen(pen(c.muted, 0.07))
+            painter.drawLine(flat(end), flat(side * _RING * self._outer_axis))
+
+    def _plate(self, painter: QPainter, normal: FloatArray, radius: float, hole: float) -> None:
+        c = theme.colours()
+        u, v = basis(normal)
+        edge = np.outer(np.cos(CIRCLE), u) + np.outer(np.sin(CIRCLE), v)
+        painter.setPen(pen(c.muted, 0.018))
+        painter.setBrush(QColor(c.line if hole else c.window))
+        painter.drawPolygon(polygon(radius * edge))
+        if hole:
+            painter.setBrush(QColor(c.panel))
+            painter.drawPolygon(polygon(hole * edge))
+
+    def _unit(self, painter: QPainter, unit: FloatArray) -> None:
+        """The unit as a box on the disc."""
+        box(painter, (_CORNERS @ self._frame) @ unit.T)
+
+    def _axes(self, painter: QPainter, unit: FloatArray, normal: FloatArray, facing: bool) -> None:
+        """x, y and z as arrows; what lies behind the disc is dashed."""
+        arrows = sorted(enumerate("xyz"), key=lambda pair: -depth(unit[:, pair[0]]))
+        for i, name in arrows:
+            direction = unit[:, i]
+            tip = _AXIS * direction
+            hidden = (float(direction @ normal) > 0.3) is not facing and abs(float(direction @ normal)) > 0.3
+            colour = theme.AXIS_COLOURS[name]
+            line = pen(colour, 0.045)
+            if hidden:
+                line.setStyle(Qt.PenStyle.DotLine)
+            painter.setPen(line)
+            painter.drawLine(QPointF(0.0, 0.0), flat(tip))
+            head(painter, flat(tip), colour)
+            letter(self, painter, name, flat(1.16 * direction), colour)
 
 
 class TablePanel(QFrame):

@@ -20,11 +20,11 @@ from calstation.config.station import load_station
 from calstation.connection.link_test import Order
 from calstation.gui.operator import advice
 from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.reset_bar import ResetBar
 from calstation.gui.text.fault_wording import resettable, word_fault
 from calstation.gui.text.wording import KINDS, word_message, word_state, word_time
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
-from calstation.gui.widgets.reset_bar import ResetBar
 from calstation.sequencer.events import Fault, Verdict
 
 #: Least height of the block that holds the word, px.

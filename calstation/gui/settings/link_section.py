@@ -16,7 +16,7 @@ from calstation.gui.settings.port_box import AddressEdit, PortBox
 from calstation.gui.settings.test_panel import TestPanel
 from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobWatch
 
 _SERIAL, _TCP, _SERVER = "serial", "tcp", "socket"
 #: Usual port numbers of Modbus TCP and of a serial server.

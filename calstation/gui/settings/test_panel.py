@@ -21,11 +21,10 @@ from calstation.connection.link_test import Order, try_imu, try_table
 from calstation.gui.settings.finding_wording import word_finding, word_note
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.reset_bar import ResetBar
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge, StateIcon
-from calstation.gui.widgets.job_row import JobRow
-from calstation.gui.widgets.job_watch import JobWatch
-from calstation.gui.widgets.reset_bar import ResetBar
+from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.messages.finding import Finding, Report
 
 _KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad"}

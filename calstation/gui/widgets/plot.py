@@ -1,11 +1,15 @@
-"""A pyqtgraph plot in the window's colours, which follows its theme."""
+"""A pyqtgraph plot in the colours of the theme, and labels at the ends of its lines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent
-from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.badge import draw_state
 
 pg.setConfigOptions(antialias=False)
 
@@ -39,3 +43,78 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
         for side in ("left", "bottom"):
             self.getAxis(side).setPen(QColor(c.line))
             self.getAxis(side).setTextPen(QColor(c.text))
+
+
+#: Width kept for the lines that lead from a curve's end to its name, px.
+_LEADER = 2 * theme.GRID
+
+
+@dataclass(frozen=True)
+class LineLabel:
+    """A name at height `y`, px from the top; `state` is a shape before it (`badge.KINDS`), "" for none."""
+
+    y: float
+    text: str
+    colour: QColor
+    state: str = ""
+    bold: bool = False
+
+
+def spread(wanted: Sequence[float], distance: float, top: float, bottom: float) -> list[float]:
+    """Places near those wanted (ascending), at least `distance` apart where the room allows it, px."""
+    if not wanted:
+        return []
+    distance = min(distance, (bottom - top) / max(1, len(wanted) - 1)) if len(wanted) > 1 else distance
+    places = []
+    lowest = top
+    for place in wanted:
+        lowest = max(lowest, place)
+        places.append(lowest)
+        lowest += distance
+    highest = bottom
+    for i in reversed(range(len(places))):
+        places[i] = min(places[i], highest)
+        highest = places[i] - distance
+    return places
+
+
+class LineLabels(QWidget):
+    """Stands right of a plot and shares its height."""
+
+    def __init__(self, width: int, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._labels: list[LineLabel] = []
+        self._width = width
+        self.setFixedWidth(width)
+        self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Expanding)
+
+    def sizeHint(self) -> QSize:
+        """As wide as asked."""
+        return QSize(self._width, 6 * theme.GRID)
+
+    def show_labels(self, labels: Sequence[LineLabel]) -> None:
+        """Show these names."""
+        ordered = sorted(labels, key=lambda label: label.y)
+        if ordered != self._labels:
+            self._labels = ordered
+            self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw names and leaders."""
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        line = theme.BODY + 4.0
+        half = line / 2
+        places = spread([label.y for label in self._labels], line, half, self.height() - half)
+        for label, y in zip(self._labels, places, strict=True):
+            painter.setPen(QPen(label.colour, 1))
+            painter.drawLine(QPointF(0, label.y), QPointF(_LEADER - 6, y))
+            left = float(_LEADER)
+            if label.state:
+                draw_state(painter, label.state, QRectF(left, y - 6, 12, 12))
+                left += 18
+            painter.setFont(theme.font(bold=label.bold))
+            painter.setPen(label.colour)
+            box = QRectF(left, y - half, self.width() - left, line)
+            text = painter.fontMetrics().elidedText(label.text, Qt.TextElideMode.ElideRight, int(box.width()))
+            painter.drawText(box, Qt.AlignmentFlag.AlignVCenter, text)

@@ -10,8 +10,7 @@ from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.empty_state import EmptyState
-from calstation.gui.widgets.job_row import JobRow
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
 from calstation.results.plots.applied import Applied
 

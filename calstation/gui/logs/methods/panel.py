@@ -27,8 +27,7 @@ from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.job_row import JobRow
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.results.pair_check import PairChecked, check_pair, followed_from_note
 from calstation.results.plots.method_answer import MethodAnswer, solve_method

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.line_labels import spread
+from calstation.gui.widgets.plot import spread
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.rotation import axis_rotation
 

@@ -12,7 +12,7 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.text.fault_wording import phrase, word_fault
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
-from calstation.gui.widgets.job_watch import JobWatch
+from calstation.gui.widgets.jobs import JobWatch
 
 
 class ResetBar(QWidget):
