@@ -1,0 +1,43 @@
+"""Messages of progress events, from their short ids and from the labels of steps."""
+
+from collections.abc import Mapping
+
+from calstation.messages.catalogue import known
+from calstation.messages.rendering import Text, Value
+
+#: Names of the values that follow the id in a step's label.
+_STEP_VALUES = {
+    "position": ("outer", "inner"),
+    "carry": ("outer", "inner"),
+    "into_place": ("axis",),
+    "whole_turns": ("axis", "angle"),
+    "turn_about": ("axis", "angle"),
+    "unwind": ("axis",),
+    "face_up": ("axis",),
+    "flip": ("angle",),
+}
+
+
+def event_text(event_id: str, values: Mapping[str, Value]) -> Text:
+    """The message of a progress event; an unknown id is shown with its values."""
+    code = f"event.{event_id}"
+    if known(code):
+        return Text(code, values)
+    details = ", ".join(f"{name} {value}" for name, value in values.items())
+    return Text.of("event.other", words=f"{event_id.replace('_', ' ')}{': ' if details else ''}{details}")
+
+
+def step_text(kind: str, label: tuple[str | float, ...]) -> Text:
+    """What a step does, from its kind (``move``, ``dwell``, ``carry``) and the label that its plan gave it."""
+    if kind == "dwell":
+        return Text("step.dwell")
+    if not label:
+        return Text("step.move")
+    name, *values = label
+    code = f"step.{name}"
+    if known(code):
+        return Text(code, dict(zip(_STEP_VALUES.get(str(name), ()), values, strict=False)))
+    words = " ".join(
+        f"{part:g}" if isinstance(part, float | int) else part.replace("_", " ") for part in label
+    )
+    return Text.of("step.other", words=words)

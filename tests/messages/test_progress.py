@@ -1,0 +1,27 @@
+"""Progress events and steps are worded by the catalogue."""
+
+from calstation.messages.progress import event_text, step_text
+from calstation.messages.rendering import sentence
+
+
+def test_an_event_is_worded_with_the_terms_of_its_values() -> None:
+    text = event_text("step_repeated", {"reason": "gap", "attempt": 2})
+    assert sentence(text) == "Step repeated (samples lost), attempt 2."
+    assert sentence(text, "zh_CN") == "重做这一步（丢数），第 2 次。"
+    resumed = event_text("resumed", {"log": "a.h5", "stages": ["rate", "six_position"]})
+    assert sentence(resumed) == "Resuming a.h5 after its completed stages: Rate, Six positions."
+
+
+def test_an_unknown_event_is_shown_with_its_values() -> None:
+    assert sentence(event_text("something_new", {"a": 1, "b": "x"})) == "something new: a 1, b x"
+    assert sentence(event_text("something_new", {})) == "something new"
+
+
+def test_a_step_is_worded_by_its_label() -> None:
+    assert sentence(step_text("move", ("turn_about", "x", 90.0))) == "Turning about x by 90°"
+    assert sentence(step_text("carry", ("carry", 90.0, 0.0, 10.0, 1.0, 8.0)), "zh_CN").startswith(
+        "外导轨转到 90°"
+    )
+    assert sentence(step_text("dwell", ("position", 0.0, 90.0))) == "Resting"
+    assert sentence(step_text("move", ())) == "Moving"
+    assert sentence(step_text("move", ("third_turn", "x", 1.5))) == "third turn x 1.5"
