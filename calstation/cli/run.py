@@ -16,7 +16,7 @@ from calstation.cli.show import check_json, emit_json, result_table
 from calstation.cli.typed import as_typed, options, said_as_typed
 from calstation.cli.wording import OUTCOMES, READ_BACK, REASONS, STATES, word, word_guided, word_step
 from calstation.config.request import RunRequest
-from calstation.config.resolving import prepare
+from calstation.config.resolved import prepare_run
 from calstation.config.station import load_station
 from calstation.config.user import computer_user
 from calstation.errors import ConfigurationError, StoppedError
@@ -35,6 +35,7 @@ from calstation.sequencer.events import (
     StepStarted,
     Verdict,
 )
+from calstation.simulation.fault_plan import with_faults
 
 #: What the virtual bench's unit answers to where no serial number was given.
 DEFAULT_SERIAL = "SN-000001"
@@ -45,7 +46,7 @@ _EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration; returns the contract's exit code. Raises ConfigurationError for a wrong request."""
     check_json(json)
-    setup = prepare(filled(request))
+    setup = prepare_run(filled(request), with_faults)
     _, station = load_station(request.station)
     if station.bench is None and not setup.by_hand and not yes:
         question = f"The table of '{station.name}' is going to move. Is everybody clear of it?"

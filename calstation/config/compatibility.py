@@ -4,8 +4,7 @@ from pathlib import Path
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import check_station, configured
+from calstation.config.resolved import ResolvedConfiguration, check_station, resolve_configuration
 from calstation.errors import ConfigurationError
 
 
@@ -22,7 +21,7 @@ def compatible_products(station: Path | None, instead_of: Path | None) -> list[t
         if setup is None:
             continue
         try:
-            check_station(setup, path)
+            check_station(setup)
         except ConfigurationError:
             continue
         other = wanted is None or setup.product.imu != wanted.product.imu
@@ -32,6 +31,6 @@ def compatible_products(station: Path | None, instead_of: Path | None) -> list[t
 
 def _read(request: RunRequest) -> ResolvedConfiguration | None:
     try:
-        return configured(request)[0]
+        return resolve_configuration(request)
     except ConfigurationError:
         return None

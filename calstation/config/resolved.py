@@ -1,24 +1,37 @@
-"""A checked run: its configuration, and what each part of the program needs of it."""
+"""The resolved configuration of a run: its files read, checked and combined before anything opens or moves."""
 
+import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
+from calstation.config import library, version_store
+from calstation.config.register_limits import check_register_limits
 from calstation.config.request import RunRequest
+from calstation.config.site_check import check_confirmed, check_place
 from calstation.config.station import (
     ProductConfig,
     StationConfig,
+    load_product,
+    load_station,
+    schedule_values,
 )
 from calstation.devices.imu.sample_count import wrap
+from calstation.devices.links.opening import SOCKETS
 from calstation.devices.profiles.channels import span
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.table import TableProfile
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.profiles.imu_checks import check_baud
+from calstation.devices.profiles.table import TableProfile, load_table_profile
+from calstation.errors import ConfigurationError
+from calstation.estimation.common.context import SolveContext
 from calstation.estimation.common.stage_data import BIAS_SIGMAS, SLOWEST
 from calstation.physics.earth import normal_gravity
 from calstation.physics.motion import Step
@@ -34,26 +47,61 @@ from calstation.records.meta import (
     context_from_meta,
     prior_from_meta,
 )
+from calstation.schema import validate
 from calstation.sequencer.acquisition import StatusMasks
 from calstation.sequencer.preflight import PreflightLimits
-from calstation.sequencer.stop_rule import StopRule
+from calstation.sequencer.stop_rule import StopRule, named
 from calstation.sequencer.task import Output, StagePlan, Task
-from calstation.simulation.fault_plan import FaultPlan
 from procedures import method
 
-#: A register further from zero than this many sigmas of its parameter's prior holds no calibration of the unit.
-_PLAUSIBLE = 3.0
+#: Registers further from zero than this many prior sigmas hold no calibration of the unit.
+_PLAUSIBLE_SIGMAS = 3.0
 
-#: Of a virtual bench whose file names none.
-_SEED = 1
+#: Seed of a virtual bench whose file gives none.
+_DEFAULT_SEED = 1
+
+
+class ManualRigError(ConfigurationError):
+    """The table is turned by hand and a stage needs a driven one, or the other way round.
+
+    Parameters
+    ----------
+    by_hand : whether the station's table is turned by hand
+    """
+
+    def __init__(self, text: str, *, by_hand: bool = False) -> None:
+        super().__init__(text)
+        self.by_hand = by_hand
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A configuration file as it was read: its path, its text, and the name and version that the log keeps."""
+
+    path: Path
+    text: str
+    section: FileSection
+
+    @classmethod
+    def read(cls, kind: str, path: Path) -> "SourceFile":
+        """Read a file of a kind (``station``, ``product``, ``table``, ``imu``)."""
+        text = path.read_bytes().decode()
+        version = version_store.number_of(f"{kind}s", path.stem, text)
+        section = FileSection(name=path.stem, version=version, sha256=version_store.sha256(text))
+        return cls(path, text, section)
 
 
 @dataclass(frozen=True)
 class ResolvedConfiguration:
-    """A checked run: its request, configuration files and profiles; `schedules` by stage, validated.
+    """All configuration of a run, checked.
 
-    texts, files : of the station, product, table and imu files
-    faults : what is to go wrong on the virtual bench
+    Attributes
+    ----------
+    request : what was asked for
+    station, product, table, imu : the files' content
+    schedules : parameters of each stage's method, in the order of the run
+    sources : the files by kind; empty for a draft that is not saved
+    bench_overrides : settings of the virtual bench that replace all others
     """
 
     request: RunRequest
@@ -61,11 +109,14 @@ class ResolvedConfiguration:
     product: ProductConfig
     table: TableProfile
     imu: ImuProfile
-    stages: tuple[str, ...]
     schedules: dict[str, BaseModel]
-    texts: dict[str, str]
-    files: dict[str, FileSection] = field(default_factory=dict)
-    faults: FaultPlan = field(default_factory=FaultPlan)
+    sources: Mapping[str, SourceFile] = field(default_factory=dict)
+    bench_overrides: Mapping[str, JsonValue] = field(default_factory=dict)
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names of the stages, in the order of the run."""
+        return tuple(self.schedules)
 
     @property
     def after_registers(self) -> bool:
@@ -74,30 +125,49 @@ class ResolvedConfiguration:
 
     @property
     def corrected(self) -> Output:
-        """Whether and how the unit shows what it makes of its registers."""
+        """Whether and how the unit outputs samples corrected by its registers."""
         if self.after_registers:
             return Output.ALWAYS
         return Output.NEVER if self.imu.corrected is None else Output.ASKED
 
     @property
     def repeatability(self) -> float:
-        """How far apart a table stands after two moves to the same angle, one sigma, rad."""
+        """Standard deviation between two moves of the table to the same angle, rad."""
         accuracy = self.table.accuracy
         return float(np.deg2rad(accuracy.repeatability_deg or accuracy.encoder_sigma_deg))
 
     @property
     def by_hand(self) -> bool:
-        """Whether the operator carries the unit and nothing drives it."""
+        """Whether the operator moves the unit and nothing drives it."""
         return self.table.by_hand
 
-    def meta(self, started: datetime, attempt: int, registers: dict[str, float]) -> LogMeta:
-        """The log's configuration: all that solving needs.
+    @property
+    def fault_plan(self) -> Path | None:
+        """File with the faults to inject into the virtual bench: the request's, else the station file's."""
+        if self.request.faults is not None:
+            return self.request.faults
+        name = (self.station.bench or {}).get("faults")
+        return None if name is None else self.sources["station"].path.parent / str(name)
 
-        `registers` : the unit's, by parameter, SI; {} where it could not be asked. Behind them (a stream after
-        the registers) parameters are zero until found; before them, the registers' values are what the unit's
-        parameters are worth until found again, unless they are no such unit's values at all.
+    def log_meta(
+        self,
+        started: datetime | None = None,
+        attempt: int = 1,
+        registers: Mapping[str, float] | None = None,
+    ) -> LogMeta:
+        """Build the configuration that the log keeps: all that solving needs.
+
+        Where the stream precedes the registers, they are the mean of the prior unless they are implausible; where it
+        follows them, they are kept to compose the answer with, and the prior mean is zero.
+
+        Parameters
+        ----------
+        started : begin of the run; now if not given
+        attempt : number of the unit's run, from 1
+        registers : the unit's registers by parameter, SI; none if they are not known
         """
         profile, accuracy, stream, noise = self.imu, self.table.accuracy, self.imu.stream, self.imu.noise
+        held = dict(registers or {})
         return LogMeta(
             site=self.station.site.place,
             imu=ImuSection(
@@ -123,7 +193,7 @@ class ResolvedConfiguration:
                 velocity_interval_s=accuracy.velocity_interval_s,
             ),
             prior={
-                name: PriorSection(value=self._present(registers.get(name, 0.0), sigma), sigma=sigma)
+                name: PriorSection(value=self._prior_mean(held.get(name, 0.0), sigma), sigma=sigma)
                 for name, sigma in profile.prior_sigmas().items()
             },
             product=ProductSection(
@@ -139,39 +209,46 @@ class ResolvedConfiguration:
                 seed=self.bench_seed,
                 attempt=attempt,
                 software=__version__,
-                started_utc=started.astimezone(UTC).isoformat(timespec="seconds"),
-                files=self.files or None,
+                started_utc=(started or datetime.now(UTC)).astimezone(UTC).isoformat(timespec="seconds"),
+                files={kind: source.section for kind, source in self.sources.items()} or None,
             ),
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
-            profiles=self.texts,
-            registers=registers if self.after_registers else {},
+            profiles={kind: source.text for kind, source in self.sources.items()},
+            registers=held if self.after_registers else {},
         )
 
-    def _present(self, register: float, sigma: float) -> float:
-        """A register's value as the mean of a prior, where it may be one; 0 otherwise."""
-        return register if not self.after_registers and abs(register) <= _PLAUSIBLE * sigma else 0.0
+    def _prior_mean(self, register: float, sigma: float) -> float:
+        plausible = not self.after_registers and abs(register) <= _PLAUSIBLE_SIGMAS * sigma
+        return register if plausible else 0.0
+
+    def solve_context(self) -> SolveContext:
+        """Site, IMU and table as the solvers use them, SI."""
+        return context_from_meta(self.log_meta())
 
     @property
     def bench_seed(self) -> int | None:
-        """Seed of the virtual bench as it was given, None on hardware."""
-        words = self.bench_words()
-        return None if words is None else int(words.get("seed", _SEED))
+        """Seed of the virtual bench as the files or the request give it; None on hardware."""
+        settings = self.bench_settings()
+        return None if settings is None else int(settings.get("seed", _DEFAULT_SEED))
 
     def bench_config(self) -> dict[str, Any] | None:
-        """What the bench process is told; its seed is drawn from the one given and the unit's serial number, so that
-        every number is a unit of its own and the same number is the same unit again."""
-        words = self.bench_words()
-        if words is None:
-            return None
-        drawn = zlib.crc32(f"{words.get('seed', _SEED)} {words['serial']}".encode())
-        return self.faults.bench({**words, "seed": drawn})
+        """Configuration of the bench process; None on hardware.
 
-    def bench_words(self) -> dict[str, Any] | None:
-        """This site, table and unit for the bench, then the station file's own words, then the request's."""
+        Its seed is derived from the given seed and the unit's serial number: every serial number is one unit, and
+        the same serial number is the same unit again.
+        """
+        settings = self.bench_settings()
+        if settings is None:
+            return None
+        seed = zlib.crc32(f"{settings.get('seed', _DEFAULT_SEED)} {settings['serial']}".encode())
+        return {**settings, "seed": seed, **self.bench_overrides}
+
+    def bench_settings(self) -> dict[str, Any] | None:
+        """Settings of the bench from site, table and unit, then the station file's, then the request's."""
         if self.station.bench is None:
             return None
         site, table, stream = self.station.site, self.table, self.imu.stream
-        told: dict[str, Any] = {
+        settings: dict[str, Any] = {
             "grade": self.product.bench_grade,
             "serial": self.request.serial,
             "table_protocol": "drives" if table.map.inner_apart else table.protocol,
@@ -191,27 +268,32 @@ class ResolvedConfiguration:
             **{name: value for name, value in self.station.bench.items() if name != "faults"},
         }
         if self.request.seed is not None:
-            told["seed"] = self.request.seed
+            settings["seed"] = self.request.seed
         if self.request.speed is not None:
-            told["speed"] = self.request.speed
-        return told
+            settings["speed"] = self.request.speed
+        return settings
 
-    def task(self, meta: LogMeta) -> Task:
-        """What the sequencer is to do."""
+    def task(self, meta: LogMeta | None = None) -> Task:
+        """Build the sequencer's task. `meta` is the log's configuration, the one without registers if not given."""
+        meta = meta or self.log_meta()
         context = context_from_meta(meta)
         geometry = self.table.geometry()
         gravity = context.site.gravity or normal_gravity(context.site.latitude, context.site.height)
         prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
-        room = BIAS_SIGMAS * prior.sigma[biases] + SLOWEST
+        span_rate = BIAS_SIGMAS * prior.sigma[biases] + SLOWEST
         warm_up, load, status = self.product.warm_up, self.product.load_angle, self.imu.status
+        stages = (
+            StagePlan(stage, partial(self._plan, stage), _stop_rule(schedule))
+            for stage, schedule in self.schedules.items()
+        )
         return Task(
-            stages=tuple(StagePlan(s, self._steps(s), _stop_rule(self.schedules[s])) for s in self.stages),
+            stages=tuple(stages),
             preflight=PreflightLimits(
                 serial=self.request.serial,
                 serial_pattern=self.product.serial_pattern,
                 gravity=gravity,
-                rate_low=prior.mean[biases] - room,
-                rate_high=prior.mean[biases] + room,
+                rate_low=prior.mean[biases] - span_rate,
+                rate_high=prior.mean[biases] + span_rate,
                 warm_up=warm_up.time_s,
                 warm_up_slope=warm_up.slope_c_per_min,
                 warm_up_timeout=warm_up.timeout_s,
@@ -228,25 +310,169 @@ class ResolvedConfiguration:
             load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
         )
 
-    def _steps(self, stage: str) -> "_Steps":
-        return _Steps(self, stage)
-
-
-@dataclass(frozen=True)
-class _Steps:
-    """A fresh plan of a stage at every call."""
-
-    setup: ResolvedConfiguration
-    stage: str
-
-    def __call__(self) -> Iterator[Step]:
-        return method(self.stage).plan(self.setup.table.geometry(), self.setup.schedules[self.stage])
+    def _plan(self, stage: str) -> Iterator[Step]:
+        """Start a fresh plan of a stage."""
+        return method(stage).plan(self.table.geometry(), self.schedules[stage])
 
 
 def _stop_rule(schedule: BaseModel) -> StopRule:
-    """The stop rule in a schedule; a plan that does not repeat has none."""
+    """Take the stop rule from a schedule; a plan that does not repeat has none."""
     return StopRule(
         rounds=getattr(schedule, "rounds", None),
         duration=getattr(schedule, "duration_s", None),
         targets=getattr(schedule, "targets", {}),
     )
+
+
+#: Changes a configuration before it is checked, as fault injection does.
+Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
+
+
+def resolve_configuration(
+    request: RunRequest, adjust: Adjustment = lambda resolved: resolved
+) -> ResolvedConfiguration:
+    """Read and check the files that a request names; the serial number is not checked.
+
+    Raises ConfigurationError with file, field and remedy.
+    """
+    station_path, station = load_station(request.station)
+    product_path, product = load_product(request.product)
+    if not product.limits:
+        raise ConfigurationError(
+            f"{product_path}: has no limits; add [limits.NAME] before a unit is judged by it"
+        )
+    table_path = library.find("tables", station.table.profile)
+    imu_path = library.find("imus", product.imu)
+    paths = {"station": station_path, "product": product_path, "table": table_path, "imu": imu_path}
+    chosen = request.schedule or {}
+    resolved = ResolvedConfiguration(
+        request=request,
+        station=station,
+        product=product,
+        table=load_table_profile(table_path),
+        imu=load_imu_profile(imu_path),
+        schedules={
+            stage: _schedule(product, stage, chosen.get(stage, {}), product_path)
+            for stage in request.stages or product.stages
+        },
+        sources={kind: SourceFile.read(kind, path) for kind, path in paths.items()},
+    )
+    _check_options(resolved, station_path)
+    resolved = adjust(resolved)
+    _check_bench(resolved, station_path)
+    for place, words in check_register_limits(product, resolved.imu):
+        raise ConfigurationError(f"{product_path}: {'.'.join(place)} {words}")
+    _check_baud(resolved, station_path)
+    _check_targets("targets", product.targets, product_path)
+    for stage, schedule in resolved.schedules.items():
+        _check_targets(f"schedule.{stage}.targets", getattr(schedule, "targets", {}), product_path)
+    return resolved
+
+
+def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
+    """Read and check everything that a run needs, the serial number and the site included.
+
+    Raises ConfigurationError with file, field and remedy.
+    """
+    resolved = resolve_configuration(request, adjust)
+    pattern = resolved.product.serial_pattern
+    if not re.fullmatch(pattern, request.serial):
+        raise ConfigurationError(
+            f"--serial '{request.serial}' does not fit the pattern '{pattern}' of {resolved.sources['product'].path}; "
+            "correct the number or choose another --product"
+        )
+    check_station(resolved)
+    for stage, schedule in resolved.schedules.items():
+        chosen = method(stage)
+        if chosen.needs_no_table:  # no table can drive some of these at all
+            next(chosen.plan(resolved.table.geometry(), schedule), None)
+    return resolved
+
+
+def check_station(resolved: ResolvedConfiguration) -> None:
+    """Check that the product can be calibrated at this station: its table, and how well its site is known.
+
+    Raises ConfigurationError with field and remedy, ManualRigError where it is the table.
+    """
+    check_manual_rig(resolved)
+    meta, path = resolved.log_meta(), resolved.sources["station"].path
+    check_place(meta, path)
+    if resolved.station.bench is None:
+        check_confirmed(resolved.station.site, meta, path)
+
+
+def check_manual_rig(resolved: ResolvedConfiguration) -> None:
+    """Check that stages with manual motion run on a table turned by hand, and only those.
+
+    Raises ManualRigError with the stage and the remedy.
+    """
+    rig, by_hand = resolved.table.name, resolved.by_hand
+    product = resolved.sources["product"].path if "product" in resolved.sources else resolved.product.name
+    for stage, schedule in resolved.schedules.items():
+        manual = getattr(schedule, "manual", None)
+        if by_hand and manual is None:
+            raise ManualRigError(
+                f"stages: '{stage}' needs a table that is driven, but '{rig}' of station '{resolved.station.name}' is"
+                " turned by hand; choose multi_position, or another station",
+                by_hand=by_hand,
+            )
+        if by_hand and not manual:
+            raise ManualRigError(
+                f"{product}: schedule.{stage}.manual must be true, because '{rig}' of station"
+                f" '{resolved.station.name}' is turned by hand; set it, or choose another product or station",
+                by_hand=by_hand,
+            )
+        if manual and not by_hand:
+            raise ManualRigError(
+                f"{product}: schedule.{stage}.manual is true, but the table '{rig}' of station"
+                f" '{resolved.station.name}' is driven; choose a station with rails turned by hand, or another product",
+                by_hand=by_hand,
+            )
+
+
+def _check_baud(resolved: ResolvedConfiguration, station_path: Path) -> None:
+    """Check that the station's own baud carries the unit's stream; that of a socket is not known."""
+    serial, port = resolved.station.imu.serial, resolved.station.imu.port or ""
+    if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
+        return
+    try:
+        for frame in resolved.imu.frames:
+            check_baud(serial, frame, resolved.imu.stream.sample_rate_hz)
+    except ValueError as exc:
+        raise ConfigurationError(
+            f"{station_path}: imu.serial: {str(exc).replace('link.baud', 'baud')}"
+        ) from None
+
+
+def _check_targets(field_name: str, targets: Iterable[str], product_path: Path) -> None:
+    """Refuse a target that names no parameter: it would count as reached at once."""
+    for name in targets:
+        if not named(name):
+            raise ConfigurationError(
+                f"{product_path}: {field_name}.{name} is no parameter or group; remove it"
+            )
+
+
+def _check_options(resolved: ResolvedConfiguration, station_path: Path) -> None:
+    """Refuse options of the virtual bench on hardware."""
+    request = resolved.request
+    options = (("--faults", request.faults), ("--speed", request.speed), ("--seed", request.seed))
+    for option, value in options if resolved.station.bench is None else ():
+        if value is not None:
+            raise ConfigurationError(
+                f"{option} belongs to the virtual bench; {station_path} is hardware, leave it out"
+            )
+
+
+def _check_bench(resolved: ResolvedConfiguration, station_path: Path) -> None:
+    settings = resolved.bench_settings()
+    if settings is not None:
+        from calstation.bench.config import BenchConfig
+
+        validate(BenchConfig, {**settings, **resolved.bench_overrides}, f"{station_path} [bench]")
+
+
+def _schedule(product: ProductConfig, stage: str, instead: Mapping[str, Any], path: Path) -> BaseModel:
+    """Build a stage's schedule. Raises ConfigurationError with file, field and remedy."""
+    given = schedule_values(product, stage, instead)
+    return validate(method(stage).schedule, given, f"{path}: schedule.{stage}")

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
@@ -12,8 +11,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from calstation.config.request import RunRequest
-from calstation.config.resolving import configured
-from calstation.records.meta import context_from_meta
+from calstation.config.resolved import resolve_configuration
 from calstation.sequencer.stop_rule import named
 from procedures import DEFAULT_STAGES, method
 
@@ -96,14 +94,14 @@ class Offer:
 
 def offer(station: Path | None, product: Path | None) -> Offer:
     """Read a product and a station, defaults where None. Raises ConfigurationError with file, field and mend."""
-    setup, path = configured(RunRequest("offer", station, product))
+    setup = resolve_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
     offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
-    whole, _ = configured(RunRequest("offer", station, product, offered))
+    whole = resolve_configuration(RunRequest("offer", station, product, offered))
     limits = setup.table.geometry().limits
-    context = context_from_meta(setup.meta(datetime.now(UTC), 1, {}))
+    context = setup.solve_context()
     return Offer(
-        product=path,
+        product=setup.sources["product"].path,
         name=setup.product.name,
         station=setup.station.name,
         virtual=setup.station.bench is not None,

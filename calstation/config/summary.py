@@ -2,16 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import check_station, configured
+from calstation.config.resolved import ResolvedConfiguration, check_station, resolve_configuration
 from calstation.devices.imu.registers import RegisterMap
 from calstation.physics.motion import Carry
 from calstation.physics.parameters import GROUPS, NAMES, group_indices
 from calstation.physics.table import TableGeometry
-from calstation.records.meta import context_from_meta
 from calstation.sequencer.capture import DURATION
 from calstation.sequencer.preview import plan_time
 from procedures import method
@@ -71,12 +68,11 @@ def run_summary(request: RunRequest) -> RunSummary:
 
     Raises ConfigurationError with file, field and mend.
     """
-    setup, product_path = configured(request)
-    check_station(setup, product_path)
+    setup = resolve_configuration(request)
+    check_station(setup)
     load = setup.product.load_angle
     geometry = setup.table.geometry()
-    meta = setup.meta(datetime.now(UTC), 1, {})
-    plans = setup.task(meta).stages
+    plans = setup.task().stages
     return RunSummary(
         station=setup.station.name,
         product=setup.product.name,
@@ -108,7 +104,7 @@ def _up(geometry: TableGeometry, step: Carry) -> tuple[float, float, float]:
 
 
 def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
-    context = context_from_meta(setup.meta(datetime.now(UTC), 1, {}))
+    context = setup.solve_context()
     last = {name: stage for stage in setup.stages for name in method(stage).estimates(context)}
     limits = setup.product.limits
     found: dict[str, float] = {}

@@ -5,12 +5,9 @@ The same that `preparation.check_station` refuses before a run, all of it at onc
 
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import UTC, datetime
-from pathlib import Path
 
 from calstation.config import library
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import ManualRigError, check_manual_rig
+from calstation.config.resolved import ManualRigError, ResolvedConfiguration, check_manual_rig
 from calstation.config.site_check import normal_unlike, this_computer, unfelt, vouched, vouching
 from calstation.config.station import load_station, schedule_values
 from calstation.messages.finding import Finding, Value
@@ -28,13 +25,13 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
         stage: validate(method(stage).schedule, schedule_values(product, stage, {}), f"schedule.{stage}")
         for stage in product.stages
     }
-    setup = replace(setup, stages=tuple(product.stages), schedules=schedules)
+    setup = replace(setup, schedules=schedules)
     try:
-        check_manual_rig(setup, Path(product.name))
+        check_manual_rig(setup)
     except ManualRigError as error:
         values: dict[str, Value] = {"rig": setup.table.name, "product": product.name}
         yield Finding("needs_drive" if error.by_hand else "needs_hands", "look", values)
-    blind = unfelt(setup.meta(datetime.now(UTC), 1, {}))
+    blind = unfelt(setup.log_meta())
     normal = normal_unlike(site)
     if site.gravity_mps2 is not None and normal is not None:
         values = {"gravity": site.gravity_mps2, "normal": normal}

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from functools import partial
 
 import numpy as np
@@ -15,7 +14,6 @@ from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, Sampl
 from calstation.errors import DeviceFaultError
 from calstation.jobs.worker import ProgressCallback
 from calstation.physics.arrays import FloatArray
-from calstation.records.meta import context_from_meta
 from calstation.sequencer.acquisition import to_si
 from calstation.sequencer.capture import REST, VerificationData, mean_at_rest
 from calstation.sequencer.control_loop import NO_DATA
@@ -80,7 +78,7 @@ def _rest(
     unit: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
 ) -> FloatArray:
     """Mean of one rest, rad/s and m/s², shape (6,)."""
-    model = context_from_meta(setup.meta(datetime.now(UTC), 1, {})).imu
+    model = setup.solve_context().imu
     count = round(REST * model.sample_rate)
     parts = samples_in_a_row(
         unit.imu,

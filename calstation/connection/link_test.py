@@ -112,9 +112,7 @@ def setup_of(order: Order) -> ResolvedConfiguration:
         product=product,
         table=load_table_profile(library.find("tables", order.station.table.profile)),
         imu=load_imu_profile(library.find("imus", product.imu)),
-        stages=(),
         schedules={},
-        texts={},
     )
 
 

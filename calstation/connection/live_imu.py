@@ -1,15 +1,13 @@
 """Work for the workshop: an answer applied to what its unit says now, some seconds of its stream by its own driver."""
 
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import configured
+from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.config.station import load_product
 from calstation.connection.imu_session import open_imu_session, samples_in_a_row
 from calstation.devices.interfaces import SampleBatch
@@ -20,7 +18,7 @@ from calstation.jobs.worker import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 from calstation.records.log import open_log
-from calstation.records.meta import ImuSection, LogMeta, context_from_meta
+from calstation.records.meta import ImuSection, LogMeta
 from calstation.results.plots.applied import Applied, applied
 from calstation.simulation.recordings import read_truth
 
@@ -68,11 +66,10 @@ def apply_to_unit(
     tell(0.0)
     log_meta = open_log(path).meta
     serial = log_meta.imu.serial
-    setup, _ = configured(RunRequest(serial, station, product))
+    setup = resolve_configuration(RunRequest(serial, station, product))
     if setup.station.bench is not None:
         setup = _with_the_unit(path, log_meta, setup)
-    meta = setup.meta(datetime.now(UTC), 1, {})
-    context = context_from_meta(meta)
+    context = setup.solve_context()
     count = round(seconds * context.imu.sample_rate)
     begin, end = _TAKEN
     with open_imu_session(tell, setup) as unit:
@@ -106,7 +103,7 @@ def _with_the_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> R
         product=_product_like(meta.imu, setup.request.product) if known else setup.request.product,
         seed=seed,
     )
-    setup, _ = configured(request)
+    setup = resolve_configuration(request)
     if truth:
         bench = {**(setup.station.bench or {}), "parameters": truth}
         setup = replace(setup, station=setup.station.model_copy(update={"bench": bench}))

@@ -1,6 +1,7 @@
 """Reads the catalogue: one TOML file per family, one table per code (``table.no_answer`` is ``[no_answer]`` in
 ``catalogue/table.toml``)."""
 
+import re
 import tomllib
 from dataclasses import dataclass
 from functools import cache
@@ -71,7 +72,7 @@ def family(name: str) -> dict[str, Entry]:
 
 def known(code: str) -> bool:
     """Whether the catalogue has this code."""
-    return code in family(code.partition(".")[0])
+    return re.fullmatch(r"[a-z_]+\.\w+", code) is not None and code in family(code.partition(".")[0])
 
 
 def entry(code: str) -> Entry:

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import configured
+from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.connection.imu_session import open_imu_session
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.interfaces import ImuIdentity
@@ -92,7 +91,7 @@ def read_unit(tell: ProgressCallback, request: RunRequest, runs: Path) -> UnitRe
 
     `runs` : folder of the runs, for what was written before. Raises DeviceFaultError, ConfigurationError.
     """
-    setup, _ = configured(request)
+    setup = resolve_configuration(request)
     with open_imu_session(tell, setup) as unit:
         values = unit.imu.read_registers()
     return held(setup, unit.identity, values, runs)
@@ -105,7 +104,7 @@ def wanted_registers(tell: ProgressCallback, request: RunRequest, result: Mappin
     behind the registers is put together with those that its log says were in force.
     Raises InputError where the log is needed and missing, or the result is of another IMU profile than the product's.
     """
-    setup, _ = configured(request)
+    setup = resolve_configuration(request)
     _refuse_other_profile(setup, result)
     found = {name: float(row["value"]) for name, row in result["parameters"].items()}
     registers = result.get("registers") or {}
@@ -149,7 +148,7 @@ def held(
 def _refuse_other_profile(setup: ResolvedConfiguration, result: Mapping[str, Any]) -> None:
     """Values of one sort of unit mean nothing to the registers of another. Raises InputError."""
     used = (result.get("configuration") or {}).get("imu")
-    mine = setup.files["imu"].name
+    mine = setup.sources["imu"].section.name
     if used is not None and used["name"] != mine:
         raise InputError(
             f"the result is of a unit with IMU profile '{used['name']}', product '{setup.product.name}' has '{mine}';"

@@ -8,12 +8,10 @@ Rails that hands turn, and a table that is to be left alone, prove at rest. Who 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 from calstation.config.request import OR_AT_REST, RegisterOperation
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import configured
+from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.connection.devices import connected
 from calstation.connection.imu_session import open_imu_session, rest_of
 from calstation.devices.imu.transfer import (
@@ -54,7 +52,7 @@ CheckCancelled = Callable[[], None]
 
 def turning(errand: RegisterOperation) -> bool:
     """Whether a table is going to move for it. Raises InputError where there is nothing to do, ConfigurationError."""
-    setup, _ = configured(errand.request)
+    setup = resolve_configuration(errand.request)
     _Work.of(errand, setup, lambda event: None)
     return not (errand.at_rest or setup.by_hand)
 
@@ -80,7 +78,7 @@ def run_operation(errand: RegisterOperation, emit: Emit, control: Control) -> No
         if control.stopping:
             raise StopRequested
 
-    setup, _ = configured(errand.request)
+    setup = resolve_configuration(errand.request)
     work = _Work.of(errand, setup, emit)
     try:
         if errand.at_rest or setup.by_hand:
@@ -277,7 +275,7 @@ def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) 
 
 def _task(setup: ResolvedConfiguration) -> Task:
     """A run without stages; registers that may be wrong are not judged before they are mended."""
-    task = setup.task(setup.meta(datetime.now(UTC), 1, {}))
+    task = setup.task()
     preflight = replace(task.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
     return replace(task, stages=(), preflight=preflight)
 

@@ -1,7 +1,6 @@
 """Is a unit's output right behind a transfer that no run has made? By what any unit of its type may be off."""
 
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
 from typing import Any
 
 from calstation.config.resolved import ResolvedConfiguration
@@ -73,7 +72,7 @@ def judge_old(setup: ResolvedConfiguration, done: Transferred, fresh: Verificati
 def _wrong(
     setup: ResolvedConfiguration, done: Transferred, fresh: VerificationData, *, back: bool
 ) -> list[VerificationCheck]:
-    meta = setup.meta(datetime.now(UTC), 1, {})
+    meta = setup.log_meta()
     entry = done.entry
     registers = Registers(entry.old if back else entry.new, entry.old if setup.after_registers else None)
     prior = prior_from_meta(meta).covariance

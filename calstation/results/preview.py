@@ -6,14 +6,12 @@ The plans are those of the run and so are the solvers: they get a perfect unit's
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import check_manual_rig, configured
+from calstation.config.resolved import ResolvedConfiguration, check_manual_rig, resolve_configuration
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.planned import PlannedSamples, profile
 from calstation.jobs.worker import ProgressCallback
@@ -132,8 +130,8 @@ def forecast(tell: ProgressCallback, request: RunRequest) -> Preview:
 
     Raises ConfigurationError with file, field and mend where it could not be run at all.
     """
-    setup, product_path = configured(request)
-    check_manual_rig(setup, product_path)
+    setup = resolve_configuration(request)
+    check_manual_rig(setup)
     with one_blas_thread():
         return _Foretelling(tell, setup).run()
 
@@ -144,7 +142,7 @@ class _Foretelling:
     def __init__(self, tell: ProgressCallback, setup: ResolvedConfiguration) -> None:
         self._tell = tell
         self._setup = setup
-        meta = setup.meta(datetime.now(UTC), 1, {})
+        meta = setup.log_meta()
         self._plans = setup.task(meta).stages
         self._geometry = setup.table.geometry()
         self._context = context_from_meta(meta)

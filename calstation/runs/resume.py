@@ -203,7 +203,7 @@ class Continuation:
         """
         old, path = self.log.meta, self.log.path
         assert old.run is not None
-        new = setup.meta(started, old.run.attempt, registers or {})
+        new = setup.log_meta(started, old.run.attempt, registers)
         for name in ("site", "imu", "table", "product", "schedule"):
             if not _same(getattr(new, name), getattr(old, name)):
                 raise ConfigurationError(f"{path}: [{name}] has changed since the run began; {_NEW_RUN}")

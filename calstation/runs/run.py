@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import prepare
+from calstation.config.resolved import ResolvedConfiguration, prepare_run
 from calstation.config.site_check import refuse_other_place, there
 from calstation.config.station import load_station
 from calstation.config.user import computer_user
@@ -40,7 +39,7 @@ from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
 from calstation.sequencer.task import Ended
-from calstation.simulation.fault_plan import FaultInjector
+from calstation.simulation.fault_plan import FaultInjector, fault_plan, with_faults
 from calstation.simulation.simulated_operator import SimulatedOperator
 
 _OUTCOMES = {
@@ -68,7 +67,7 @@ class _Place:
         if self.before is not None:
             return self.before.meta(self.setup, self.started, registers)
         serial = self.setup.request.serial
-        meta = self.setup.meta(self.started, 1 + self.history.attempts(serial), registers or {})
+        meta = self.setup.log_meta(self.started, 1 + self.history.attempts(serial), registers)
         checks = self.setup.product.checks
         if checks is None or checks.previous is None:
             return meta
@@ -147,7 +146,7 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
         before = Continuation.of(request, request.resume)
         request = before.request
     request = replace(request, operator=request.operator or computer_user())
-    setup = prepare(request)
+    setup = prepare_run(request, with_faults)
     folder = _folder(request.out)
     for dead in finish_incomplete(folder):
         emit(Message("incomplete_run", {"log": str(dead)}))
@@ -157,8 +156,8 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     check_attempts(setup.product, request.serial, failures, request.beyond_attempts)
     check_flash(setup, folder, emit)
     check_interrupted(setup, folder)
-    injector = FaultInjector(setup.faults, folder)
-    if setup.faults.fault:
+    injector = FaultInjector(fault_plan(setup), folder)
+    if injector.plan.fault:
         emit = injector.listening(emit)
     hands = SimulatedOperator()
     if setup.by_hand:

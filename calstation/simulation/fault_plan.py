@@ -16,14 +16,14 @@ import random
 import signal
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import Field, field_validator, model_validator
 
 from calstation.bench.config import OrderName
-from calstation.config.station import StationConfig
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.records import raw_log
 from calstation.schema import StrictModel, load, suggestion
 from calstation.sequencer.events import Event, Message, StageStarted, StepStarted
@@ -103,25 +103,27 @@ class FaultPlan(StrictModel):
         drawn = random.Random(self.seed)
         return [drawn.uniform(*f.time_s) if isinstance(f.time_s, list) else f.time_s for f in self.fault]
 
-    def station(self, station: StationConfig) -> StationConfig:
-        """The station file with what is wrong in it."""
+    def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
+        """The configuration with a wrong station file, and a bench with what is wrong from the start."""
         wrong = sum(self._value(fault) for fault in self.fault if fault.kind == "wrong_latitude")
+        station = setup.station
         site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + wrong})
-        return station.model_copy(update={"site": site})
+        setup = replace(setup, station=station.model_copy(update={"site": site}))
+        return replace(setup, bench_overrides=self.bench(setup.bench_settings() or {}))
 
-    def bench(self, told: dict[str, Any]) -> dict[str, Any]:
-        """The bench's configuration with what is so from the start, and with faults by the second.
+    def bench(self, settings: Mapping[str, Any]) -> dict[str, Any]:
+        """What becomes of the bench's settings: what is wrong from the start, and faults at a time.
 
-        told : what the station file says, with what is wrong in it
+        settings : of the bench without faults, with the wrong station file
         """
-        told = dict(told)
-        orders = list(told.get("orders", []))
+        changed: dict[str, Any] = {}
+        orders = list(settings.get("orders", []))
         for fault, time in zip(self.fault, self.times(), strict=True):
             if fault.kind in SET_UP:
-                told |= _SET_UP[fault.kind](told, self._value(fault))
+                changed |= _SET_UP[fault.kind]({**settings, **changed}, self._value(fault))
             elif fault.kind in ORDERS and fault.stage is None:
                 orders.append({"order": fault.kind, "at": time, **_value(fault)})
-        return told | ({"orders": orders} if orders else {})
+        return changed | ({"orders": orders} if orders else {})
 
     @staticmethod
     def _value(fault: PlannedFault) -> float:
@@ -131,6 +133,16 @@ class FaultPlan(StrictModel):
 def load_fault_plan(path: Path) -> FaultPlan:
     """Read and check a plan. Raises ConfigurationError naming file, field and mend."""
     return load(FaultPlan, path)
+
+
+def fault_plan(setup: ResolvedConfiguration) -> FaultPlan:
+    """The plan of a run; an empty one where its configuration names none. Raises ConfigurationError."""
+    return FaultPlan() if setup.fault_plan is None else load_fault_plan(setup.fault_plan)
+
+
+def with_faults(setup: ResolvedConfiguration) -> ResolvedConfiguration:
+    """The configuration of a run with its plan of faults. Raises ConfigurationError."""
+    return setup if setup.fault_plan is None else fault_plan(setup).adjust(setup)
 
 
 @dataclass

@@ -12,14 +12,13 @@ import numpy as np
 
 from calstation.bench.config import BenchConfig
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import configured
+from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.devices.profiles.table import TableProfile
 from calstation.errors import CalstationError
 from calstation.physics.parameters import INDEX
 from calstation.records.log import open_log
 from calstation.runs.incomplete import finish_incomplete
-from calstation.simulation.fault_plan import HOST, SET_UP
+from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
 
 if TYPE_CHECKING:
     from calstation.simulation.soak import Planned
@@ -106,7 +105,7 @@ def judge_run(
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench(report)
     died = bool(kinds) and "engine_killed" in kinds and not _ended(request)
-    setup = configured(request)[0]
+    setup = resolve_configuration(request, with_faults)
     happened = [kind for kind in kinds if kind in bench.get("obeyed", ()) or _set_up(kind, setup)]
     result, lost = _records(request, died)
     outcome = "hung" if hung else str(result.get("outcome", "lost"))
@@ -192,7 +191,7 @@ def _wrong(
         return []
     if must_fail:
         return [f"passed with {', '.join(happened)}"]
-    setup, _ = configured(request)
+    setup = resolve_configuration(request, with_faults)
     truth = BenchConfig.model_validate(setup.bench_config()).truth().imu.parameters
     if outcome == "failed":
         missed = [check for check in result["checks"] if not check["passed"]]

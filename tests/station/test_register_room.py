@@ -9,7 +9,7 @@ import tomli_w
 
 from calstation.config import editing as settings
 from calstation.config import library
-from calstation.config.resolving import configured
+from calstation.config.resolved import resolve_configuration
 from calstation.errors import ConfigurationError
 from tests.station.conftest import STATION
 
@@ -62,7 +62,7 @@ def test_limits_and_registers_are_compared(
 ) -> None:
     coarse(entry, {"gyro_bias": limit})
     with pytest.raises(ConfigurationError) as caught:
-        configured(place.request("rate"))
+        resolve_configuration(place.request("rate"))
     assert str(caught.value).startswith(f"{place.product}: {words}")
     assert "; " in str(caught.value)
     (problem,) = settings.check("products", place.product.read_text(encoding="utf-8"))
@@ -73,7 +73,7 @@ def test_limits_and_registers_are_compared(
 def test_a_matrix_is_compared_by_its_parameters(place: Any) -> None:
     place.write({"imu": "vectornav_vn100", "limits": {"gyro_scale": {"within": 0.9}}})
     with pytest.raises(ConfigurationError, match=r"lets gyro_matrix_xx be -0\.35 to 2\.35, but register 84"):
-        configured(place.request("rate"))
+        resolve_configuration(place.request("rate"))
 
 
 @pytest.mark.parametrize("port", ["/dev/ttyUSB0", "socket://127.0.0.1:5000"])
@@ -82,10 +82,10 @@ def test_a_station_s_own_baud_must_carry_the_stream(place: Any, port: str) -> No
     hardware["imu"] = {"port": port, "serial": {"baud": 19200}}
     place.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
     if port.startswith("socket"):  # of a socket's other end nobody knows
-        configured(place.request("rate"))
+        resolve_configuration(place.request("rate"))
         return
     with pytest.raises(ConfigurationError, match=r"imu\.serial: baud = 19200 is too slow"):
-        configured(place.request("rate"))
+        resolve_configuration(place.request("rate"))
 
 
 def test_a_station_s_own_baud_must_carry_the_corrected_stream_too(
@@ -103,4 +103,4 @@ def test_a_station_s_own_baud_must_carry_the_corrected_stream_too(
     hardware["imu"] = {"port": "/dev/ttyUSB0", "serial": {"baud": 115200}}
     place.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"imu\.serial: baud = 115200 is too slow .* of 274 bytes"):
-        configured(place.request("rate"))
+        resolve_configuration(place.request("rate"))

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import pytest
 
 from calstation.config.request import RunRequest
-from calstation.config.resolving import prepare
+from calstation.config.resolved import prepare_run
 from calstation.physics.parameters import INDEX
 from calstation.records.meta import prior_from_meta
 
@@ -14,24 +14,24 @@ NOW = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 def meta_of(setup, registers):
-    return setup.meta(NOW, 1, registers)
+    return setup.log_meta(NOW, 1, registers)
 
 
 def test_a_stream_before_the_registers_starts_from_their_values():
-    setup = prepare(RunRequest("SN-1"))
+    setup = prepare_run(RunRequest("SN-1"))
     belief = prior_from_meta(meta_of(setup, {"accel_scale_x": 4e-4, "gyro_bias_z": 0.0}))
     assert belief.mean[INDEX["accel_scale_x"]] == 4e-4
     assert belief.mean[INDEX["accel_scale_y"]] == 0.0
 
 
 def test_registers_that_hold_no_calibration_are_no_prior():
-    setup = prepare(RunRequest("SN-1"))
+    setup = prepare_run(RunRequest("SN-1"))
     belief = prior_from_meta(meta_of(setup, {"accel_scale_x": 0.5, "gyro_bias_z": float("nan")}))
     assert not belief.mean.any()
 
 
 def test_behind_the_registers_nothing_is_known_and_they_are_kept_to_compose_with():
-    setup = prepare(RunRequest("SN-1"))
+    setup = prepare_run(RunRequest("SN-1"))
     stream = setup.imu.stream.model_copy(update={"order": "after_registers"})
     setup = replace(setup, imu=setup.imu.model_copy(update={"stream": stream}))
     meta = meta_of(setup, {"accel_scale_x": 4e-4})

@@ -8,7 +8,7 @@ import tomli_w
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolving import prepare
+from calstation.config.resolved import prepare_run
 from calstation.config.schedules import offer
 from calstation.config.station import load_station, rails_by_hand
 from calstation.config.summary import run_summary
@@ -89,7 +89,7 @@ def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bi
 
 def test_what_needs_a_table_is_refused_in_a_sentence_before_anything_is_opened(rig: Rig) -> None:
     with pytest.raises(ConfigurationError, match=r"'rate' needs a table that is driven.*turned by hand"):
-        prepare(rig.request("rate"))
+        prepare_run(rig.request("rate"))
     with pytest.raises(ConfigurationError, match="'six_position' needs a table that is driven"):
         run_summary(rig.request("multi_position", "six_position"))
     rig.write({"schedule": {"multi_position": {**SHORT, "manual": False}}})
@@ -103,7 +103,7 @@ def test_what_is_carried_needs_rails(rig: Rig) -> None:
     driven = tomli_w.dumps({**STATION, "bench": {"seed": 5}})
     rig.station.write_text(driven, encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual is true, but the table"):
-        prepare(rig.request())
+        prepare_run(rig.request())
 
 
 def test_before_the_run_time_and_positions_are_known_and_sigmas_are_not(rig: Rig) -> None:
@@ -140,7 +140,7 @@ def test_the_shipped_station_and_product_belong_together() -> None:
     request = RunRequest(
         "SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand")
     )
-    setup = prepare(request)
+    setup = prepare_run(request)
     assert setup.by_hand
     assert run_summary(request).stages[0].duration < 600.0
 

@@ -1,11 +1,10 @@
 """What a form is built from: fields with their ranges, a product's values, and what is wrong with a value."""
 
 from dataclasses import replace
-from datetime import UTC, datetime
 
 import pytest
 
-from calstation.config.resolving import prepare
+from calstation.config.resolved import prepare_run
 from calstation.config.schedules import Problem, offer, problems, schedule_fields
 from calstation.errors import ConfigurationError
 from tests.station.conftest import PRODUCT, Place
@@ -70,14 +69,14 @@ def test_a_wrong_value_is_told_by_its_field(
 
 def test_a_request_goes_before_the_product_and_stands_in_the_logs_meta_and_hash(place: Place) -> None:
     asked = place.request("rate")
-    changed = prepare(replace(asked, schedule={"rate": {"turns": 2}, "excitation": {"rounds": 3}}))
+    changed = prepare_run(replace(asked, schedule={"rate": {"turns": 2}, "excitation": {"rounds": 3}}))
     assert list(changed.schedules) == ["rate"]
-    plain, other = (setup.meta(datetime.now(UTC), 1, {}) for setup in (prepare(asked), changed))
+    plain, other = (setup.log_meta() for setup in (prepare_run(asked), changed))
     assert plain.schedule["rate"] == PRODUCT["schedule"]["rate"]
     assert other.schedule["rate"] == {**PRODUCT["schedule"]["rate"], "turns": 2}
     assert other.sha256() != plain.sha256()
     with pytest.raises(ConfigurationError, match=r"schedule\.rate: turns = 0 is out of range"):
-        prepare(replace(asked, schedule={"rate": {"turns": 0}}))
+        prepare_run(replace(asked, schedule={"rate": {"turns": 0}}))
 
 
 def test_other_kinds_of_fields_are_told_apart() -> None:

@@ -7,8 +7,7 @@ import pytest
 import tomli_w
 
 from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import prepare
+from calstation.config.resolved import ResolvedConfiguration, prepare_run
 from calstation.config.station import StationConfig
 from calstation.connection.devices import endpoints
 from calstation.connection.link_test import Order, try_imu, try_table
@@ -42,7 +41,7 @@ def test_table_and_imu_of_such_a_system_are_tested_one_by_one() -> None:
 def hardware(place: Place, profile: str, table: str, imu: str) -> ResolvedConfiguration:
     station: dict[str, Any] = {**STATION, "table": {"profile": profile, "port": table}, "imu": {"port": imu}}
     place.station.write_text(tomli_w.dumps(station), encoding="utf-8")
-    return prepare(
+    return prepare_run(
         RunRequest("SN-000042", place.station, place.product, ("rate",), place.folder / "runs", "tester")
     )
 

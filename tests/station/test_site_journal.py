@@ -11,7 +11,7 @@ import tomli_w
 from calstation.cli.app import run_app
 from calstation.config.library import shipped_folder
 from calstation.config.request import RunRequest
-from calstation.config.resolving import configured
+from calstation.config.resolved import resolve_configuration
 from calstation.connection.bench_process import BenchHost
 from calstation.devices.imu.transfer import Closing, Step
 from calstation.errors import ConfigurationError, InputError
@@ -43,7 +43,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def hardware(place: Place) -> Iterator[RunRequest]:
     """A request to a unit and a table that are there on ports of this computer, for anybody."""
-    setup, _ = configured(place.request())
+    setup = resolve_configuration(place.request())
     config = setup.bench_config()
     assert config is not None
     with BenchHost.start({**config, "speed": 1.0, "watchdog_ms": 60_000}) as bench:
@@ -73,7 +73,7 @@ def test_who_changes_the_folder_of_the_runs_sees_the_same_journal(
         by=None,
         why="run",
         source="",
-        site=site_of(configured(hardware)[0].station),
+        site=site_of(resolve_configuration(hardware).station),
     )
     events: list[Event] = []
     execute(replace(hardware, out=tuesday, stages=("rate",)), events.append, Control())

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.resolving import configured
+from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.simulation.fault_plan import KINDS
 from calstation.simulation.soak import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
 from calstation.simulation.soak_judge import Judged, _left_alone, _set_up, _wrong
@@ -62,7 +61,7 @@ def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
     from calstation.physics.parameters import INDEX
 
     request = _written(GOOD, tmp_path, ("rate", "six_position"))
-    setup, _ = configured(request)
+    setup = resolve_configuration(request)
     truth = BenchConfig.model_validate(setup.bench_config()).truth().imu.parameters
     row = {"value": float(truth[INDEX["accel_bias_x"]]), "sigma": 1e-4}
     check = {"name": "accel_bias_x within", "limit": [-0.0074, 0.0074], "passed": True}
@@ -114,9 +113,9 @@ def test_a_short_soak_by_the_command_line(tmp_path: Path, capsys: pytest.Capture
 def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfiguration]:
     """A run with every choice of devices."""
     return {
-        name: configured(
+        name: resolve_configuration(
             _written(replace(GOOD, devices=name), tmp_path_factory.mktemp(f"devices{k}"), ("rate",))
-        )[0]
+        )
         for k, name in enumerate(DEVICES)
     }
 

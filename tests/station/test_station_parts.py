@@ -8,7 +8,7 @@ import pytest
 from calstation.config import library
 from calstation.config.compatibility import compatible_products
 from calstation.config.request import RunRequest
-from calstation.config.resolving import prepare
+from calstation.config.resolved import prepare_run
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
@@ -47,14 +47,14 @@ def test_an_unknown_profile_names_those_that_exist(home: Path) -> None:
 def test_every_shipped_product_can_be_run(place: Place, product: str) -> None:
     request = place.request(serial="SN-000001")
     request = type(request)(request.serial, product=library.find("products", product))
-    setup = prepare(request)
+    setup = prepare_run(request)
     assert setup.stages == ("rate", "six_position", "excitation", "azimuth_flip")
     assert setup.bench_config() is not None
 
 
 def test_a_serial_number_is_one_unit_on_the_bench_and_the_seed_is_kept_as_it_was_given() -> None:
     def drawn(serial: str, seed: int | None = None) -> int:
-        setup = prepare(RunRequest(serial, seed=seed))
+        setup = prepare_run(RunRequest(serial, seed=seed))
         assert setup.bench_seed == (seed or 1)
         bench = setup.bench_config()
         assert bench is not None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.config.resolving import configured
+from calstation.config.resolved import resolve_configuration
 from calstation.connection.imu_session import open_imu_session
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import transfer
@@ -49,7 +49,7 @@ class Workbench:
         self, *, committed: bool, values: Mapping[str, float] = VALUES
     ) -> register_journal.Transfer:
         """A transfer whose station lost its power, before or behind the commit."""
-        setup, _ = configured(self.request)
+        setup = resolve_configuration(self.request)
 
         def begin(old: Any, new: Any) -> register_journal.Transfer:
             return register_journal.begin(self.runs, SERIAL, old, new, by="li", why="run", source="a.h5")

@@ -9,7 +9,7 @@ import pytest
 from calstation.cli.app import run_app
 from calstation.config import library
 from calstation.config.request import RegisterOperation
-from calstation.config.resolving import configured
+from calstation.config.resolved import resolve_configuration
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import Closing, Step
 from calstation.devices.profiles.imu import load_imu_profile
@@ -45,7 +45,7 @@ class Known:
     def __init__(self, place: Place) -> None:
         self.place = place
         self.runs = place.folder / "runs"
-        self.own = UnitSort.of(configured(place.request())[0], "bench-imu")
+        self.own = UnitSort.of(resolve_configuration(place.request()), "bench-imu")
 
     def transfer(
         self, sort: UnitSort | None, old: Mapping[str, float] | None = None, *, open_: bool = False

@@ -5,7 +5,7 @@ from functools import partial
 from PySide6.QtCore import QCoreApplication
 
 from calstation.config.compatibility import compatible_products
-from calstation.config.resolving import ManualRigError
+from calstation.config.resolved import ManualRigError
 from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets.notice import Choice
 

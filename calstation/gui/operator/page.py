@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 
 from calstation.config import library
 from calstation.config.request import RunRequest
-from calstation.config.resolving import ManualRigError
+from calstation.config.resolved import ManualRigError
 from calstation.config.station import DEFAULT_PRODUCT
 from calstation.config.summary import run_summary
 from calstation.errors import CalstationError
