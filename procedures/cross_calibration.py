@@ -13,12 +13,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common.context import Belief, Secondary, SolveContext, StoredPair
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.spool import Spool
+from calstation.estimation.common.least_squares import Consistency, nis_consistency
+from calstation.estimation.common.samples import SampleBlock, Spool
 from calstation.estimation.common.stage_data import StageData, stage_data
-from calstation.estimation.method import Consistency, Estimate, Method, Progress, Solution
-from calstation.estimation.navigation.relinearise import nis_consistency
-from calstation.estimation.pairs.calibration import Calibrated, PairCalibration, PairRules
+from calstation.estimation.method import Estimate, Method, Progress, Solution
+from calstation.estimation.pairs.calibration import PairCalibration, PairResult, PairRules
 from calstation.estimation.pairs.fit import ACCEL_BIAS, GYRO_BIAS, Model, PairChoice
 from calstation.estimation.pairs.static import Threshold
 from calstation.estimation.pairs.watch import PairWatch, Triggers, WatchEvent, check_values
@@ -134,7 +133,7 @@ class PairStage:
         return self._watched(self._watch)
 
     def _all(self, data: StageData, progress: Progress | None) -> Solution:
-        done: dict[int, Calibrated] = {}
+        done: dict[int, PairResult] = {}
         checks: dict[int, Any] = {}
         rest = self._calibration.last_rest(data)
         for place, secondary in enumerate(self._context.secondaries):
@@ -164,7 +163,7 @@ class PairStage:
 
     def _solution(
         self,
-        done: dict[int, Calibrated],
+        done: dict[int, PairResult],
         checks: dict[int, Any],
         stored: dict[int, StoredPair],
         gaps: int,
@@ -198,7 +197,7 @@ class PairStage:
         )
 
 
-def _estimates(number: int, calibrated: Calibrated, sample_rate: float) -> dict[str, Estimate]:
+def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[str, Estimate]:
     fit = calibrated.fit
     sigma = np.sqrt(np.diag(fit.covariance))
     limits = {**UNDETERMINED, "clock_offset": 0.5 / sample_rate}
@@ -218,7 +217,7 @@ def _estimates(number: int, calibrated: Calibrated, sample_rate: float) -> dict[
 
 
 def _details(
-    secondary: Secondary, calibrated: Calibrated | None, check: Any, stored: StoredPair
+    secondary: Secondary, calibrated: PairResult | None, check: Any, stored: StoredPair
 ) -> dict[str, Any]:
     details: dict[str, Any] = {
         "number": secondary.number,
@@ -241,7 +240,7 @@ def _details(
             "residual": {"gyro": fit.rms[0], "accel": fit.rms[1]},
             "noise": {"gyro": fit.expected[0], "accel": fit.expected[1]},
             "blocks": fit.blocks,
-            "settled": fit.settled,
+            "settled": fit.converged,
         }
     return details
 

@@ -16,13 +16,13 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.least_squares import nis_consistency, restricted
 from calstation.estimation.common.noise import filter_noise
 from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.gimbal.data import Motion, find_motions
 from calstation.estimation.gimbal.fit import fit_gimbal
 from calstation.estimation.gimbal.iteration import (
     AXES,
-    AxisCourse,
+    AxisTurns,
     GimbalIteration,
     contraction,
     drift_matrix,
@@ -30,8 +30,8 @@ from calstation.estimation.gimbal.iteration import (
     others,
     sign_of,
 )
+from calstation.estimation.gimbal.motions import Motion, find_motions
 from calstation.estimation.method import Method, Solution
-from calstation.estimation.navigation.relinearise import nis_consistency, restricted
 from calstation.estimation.positions.recording_faults import frozen_columns
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Step
@@ -149,7 +149,7 @@ def _replayed(motions: list[Motion], schedule: Schedule) -> tuple[GimbalIteratio
         if m.axis is None:
             continue
         if not iteration.courses or iteration.courses[-1].axis != m.axis:
-            iteration.courses.append(AxisCourse(m.axis))
+            iteration.courses.append(AxisTurns(m.axis))
             turns.append([])
         iteration.answer(m.angle, m.lean(schedule.order))
         turns[-1].append(m)
@@ -210,7 +210,7 @@ class Known:
 
 
 def _known(
-    course: AxisCourse, motions: list[Motion], context: SolveContext, prior: Belief, schedule: Schedule
+    course: AxisTurns, motions: list[Motion], context: SolveContext, prior: Belief, schedule: Schedule
 ) -> Known:
     """Noise of every drift taken through the recursion.
 
@@ -243,7 +243,7 @@ def _known(
     )
 
 
-def _require_corrected(course: AxisCourse, known: Known) -> None:
+def _require_corrected(course: AxisTurns, known: Known) -> None:
     """Drifts must have shrunk as far as the gain promises; if not, the rates were not corrected by K."""
     first, last = (float(np.linalg.norm(course.drifts[k])) for k in (0, -1))
     if known.remaining < 0.5 * STUCK and last > STUCK * first and last > 6.0 * known.drift_sigma:
@@ -267,7 +267,7 @@ def _measured(prior: Belief, known: list[Known]) -> Belief:
     return belief
 
 
-def _axis(course: AxisCourse, schedule: Schedule) -> dict[str, Any]:
+def _axis(course: AxisTurns, schedule: Schedule) -> dict[str, Any]:
     """Convergence of one axis, JSON-ready."""
     angle = float(np.mean(np.abs(course.angles)))
     return {

@@ -14,13 +14,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from calstation.errors import ConfigurationError
 from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.least_squares import nis_consistency, restricted
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.common.stillness import Link, Stillness, find_stillness
 from calstation.estimation.method import Method, Solution
-from calstation.estimation.navigation.relinearise import nis_consistency, restricted
 from calstation.estimation.positions.fit import MOST_ITERATIONS, PositionFit, fit_positions
 from calstation.estimation.positions.observations import Position, Scatter, positions
-from calstation.estimation.positions.recording_faults import sound_links
+from calstation.estimation.positions.recording_faults import valid_links
 from calstation.physics.earth import normal_gravity
 from calstation.physics.motion import Carry, Dwell, Move, Step
 from calstation.physics.parameters import NAMES, PARAMETERS
@@ -128,7 +128,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, shortest: float
     site = context.site
     still = find_stillness(data, context.imu, shortest)
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
-    links = sound_links(data, still, context.imu, gravity, prior, shortest)
+    links = valid_links(data, still, context.imu, gravity, prior, shortest)
     rests = positions(data, still, context)
     mask = np.array([name in ESTIMATED for name in NAMES])
     fit = fit_positions(data, rests, links, context, prior, mask)
@@ -178,7 +178,7 @@ def _messages(
 ) -> tuple[tuple[str, dict[str, Any]], ...]:
     stage = {"stage": "multi_position"}
     messages: list[tuple[str, dict[str, Any]]] = []
-    if not fit.settled:
+    if not fit.converged:
         messages.append(("not_settled", {**stage, "passes": MOST_ITERATIONS}))
     if still.cuts:
         messages.append(("recording_cut", {**stage, "count": len(still.cuts)}))

@@ -15,11 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.least_squares import gauss_newton
-from calstation.estimation.common.noise import WANDER_TIME, filter_noise
+from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, restricted
+from calstation.estimation.common.noise import BIAS_DRIFT_TIME, filter_noise
 from calstation.estimation.common.stage_data import StageData, mean_angles, rests
 from calstation.estimation.method import Innovations, Method, Solution
-from calstation.estimation.navigation.relinearise import nis_consistency, restricted
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import rotation_rate
 from calstation.physics.motion import Dwell, Move, Step
@@ -212,8 +211,8 @@ def _solve(
         return np.concatenate(predicted)
 
     observed = np.concatenate([t.total for t in turns])
-    wander = 2.0 * noise.wander[0] ** 2 / WANDER_TIME
-    variance = np.repeat([noise.rate * t.duration + wander * t.duration**3 / 3.0 for t in turns], 3)
+    bias_drift = 2.0 * noise.bias_drift[0] ** 2 / BIAS_DRIFT_TIME
+    variance = np.repeat([noise.rate * t.duration + bias_drift * t.duration**3 / 3.0 for t in turns], 3)
     mask = np.array([name in ESTIMATED for name in NAMES])
     result = gauss_newton("rate", model, observed, variance, prior, np.zeros(len(sigma)), sigma, mask)
     residual = result.residual.reshape(-1, 3)

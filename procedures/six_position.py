@@ -14,11 +14,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from calstation.errors import InsufficientDataError
 from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.least_squares import gauss_newton
+from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, restricted
 from calstation.estimation.common.noise import filter_noise, rest_mean_variance
 from calstation.estimation.common.stage_data import StageData, mean_angles, rests, slope_weights
 from calstation.estimation.method import Innovations, Method, Solution
-from calstation.estimation.navigation.relinearise import nis_consistency, restricted
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import normal_gravity
 from calstation.physics.imu_model import compensation

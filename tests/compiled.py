@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-ESTIMATION = "from calstation.estimation.navigation.warm import warm_up; warm_up()"
+ESTIMATION = "from calstation.estimation.navigation.stage import warm_up; warm_up()"
 BENCH = """
 from calstation.bench.config import BenchConfig
 from calstation.bench.process import warm_up

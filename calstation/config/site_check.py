@@ -15,7 +15,7 @@ import numpy as np
 
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.latitude import SeenLatitude, feels_earth
+from calstation.estimation.common.latitude import LatitudeEstimate, resolves_earth_rate
 from calstation.estimation.method import Solution
 from calstation.physics.earth import normal_gravity
 from calstation.records.limits import Check
@@ -81,7 +81,7 @@ def unfelt(meta: LogMeta) -> bool:
     context = context_from_meta(meta)
     stages = meta.run.stages if meta.run is not None else []
     scaled = any("accel_scale_x" in method(stage).estimates(context) for stage in stages)
-    return scaled and not feels_earth(context.imu)
+    return scaled and not resolves_earth_rate(context.imu)
 
 
 def _check_gravity(site: SiteSection, station_path: Path) -> None:
@@ -144,7 +144,11 @@ def latitude_untold(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str,
         ),
         None,
     )
-    if inconsistent is None or _seen(solutions) is not None or not feels_earth(context_from_meta(meta).imu):
+    if (
+        inconsistent is None
+        or _seen(solutions) is not None
+        or not resolves_earth_rate(context_from_meta(meta).imu)
+    ):
         return None
     return {"stage": inconsistent, "latitude": meta.site.latitude_deg}
 
@@ -154,5 +158,5 @@ def there(checks: Iterable[Check]) -> bool:
     return all(check.passed for check in checks if check.name == LATITUDE)
 
 
-def _seen(solutions: tuple[Solution, ...]) -> SeenLatitude | None:
+def _seen(solutions: tuple[Solution, ...]) -> LatitudeEstimate | None:
     return solutions[-1].latitude if solutions else None

@@ -3,8 +3,7 @@
 from collections.abc import Callable
 
 from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.spool import Spool
+from calstation.estimation.common.samples import SampleBlock, Spool
 from calstation.estimation.common.stage_data import StageData, stage_data
 from calstation.estimation.method import Progress, Solution
 from calstation.physics.arrays import FloatArray

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Protocol
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.latitude import SeenLatitude
+from calstation.estimation.common.latitude import LatitudeEstimate
+from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.positions.evidence import Evidence
 from calstation.physics.arrays import FloatArray, IntArray
@@ -16,26 +17,6 @@ from calstation.physics.table import TableGeometry
 
 #: Is told how far something is, 0 to 1, never falling.
 Progress = Callable[[float], None]
-
-
-@dataclass(frozen=True)
-class Consistency:
-    """Normalised innovation squared of a stage: mean over its observations and the 99.9 % band of that mean."""
-
-    nis_mean: float
-    nis_low: float
-    nis_high: float
-    count: int
-
-    @property
-    def passed(self) -> bool:
-        """False where the innovations are larger than the model explains."""
-        return self.nis_mean <= self.nis_high
-
-    @property
-    def warning(self) -> bool:
-        """True where they are smaller: the model is too cautious."""
-        return self.nis_mean < self.nis_low
 
 
 @dataclass(frozen=True)
@@ -92,7 +73,7 @@ class Solution:
     innovations: Innovations | None = None
     found: Mapping[str, Estimate] = field(default_factory=dict)
     evidence: Evidence | None = None
-    latitude: SeenLatitude | None = None
+    latitude: LatitudeEstimate | None = None
 
 
 class StageSolver(Protocol):

@@ -48,7 +48,7 @@ def serve(connection: "Connection[Any, Any]") -> None:
 
 
 def _warm() -> None:
-    from calstation.estimation.navigation.warm import warm_up
+    from calstation.estimation.navigation.stage import warm_up
 
     with suppress(Exception):  # a job that needs it meets the same error, and its listener is told
         warm_up()

@@ -10,10 +10,11 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.common.residuals import RestResiduals, rest_residuals
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.method import Consistency, Innovations
+from calstation.estimation.method import Innovations
 from calstation.jobs.worker import ProgressCallback
 from calstation.records.log import Log, open_log
 from calstation.records.meta import context_from_meta

@@ -14,7 +14,8 @@ from calstation import __version__
 from calstation.config.site_check import check_latitude, latitude_untold
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import Belief
-from calstation.estimation.method import Consistency, Solution
+from calstation.estimation.common.least_squares import Consistency
+from calstation.estimation.method import Solution
 from calstation.physics.parameters import INDEX, PARAMETERS
 from calstation.records.atomic import write_atomic
 from calstation.records.checks import acceptance

@@ -10,12 +10,11 @@ from threadpoolctl import threadpool_limits
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.context import Belief
-from calstation.estimation.common.latitude import RestingOutput, feels_earth
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.spool import Spool
+from calstation.estimation.common.latitude import RestOutput, resolves_earth_rate
+from calstation.estimation.common.samples import SampleBlock, Spool
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.method import Progress, Solution, StageSolver
-from calstation.estimation.navigation.warm import warm_up
+from calstation.estimation.navigation.stage import warm_up
 from calstation.estimation.positions.evidence import gather
 from calstation.physics.arrays import FloatArray
 from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
@@ -54,7 +53,7 @@ class StageChain:
         self._gather = checks is not None and checks.need_samples
         self._kept = Spool()
         imu = self._context.imu
-        self._resting = RestingOutput(imu) if feels_earth(imu) else None
+        self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
         self.solutions: list[Solution] = []
         self.lacking: dict[str, str] = {}
 

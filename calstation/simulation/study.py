@@ -16,9 +16,10 @@ from calstation.bench.truth.bench import BenchTruth
 from calstation.bench.truth.grades import GRADES, GradeName
 from calstation.bench.truth.simulate import Simulated, Simulator
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.least_squares import restricted
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.navigation.relinearise import restricted, solve_navigation
+from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.physics.table import TableGeometry

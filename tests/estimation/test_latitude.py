@@ -10,14 +10,16 @@ from simulated_stages import block_of, context_of, cut, prior_of, simulate
 from calstation.bench.truth.bench import BenchTruth
 from calstation.bench.truth.simulate import Simulator
 from calstation.estimation.common.context import Belief
-from calstation.estimation.common.latitude import RestingOutput, SeenLatitude, feels_earth
+from calstation.estimation.common.latitude import LatitudeEstimate, RestOutput, resolves_earth_rate
 from calstation.estimation.common.samples import SampleBlock
 
 UNITS = 12
 
 
-def see(truth: BenchTruth, blocks: list[SampleBlock], belief: Belief | None = None) -> SeenLatitude | None:
-    resting = RestingOutput(context_of(truth).imu)
+def see(
+    truth: BenchTruth, blocks: list[SampleBlock], belief: Belief | None = None
+) -> LatitudeEstimate | None:
+    resting = RestOutput(context_of(truth).imu)
     for block in blocks:
         resting.feed(block)
     return resting.latitude(prior_of(truth) if belief is None else belief)
@@ -104,5 +106,7 @@ def test_a_table_that_shakes_widens_the_sigma() -> None:
 
 
 def test_who_feels_the_earth_turn() -> None:
-    felt = {g: feels_earth(context_of(BenchTruth.draw(g, 1)).imu) for g in ("nav", "tactical", "mems")}
+    felt = {
+        g: resolves_earth_rate(context_of(BenchTruth.draw(g, 1)).imu) for g in ("nav", "tactical", "mems")
+    }
     assert felt == {"nav": True, "tactical": True, "mems": False}

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.estimation.common.context import Belief
-from calstation.estimation.common.least_squares import gauss_newton
-from calstation.estimation.navigation.relinearise import nis_consistency, restricted
+from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, restricted
 from calstation.physics.parameters import COUNT
 
 ALL = np.ones(COUNT, dtype=bool)

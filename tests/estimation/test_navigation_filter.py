@@ -9,10 +9,10 @@ from simulated_stages import block_of, errors_in_sigma, solved
 
 from calstation.estimation.common.alignment import starts
 from calstation.estimation.common.context import Belief
+from calstation.estimation.common.least_squares import nis_consistency
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.navigation import filter as navigation
 from calstation.estimation.navigation.filter import NavigationFilter
-from calstation.estimation.navigation.relinearise import nis_consistency
 from calstation.physics.parameters import COUNT, PARAMETERS
 from calstation.physics.rotation import skew
 
@@ -104,14 +104,14 @@ def test_process_noise_is_van_loans_for_a_resting_body(nav_stage, data):
 def test_a_bias_wanders_about_a_constant_that_stays_known(nav_stage, data):
     imu = replace(nav_stage.context.imu, gyro_bias_instability=1e-7, accel_bias_instability=1e-4)
     run = NavigationFilter(replace(nav_stage.context, imu=imu), nav_stage.prior, nav_stage.prior.mean)
-    assert np.diag(run.kf.P)[39:] == pytest.approx(run.noise.wander**2)
+    assert np.diag(run.kf.P)[39:] == pytest.approx(run.noise.bias_drift**2)
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
     run.begin(data, start, start.attitude)
     run.observe(data, start.begin, run.group_size)
     assert not np.diag(run.kf.Q)[9:39].any()
     # stationary: decayed and driven variances add to the same again
-    decayed = np.diag(run.kf.F)[39:] ** 2 * run.noise.wander**2
-    assert decayed + np.diag(run.kf.Q)[39:] == pytest.approx(run.noise.wander**2)
+    decayed = np.diag(run.kf.F)[39:] ** 2 * run.noise.bias_drift**2
+    assert decayed + np.diag(run.kf.Q)[39:] == pytest.approx(run.noise.bias_drift**2)
 
 
 def test_innovations_at_the_truth_are_as_large_as_said(nav_stage, data):

@@ -42,13 +42,13 @@ def test_a_count_adds_a_uniform_error_per_sample_or_per_observation():
 
 
 def test_biases_wander_as_unstable_as_their_floor_says():
-    wander = filter_noise(with_imu(gyro_bias_instability=1e-7, accel_bias_instability=1e-5)).wander
-    assert wander == pytest.approx([wander[0]] * 3 + [100.0 * wander[0]] * 3)
+    bias_drift = filter_noise(with_imu(gyro_bias_instability=1e-7, accel_bias_instability=1e-5)).bias_drift
+    assert bias_drift == pytest.approx([bias_drift[0]] * 3 + [100.0 * bias_drift[0]] * 3)
     # Allan variance of a Gauss-Markov process (IEEE Std 952, C.1.8) at half its correlation time
     x = 0.5
     shape = 2.0 / x * (1.0 - (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)) / (2.0 * x))
-    assert wander[0] ** 2 * shape == pytest.approx((0.664e-7) ** 2, rel=0.01)
-    assert not np.any(filter_noise(CONTEXT).wander)
+    assert bias_drift[0] ** 2 * shape == pytest.approx((0.664e-7) ** 2, rel=0.01)
+    assert not np.any(filter_noise(CONTEXT).bias_drift)
 
 
 def scatter(accel, count, stride):

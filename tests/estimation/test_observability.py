@@ -10,7 +10,12 @@ from simulated_stages import SCHEDULES, geometry_of, solved
 from calstation.estimation.common.alignment import starts
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.navigation.filter import NavigationFilter
-from calstation.estimation.navigation.observability import LARGEST_TURN, STATE_NAMES, pieces, pwcs
+from calstation.estimation.navigation.observability import (
+    LARGEST_TURN,
+    STATE_NAMES,
+    observability_analysis,
+    pieces,
+)
 from calstation.physics.motion import Move
 from calstation.physics.parameters import NAMES
 from procedures import method
@@ -23,7 +28,9 @@ def passed(nav_stage):
     run = NavigationFilter(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
     run.run(data, start, start.attitude, smooth=False)
-    found = pwcs(data, run.history, nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
+    found = observability_analysis(
+        data, run.history, nav_stage.context, nav_stage.prior, nav_stage.prior.mean
+    )
     return data, run.history, found
 
 

@@ -5,8 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.spool import Spool
+from calstation.estimation.common.samples import SampleBlock, Spool
 
 COLUMNS = ("seq", "time", "counts", "angles", "step", "valid", "temperature")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hand_recordings import QUICK, context_of, prior_of, recording, solved, unit
 
-from calstation.estimation.common.applied import before_after
+from calstation.estimation.common.residuals import before_after
 from calstation.estimation.positions.guidance import PositionGuide, spread
 
 

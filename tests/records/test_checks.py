@@ -7,7 +7,8 @@ import pytest
 
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.method import Consistency, Solution
+from calstation.estimation.common.least_squares import Consistency
+from calstation.estimation.method import Solution
 from calstation.estimation.positions.evidence import Evidence, MotionEvidence, RestEvidence, turned_angle
 from calstation.physics.parameters import COUNT, INDEX, NAMES
 from calstation.physics.rotation import axis_rotation

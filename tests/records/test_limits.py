@@ -5,7 +5,8 @@ import pytest
 
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import Belief
-from calstation.estimation.method import Consistency, Solution
+from calstation.estimation.common.least_squares import Consistency
+from calstation.estimation.method import Solution
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.records.limits import Limit, check_limits, estimated_stage, unobservable
 from calstation.schema import validate

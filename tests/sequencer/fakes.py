@@ -18,8 +18,9 @@ from calstation.devices.interfaces import (
 )
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.context import Belief, ImuModel
+from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.method import Consistency, Solution
+from calstation.estimation.method import Solution
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import COUNT
 from calstation.physics.rotation import rotation_matrix, rotation_vector

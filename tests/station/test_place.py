@@ -17,8 +17,9 @@ from calstation.config.site_check import (
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import Belief
-from calstation.estimation.common.latitude import SeenLatitude
-from calstation.estimation.method import Consistency, Solution
+from calstation.estimation.common.latitude import LatitudeEstimate
+from calstation.estimation.common.least_squares import Consistency
+from calstation.estimation.method import Solution
 from calstation.physics.parameters import COUNT
 from calstation.records.meta import LogMeta
 
@@ -100,19 +101,19 @@ def test_stages_that_carry_no_gravity_need_nobody() -> None:
     check_confirmed(standing(), meta(MEMS, "rate"), HERE)
 
 
-def solved(latitude: SeenLatitude | None, nis: float = 1.0) -> tuple[Solution, ...]:
+def solved(latitude: LatitudeEstimate | None, nis: float = 1.0) -> tuple[Solution, ...]:
     belief = Belief([0.0] * COUNT, [[0.0] * COUNT] * COUNT)  # type: ignore[arg-type]
     return (Solution("six_position", belief, (), Consistency(nis, 0.9, 1.1, 1), latitude=latitude),)
 
 
 def test_a_latitude_seen_elsewhere_is_a_check_that_fails_and_ends_the_run() -> None:
     told = meta(NAV, "six_position")
-    for seen, agrees in ((SeenLatitude(0.5978, 1e-4), True), (SeenLatitude(0.60, 1e-4), False)):
+    for seen, agrees in ((LatitudeEstimate(0.5978, 1e-4), True), (LatitudeEstimate(0.60, 1e-4), False)):
         (check,) = check_latitude(told, solved(seen))
         assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
         assert there([check]) is agrees
     with pytest.raises(ConfigurationError, match=r"as at 34.38° \(sigma 0.01°\); correct latitude"):
-        refuse_other_place(told, solved(SeenLatitude(0.60, 1e-4)))
+        refuse_other_place(told, solved(LatitudeEstimate(0.60, 1e-4)))
 
 
 def test_where_nothing_is_seen_nothing_is_said() -> None:
@@ -126,5 +127,5 @@ def test_what_does_not_fit_together_names_a_latitude_that_no_rest_has_told() -> 
     told, misfit = meta(NAV, "six_position"), solved(None, nis=5.0)
     assert latitude_untold(told, misfit) == {"stage": "six_position", "latitude": 34.25}
     assert latitude_untold(told, solved(None)) is None
-    assert latitude_untold(told, solved(SeenLatitude(0.5978, 1e-4), nis=5.0)) is None
+    assert latitude_untold(told, solved(LatitudeEstimate(0.5978, 1e-4), nis=5.0)) is None
     assert latitude_untold(meta(MEMS, "six_position"), misfit) is None

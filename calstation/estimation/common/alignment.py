@@ -22,7 +22,7 @@ FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)
 #: Prior worth of a level found from the accelerometers alone, rad: wide, the data decide.
 FREE_TILT_SIGMA = 0.2
 #: Above this a gyrocompassed azimuth (rad) is no point to linearise about; several are tried.
-HOPELESS_AZIMUTH_SIGMA = 0.35
+AMBIGUOUS_AZIMUTH_SIGMA = 0.35
 LONGEST_REST = 20.0
 SHORTEST_REST = 1.0
 

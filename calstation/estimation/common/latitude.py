@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common.context import Belief, ImuModel
-from calstation.estimation.common.noise import WANDER_PER_INSTABILITY
+from calstation.estimation.common.noise import BIAS_DRIFT_PER_INSTABILITY
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage_data import FORCE_STEP, runs
 from calstation.physics.arrays import FloatArray, IntArray
@@ -32,7 +32,7 @@ _COLUMNS = (*group_indices("gyro_scale"), *group_indices("gyro_misalign"))
 
 
 @dataclass(frozen=True)
-class SeenLatitude:
+class LatitudeEstimate:
     """Latitude, rad, north positive, and its standard deviation."""
 
     value: float
@@ -44,13 +44,13 @@ class SeenLatitude:
         return float(SIGMAS * self.sigma + DEFLECTION)
 
 
-def feels_earth(imu: ImuModel) -> bool:
+def resolves_earth_rate(imu: ImuModel) -> bool:
     """Whether six rests of 30 s tell latitudes 5° apart with gyros like these."""
-    rest = np.hypot(WANDER_PER_INSTABILITY * imu.gyro_bias_instability, _noise(imu) / np.sqrt(30.0))
+    rest = np.hypot(BIAS_DRIFT_PER_INSTABILITY * imu.gyro_bias_instability, _noise(imu) / np.sqrt(30.0))
     return bool(rest / np.sqrt(6.0) < _WORTH * RATE)
 
 
-class RestingOutput:
+class RestOutput:
     """Mean output of every second; the same however its samples came in blocks."""
 
     def __init__(self, imu: ImuModel) -> None:
@@ -75,7 +75,7 @@ class RestingOutput:
         self._seconds.append(known[whole])
         self._means.append(counts[rows].mean(axis=1))
 
-    def latitude(self, belief: Belief) -> SeenLatitude | None:
+    def latitude(self, belief: Belief) -> LatitudeEstimate | None:
         """What the rests so far tell; None where it is too little to tell latitudes 5° apart.
 
         A gyro's constant bias is an unknown of its own: it is what turning the unit over takes out.
@@ -101,7 +101,7 @@ class RestingOutput:
         scatter = sum(float(((along[a:b] - along[a:b].mean()) ** 2).sum()) for a, b in rests)
         white = max(noise**2, scatter / sum(b - a - 1 for a, b in rests))
         length = np.array([b - a for a, b in rests])
-        variance = white / length + (WANDER_PER_INSTABILITY * imu.gyro_bias_instability) ** 2
+        variance = white / length + (BIAS_DRIFT_PER_INSTABILITY * imu.gyro_bias_instability) ** 2
         rows = np.array([[*up[a:b].mean(axis=0), 1.0] for a, b in rests])
         seen = np.array([along[a:b].mean() for a, b in rests])
         information = rows.T @ (rows / variance[:, None])
@@ -114,7 +114,7 @@ class RestingOutput:
         if sigma > _WORTH * RATE:
             return None
         value = float(np.arcsin(np.clip(rate / RATE, -1.0, 1.0)))
-        return SeenLatitude(value, sigma / RATE / max(float(np.cos(value)), _NEAR_POLE))
+        return LatitudeEstimate(value, sigma / RATE / max(float(np.cos(value)), _NEAR_POLE))
 
 
 def _noise(imu: ImuModel) -> float:

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.special import gammaincinv
 
 from calstation.estimation.common.context import Belief
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.parameters import COUNT
 
 MOST_ITERATIONS = 20
-SETTLED = 1e-3
+CONVERGED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,26 @@ class MapResult:
     residual: FloatArray
     normalised: FloatArray
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Normalised innovation squared of a stage: mean over its observations and the 99.9 % band of that mean."""
+
+    nis_mean: float
+    nis_low: float
+    nis_high: float
+    count: int
+
+    @property
+    def passed(self) -> bool:
+        """False where the innovations are larger than the model explains."""
+        return self.nis_mean <= self.nis_high
+
+    @property
+    def warning(self) -> bool:
+        """True where they are smaller: the model is too cautious."""
+        return self.nis_mean < self.nis_low
 
 
 def gauss_newton(
@@ -79,16 +100,16 @@ def gauss_newton(
         sigma = np.sqrt(np.diag(covariance))
         moved = np.max(np.abs(target - point) / np.where(sigma > 0.0, sigma, 1.0))
         point = target
-        if moved < SETTLED:
-            unsettled: tuple[tuple[str, Mapping[str, Any]], ...] = ()
+        if moved < CONVERGED:
+            unconverged: tuple[tuple[str, Mapping[str, Any]], ...] = ()
             break
     else:
-        unsettled = (("not_settled", {"stage": stage, "passes": MOST_ITERATIONS}),)
+        unconverged = (("not_settled", {"stage": stage, "passes": MOST_ITERATIONS}),)
     chi2 = float(innovation @ np.linalg.solve(S, innovation))
     normalised = solve_triangular(np.linalg.cholesky(S), innovation, lower=True)
     belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
     residual = observed - model(posterior[:COUNT], posterior[COUNT:])
-    return MapResult(belief, posterior[COUNT:], chi2, residual, normalised, unsettled)
+    return MapResult(belief, posterior[COUNT:], chi2, residual, normalised, unconverged)
 
 
 def _jacobian(
@@ -106,3 +127,27 @@ def _jacobian(
         low[i] -= h
         columns.append((model(high[:COUNT], high[COUNT:]) - model(low[:COUNT], low[COUNT:])) / (2.0 * h))
     return np.stack(columns, axis=1)
+
+
+def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief:
+    """The posterior of a consider (Schmidt) estimator: only `estimated` parameters move and gain.
+
+    The others keep mean and covariance; cross-covariances follow. For data taken in one batch the estimated
+    part equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
+    """
+    mean = np.where(estimated, posterior.mean, prior.mean)
+    considered = np.ix_(~estimated, ~estimated)
+    covariance = posterior.covariance.copy()
+    covariance[considered] = prior.covariance[considered]
+    return Belief(mean, 0.5 * (covariance + covariance.T))
+
+
+def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
+    """Mean NIS of `count` observations of `dimension` and the 99.9 % band of that mean (Bar-Shalom, 5.4)."""
+    low, high = (chi_square_quantile(p, count * dimension) / max(count, 1) for p in (0.0005, 0.9995))
+    return Consistency(total / max(count, 1), float(low), float(high), count)
+
+
+def chi_square_quantile(share: float, freedom: float) -> float:
+    """Below it lies the `share` of a χ² of so many degrees of freedom."""
+    return float(2.0 * gammaincinv(0.5 * freedom, share))

@@ -8,9 +8,9 @@ from calstation.estimation.common.context import SolveContext
 from calstation.physics.arrays import FloatArray
 
 #: Correlation time (s) of the Gauss-Markov process that stands in for bias instability.
-WANDER_TIME = 200.0
+BIAS_DRIFT_TIME = 200.0
 #: Its sigma in units of B: its Allan deviation at 100 s, half its correlation time, is then the floor 0.664 B.
-WANDER_PER_INSTABILITY = 1.375
+BIAS_DRIFT_PER_INSTABILITY = 1.375
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class FilterNoise:
     velocity: float
     interval: float
     end_rate: float
-    wander: FloatArray
+    bias_drift: FloatArray
 
 
 def filter_noise(context: SolveContext) -> FilterNoise:
@@ -47,10 +47,10 @@ def filter_noise(context: SolveContext) -> FilterNoise:
     rate = imu.gyro_arw**2 + gyro_count**2 / 12.0 * rounding_rate
     force = imu.accel_vrw**2 + accel_count**2 / 12.0 * rounding_rate
     instability = [imu.gyro_bias_instability] * 3 + [imu.accel_bias_instability] * 3
-    wander = WANDER_PER_INSTABILITY * np.array(instability)
+    bias_drift = BIAS_DRIFT_PER_INSTABILITY * np.array(instability)
     end_rate = 0.5 * (imu.gyro_arw**2 * imu.sample_rate + (gyro_count * imu.sample_rate) ** 2 / 12.0)
     return FilterNoise(
-        rate, force, table.velocity_sigma**2, max(interval, 1.0 / imu.sample_rate), end_rate, wander
+        rate, force, table.velocity_sigma**2, max(interval, 1.0 / imu.sample_rate), end_rate, bias_drift
     )
 
 
@@ -66,5 +66,5 @@ def rest_mean_variance(context: SolveContext, duration: float) -> float:
     return (
         12.0 * noise.velocity / (noise.interval**2 * size)
         + noise.force / noise.interval * 1.2 * (m * m + 2 * m + 2) / size
-        + float(noise.wander[3]) ** 2
+        + float(noise.bias_drift[3]) ** 2
     )

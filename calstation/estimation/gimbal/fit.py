@@ -13,9 +13,9 @@ import numpy as np
 from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.common.noise import filter_noise
 from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.gimbal.data import Motion
 from calstation.estimation.gimbal.iteration import gimbal_attitude
-from calstation.estimation.positions.rows import square_root, turned
+from calstation.estimation.gimbal.motions import Motion
+from calstation.estimation.positions.rows import integrate_rotation, square_root
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import RATE
 from calstation.physics.imu_model import compensation
@@ -23,7 +23,7 @@ from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indice
 from calstation.physics.rotation import rotation_matrix, rotation_vector
 
 MOST_ITERATIONS = 12
-SETTLED = 1e-3
+CONVERGED = 1e-3
 _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
 
 
@@ -69,7 +69,7 @@ def fit_gimbal(
         point, more = target, scale * x[COUNT:]
         spread = root @ covariance[:COUNT, :COUNT] @ root.T
         width = np.sqrt(np.diag(spread))
-        if float(np.max(np.abs(point - before) / np.where(width > 0.0, width, 1.0))) < SETTLED:
+        if float(np.max(np.abs(point - before) / np.where(width > 0.0, width, 1.0))) < CONVERGED:
             break
     rest = left / sigma - columns @ x
     spare = len(rest) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
@@ -88,7 +88,7 @@ def _rows(
     c, earth, wrong = compensation(point), more[:3], more[3:].reshape(-1, 3)
     H, residuals = np.zeros((3 * len(motions), COUNT + len(more))), []
     for k, m in enumerate(motions):
-        B, time, rate = turned(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, m.start, m.stop)
+        B, time, rate = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, m.start, m.stop)
         first, second = m.between
         before = rotation_matrix(wrong[first]) @ gimbal_attitude(order, m.before)
         start = rotation_matrix(-earth * m.duration) @ before

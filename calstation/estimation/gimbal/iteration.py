@@ -84,7 +84,7 @@ def contraction(order: str, axis: int, angle: float, gain: float) -> float:
 
 
 @dataclass(frozen=True)
-class Demand:
+class TurnCommand:
     """The next turn: about `axis` by `angle`, rad, stabilised with the correction K, shape (3, 3)."""
 
     axis: int
@@ -93,7 +93,7 @@ class Demand:
 
 
 @dataclass
-class AxisCourse:
+class AxisTurns:
     """One axis' turns: angles and drifts D of the other joints (rad), and K after each, shape (2,)."""
 
     axis: int
@@ -121,22 +121,22 @@ class GimbalIteration:
         self._gain, self._angle, self._count = gain, angle, count
         self._threshold, self._alternate = threshold, alternate
         self.correction = np.zeros((3, 3))
-        self.courses: list[AxisCourse] = [AxisCourse(0)]
+        self.courses: list[AxisTurns] = [AxisTurns(0)]
 
     @property
     def done(self) -> bool:
         """Whether the last axis has come to its end."""
         return len(self.courses) == 3 and self._ended(self.courses[-1])
 
-    def demand(self) -> Demand | None:
+    def demand(self) -> TurnCommand | None:
         """The next turn, from joints at zero; None at the end."""
         if self.done:
             return None
         if self._ended(self.courses[-1]):
-            self.courses.append(AxisCourse(self.courses[-1].axis + 1))
+            self.courses.append(AxisTurns(self.courses[-1].axis + 1))
         course = self.courses[-1]
         back = self._alternate and len(course.drifts) % 2 == 1
-        return Demand(course.axis, -self._angle if back else self._angle, self.correction.copy())
+        return TurnCommand(course.axis, -self._angle if back else self._angle, self.correction.copy())
 
     def answer(self, angle: float, drift: FloatArray) -> None:
         """The other joints moved by `drift`, rad, shape (2,), in a turn by `angle`, rad."""
@@ -147,7 +147,7 @@ class GimbalIteration:
         course.drifts.append(np.array(drift))
         course.corrections.append(self.correction[rows, course.axis].copy())
 
-    def _ended(self, course: AxisCourse) -> bool:
+    def _ended(self, course: AxisTurns) -> bool:
         if not course.drifts:
             return False
         return len(course.drifts) >= self._count or float(np.abs(course.drifts[-1]).max()) < self._threshold

@@ -7,8 +7,8 @@ from calstation.errors import InputError
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.gimbal.data import Motion, find_motions
 from calstation.estimation.gimbal.iteration import GimbalIteration
+from calstation.estimation.gimbal.motions import Motion, find_motions
 from calstation.physics.arrays import FloatArray
 
 

@@ -19,7 +19,7 @@ from filterpy.kalman import KalmanFilter
 
 from calstation.estimation.common.alignment import Start
 from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.noise import WANDER_TIME, filter_noise
+from calstation.estimation.common.noise import BIAS_DRIFT_TIME, filter_noise
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.navigation.reference import smoothed_reference
 from calstation.estimation.navigation.velocity_group import (
@@ -129,17 +129,17 @@ class NavigationFilter:
         """Observations in a group."""
         self._groups: dict[int, VelocityGroup] = {}
         self._arm_velocity = np.zeros(3)
-        self._wanders = bool(np.any(self.noise.wander))
-        size = STATES + len(BIAS) if self._wanders else STATES
+        self._has_drift = bool(np.any(self.noise.bias_drift))
+        size = STATES + len(BIAS) if self._has_drift else STATES
         kf = KalmanFilter(dim_x=size, dim_z=3)
         kf.x = np.zeros(size)
         kf.x[PARAMETER_START:STATES] = prior.mean - point
         kf.P = np.zeros((size, size))
         kf.P[PARAMETER_START:STATES, PARAMETER_START:STATES] = prior.covariance
         kf.inv = inverse_of_positive
-        if self._wanders:
-            wander = np.arange(STATES, size)
-            kf.P[wander, wander] = self.noise.wander**2
+        if self._has_drift:
+            bias_drift = np.arange(STATES, size)
+            kf.P[bias_drift, bias_drift] = self.noise.bias_drift**2
         self.kf = kf
         self._offset = kf.x.copy()
         lever = float(np.sum((point[group_indices("outer_lever")]) ** 2))
@@ -183,7 +183,7 @@ class NavigationFilter:
         )
         z, H = np.zeros(3), np.zeros((3, len(kf.x)))
         self._arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
-        if self._wanders:
+        if self._has_drift:
             H[:, STATES:] = H[:, BIAS]
         kf.update(z, np.eye(3) * self.setting.variance, H)
 
@@ -220,11 +220,11 @@ class NavigationFilter:
         """Arrays for a group of `count` observations, with how a wander decays over it."""
         if count not in self._groups:
             group = velocity_group(count, len(self.kf.x))
-            if self._wanders:
-                wander = np.arange(STATES, len(self.kf.x))
-                decay = np.exp(-count * self.stride * self.dt / WANDER_TIME)
-                group.transition[wander, wander] = decay
-                group.noise[wander, wander] = self.noise.wander**2 * (1.0 - decay**2)
+            if self._has_drift:
+                bias_drift = np.arange(STATES, len(self.kf.x))
+                decay = np.exp(-count * self.stride * self.dt / BIAS_DRIFT_TIME)
+                group.transition[bias_drift, bias_drift] = decay
+                group.noise[bias_drift, bias_drift] = self.noise.bias_drift**2 * (1.0 - decay**2)
             self._groups[count] = group
         return self._groups[count]
 

@@ -59,7 +59,7 @@ def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
         first, turned = k, 0.0
 
 
-def pwcs(
+def observability_analysis(
     data: StageData, history: History, context: SolveContext, prior: Belief, point: FloatArray
 ) -> dict[str, Any]:
     """Observability step by step, JSON-ready.

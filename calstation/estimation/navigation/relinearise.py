@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common import chi_square
-from calstation.estimation.common.alignment import HOPELESS_AZIMUTH_SIGMA, SHORTEST_REST, Start, starts
+from calstation.estimation.common.alignment import AMBIGUOUS_AZIMUTH_SIGMA, SHORTEST_REST, Start, starts
 from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.method import Consistency, Progress
+from calstation.estimation.method import Progress
 from calstation.estimation.navigation.filter import History, NavigationFilter
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.earth import rotation_rate
@@ -27,7 +26,7 @@ from calstation.physics.strapdown import body_rotation
 MOST_PASSES = 20
 USUAL_PASSES = 2
 #: A pass is the last when it, or the next by the rate at which steps shrink, moves nothing by this many sigmas.
-SETTLED = 0.01
+CONVERGED = 0.01
 AZIMUTHS_TRIED = 12
 #: An azimuth found from the data is first settled within this of where it seems to be, rad, then let free.
 NARROW_AZIMUTH_SIGMA = 0.3
@@ -48,27 +47,8 @@ class NavigationResult:
     attitudes: tuple[FloatArray, ...]
     point: FloatArray
     passes: int
-    settled: bool
+    converged: bool
     azimuth_free: bool
-
-
-def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief:
-    """The posterior of a consider (Schmidt) estimator: only `estimated` parameters move and gain.
-
-    The others keep mean and covariance; cross-covariances follow. For data taken in one batch the estimated
-    part equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
-    """
-    mean = np.where(estimated, posterior.mean, prior.mean)
-    considered = np.ix_(~estimated, ~estimated)
-    covariance = posterior.covariance.copy()
-    covariance[considered] = prior.covariance[considered]
-    return Belief(mean, 0.5 * (covariance + covariance.T))
-
-
-def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
-    """Mean NIS of `count` observations of `dimension` and the 99.9 % band of that mean (Bar-Shalom, 5.4)."""
-    low, high = (chi_square.quantile(p, count * dimension) / max(count, 1) for p in (0.0005, 0.9995))
-    return Consistency(total / max(count, 1), float(low), float(high), count)
 
 
 class _Meter:
@@ -112,25 +92,25 @@ def solve_navigation(
             "include the rest before the first turn"
         )
     free = any(s.azimuth_sigma is not None for s in found)
-    hopeless = any((s.azimuth_sigma or 0.0) > HOPELESS_AZIMUTH_SIGMA for s in found)
-    meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * hopeless)
+    ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in found)
+    meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * ambiguous)
     point = _resting_point(data, context, prior, found[0], estimated)
     attitudes = [s.attitude for s in found]
     passes = 0
     if free:
         narrow = [replace(s, prior_sigma=np.append(s.prior_sigma[:2], NARROW_AZIMUTH_SIGMA)) for s in found]
-        if hopeless:
+        if ambiguous:
             narrow = _best_azimuth(data, context, prior, point, narrow, meter)
-        near = _settle(
+        near = _iterate(
             data, context, prior, estimated, narrow, [s.attitude for s in narrow], point, passes, meter
         )
         point, attitudes, passes = near.point, list(near.attitudes), near.passes
         found = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, found, strict=True)]
-    result = _settle(data, context, prior, estimated, found, attitudes, point, passes, meter)
+    result = _iterate(data, context, prior, estimated, found, attitudes, point, passes, meter)
     return replace(result, azimuth_free=free)
 
 
-def _settle(
+def _iterate(
     data: StageData,
     context: SolveContext,
     prior: Belief,
@@ -150,13 +130,13 @@ def _settle(
         sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
         before, moved = moved, float(np.max(np.abs(settled_at - point) / sigma))
         # steps shrink at least as the last two did, so the next one's size is known without taking it
-        settled = passes > 1 and (moved < SETTLED or moved * moved < SETTLED * before)
-        if settled:
+        converged = passes > 1 and (moved < CONVERGED or moved * moved < CONVERGED * before)
+        if converged:
             break
         attitudes = _carry_back(run, data, settled_at, found, ends)
         point = settled_at
     return NavigationResult(
-        belief, run.history, tuple(found), tuple(attitudes), point, passes, settled, azimuth_free=False
+        belief, run.history, tuple(found), tuple(attitudes), point, passes, converged, azimuth_free=False
     )
 
 

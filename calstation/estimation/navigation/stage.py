@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 
 from calstation.estimation.common.alignment import starts
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.samples import SampleBlock, since
-from calstation.estimation.common.spool import Spool
+from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
+from calstation.estimation.common.least_squares import nis_consistency, restricted
+from calstation.estimation.common.samples import SampleBlock, Spool, since
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.method import Innovations, Progress, Solution
 from calstation.estimation.navigation.filter import NavigationFilter
-from calstation.estimation.navigation.observability import pwcs
-from calstation.estimation.navigation.relinearise import nis_consistency, restricted, solve_navigation
+from calstation.estimation.navigation.observability import observability_analysis
+from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES
+from calstation.physics.parameters import NAMES, PARAMETERS
 
 #: The live filter waits for this much data after a start, s, to align on.
 LIVE_ALIGNMENT = 5.0
@@ -82,7 +82,7 @@ class NavigationStage:
         messages: list[tuple[str, dict[str, Any]]] = []
         if result.azimuth_free:
             messages.append(("azimuth_from_data", {"stage": self.stage}))
-        if not result.settled:
+        if not result.converged:
             messages.append(("not_settled", {"stage": self.stage, "passes": result.passes}))
         return Solution(
             stage=self.stage,
@@ -90,8 +90,35 @@ class NavigationStage:
             estimated=self.estimated,
             consistency=nis_consistency(float(np.sum(nis)), len(nis), 3),
             gaps=data.gaps,
-            observability=pwcs(data, result.history, self.context, self.prior, result.point),
+            observability=observability_analysis(
+                data, result.history, self.context, self.prior, result.point
+            ),
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
         )
+
+
+def warm_up() -> None:
+    """Run the navigation solver once on a made-up rest; takes seconds the first time, then a fraction of one."""
+    count, rate = 1000, 100.0
+    imu = ImuModel("warm-up", rate, "rate", 1e-6, 1e-6, 1e-5, 1e-4)
+    context = SolveContext(Site(0.6, 1.9, 0.0, azimuth=0.0), imu, TableModel())
+    counts = np.zeros((count, 6))
+    counts[:, 5] = 9.8e6
+    seq = np.arange(count)
+    block = SampleBlock(
+        stage="excitation",
+        seq=seq,
+        time=(seq + 1) / rate,
+        counts=counts,
+        angles=np.zeros((count, 2)),
+        step=np.zeros(count, np.int64),
+        valid=np.ones(count, np.bool_),
+        temperature=np.full(count, np.nan),
+    )
+    prior = Belief(np.zeros(len(NAMES)), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+    stage = NavigationStage("excitation", context, prior, NAMES)
+    stage.feed(block)
+    stage.sigma()
+    stage.finish()

@@ -9,12 +9,12 @@ from calstation.errors import InputError
 from calstation.estimation.common.context import Belief, Secondary, SolveContext, StoredPair
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.common.stillness import find_stillness
-from calstation.estimation.pairs.data import pair_data
 from calstation.estimation.pairs.faults import require_pairs, require_sense
 from calstation.estimation.pairs.fit import PairChoice, PairFit, fit_pair
+from calstation.estimation.pairs.signals import pair_data
 from calstation.estimation.pairs.static import (
     SENSORS,
-    Shown,
+    RestDeviation,
     StaticCheck,
     Threshold,
     compensate_secondary,
@@ -51,7 +51,7 @@ class PairRules:
 
 
 @dataclass(frozen=True)
-class Calibrated:
+class PairResult:
     """A fit and what is stored for it."""
 
     fit: PairFit
@@ -87,13 +87,13 @@ class PairCalibration:
         first, second = (static_figures(w[0], f[0], self._gravity) for w, f in (own, other))
         last = {"gyro": stored.gyro_static, "accel": stored.accel_static}
         return StaticCheck(
-            {s: Shown(first[s], self.rules.primary[s].limit(None)) for s in SENSORS},
-            {s: Shown(second[s], self.rules.secondary[s].limit(last[s])) for s in SENSORS},
+            {s: RestDeviation(first[s], self.rules.primary[s].limit(None)) for s in SENSORS},
+            {s: RestDeviation(second[s], self.rules.secondary[s].limit(last[s])) for s in SENSORS},
         )
 
     def calibrate(
         self, data: StageData, place: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
-    ) -> Calibrated:
+    ) -> PairResult:
         """Fit from all of the data; what is stored for the sensors and terms that are not chosen stays.
 
         Raises InputError naming what makes the data worthless.
@@ -114,7 +114,7 @@ class PairCalibration:
         if check is not None:
             shown = {s: check.secondary[s].value for s in SENSORS}
             found = StoredPair(found.values, shown["gyro"], shown["accel"])
-        return Calibrated(fit, found)
+        return PairResult(fit, found)
 
 
 _PLACE = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}

@@ -3,8 +3,8 @@
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.pairs.data import PairData
 from calstation.estimation.pairs.fit import ACCEL_MATRIX, GYRO_MATRIX, PairChoice, PairFit
+from calstation.estimation.pairs.signals import PairData
 from calstation.estimation.positions.recording_faults import frozen_columns
 from calstation.physics.arrays import FloatArray
 from calstation.physics.rotation import rotation_vector

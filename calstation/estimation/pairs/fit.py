@@ -21,9 +21,8 @@ from typing import Literal
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.noise import WANDER_PER_INSTABILITY, WANDER_TIME
-from calstation.estimation.pairs.data import PairData
-from calstation.estimation.pairs.signals import Signals, coarse_offset, low_pass, signals
+from calstation.estimation.common.noise import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME
+from calstation.estimation.pairs.signals import PairData, Signals, coarse_offset, low_pass, signals
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.imu_model import Compensation
 from calstation.physics.parameters import PAIR_PARAMETERS
@@ -36,7 +35,7 @@ LARGEST_OFFSET = 1.0
 #: Residuals beyond this many times the common size count less, in proportion.
 FAR = 4.0
 MOST_ITERATIONS = 20
-SETTLED = 1e-3
+CONVERGED = 1e-3
 GYRO_BIAS, GYRO_MATRIX = slice(0, 3), slice(3, 12)
 ACCEL_BIAS, ACCEL_MATRIX = slice(12, 15), slice(15, 24)
 LEVER, OFFSET = slice(24, 27), 27
@@ -93,7 +92,7 @@ class PairFit:
     expected: tuple[float, float]
     blocks: int
     halves: float
-    settled: bool
+    converged: bool
 
 
 def neutral() -> FloatArray:
@@ -117,7 +116,7 @@ def fit_pair(
     if choice.offset:
         value[OFFSET] = coarse_offset(data, LARGEST_OFFSET)
     noise = np.array([_white(primary), _white(secondary)])
-    settled = False
+    converged = False
     for _ in range(MOST_ITERATIONS):
         rows = signals(data, float(value[OFFSET]), c)
         system = _System(rows, value, noise, data, fitted)
@@ -125,12 +124,12 @@ def fit_pair(
         step[fitted] = np.linalg.solve(system.normal, system.gradient.sum(axis=0))
         value = value + step
         sigma = np.sqrt(np.diag(system.covariance()))
-        if float(np.max(np.abs(step[fitted]) / sigma)) < SETTLED:
-            settled = True
+        if float(np.max(np.abs(step[fitted]) / sigma)) < CONVERGED:
+            converged = True
             break
     covariance = np.zeros((COUNT, COUNT))
     covariance[np.ix_(fitted, fitted)] = system.covariance()
-    for place, imu_sigma in _wander(data, primary, secondary):
+    for place, imu_sigma in _bias_drift_sigmas(data, primary, secondary):
         covariance[place, place] += imu_sigma**2 if fitted[place] else 0.0
     return PairFit(
         value,
@@ -140,7 +139,7 @@ def fit_pair(
         system.expected,
         len(system.gradient),
         system.halves(),
-        settled,
+        converged,
     )
 
 
@@ -267,13 +266,13 @@ def _white(imu: ImuModel) -> FloatArray:
     return np.sqrt([gyro, accel])
 
 
-def _wander(data: PairData, primary: ImuModel, secondary: ImuModel) -> list[tuple[int, float]]:
+def _bias_drift_sigmas(data: PairData, primary: ImuModel, secondary: ImuModel) -> list[tuple[int, float]]:
     """How far the mean of both biases over the recording may lie from their constants: place and sigma.
 
     Variance of the mean of a Gauss-Markov process over T: 2 σ² τ/T (1 − τ/T (1 − e^(−T/τ))).
     """
-    T = max(float(data.time[-1] - data.time[0]), data.dt) / WANDER_TIME
-    share = np.sqrt(2.0 / T * (1.0 - (1.0 - np.exp(-T)) / T)) * WANDER_PER_INSTABILITY
+    T = max(float(data.time[-1] - data.time[0]), data.dt) / BIAS_DRIFT_TIME
+    share = np.sqrt(2.0 / T * (1.0 - (1.0 - np.exp(-T)) / T)) * BIAS_DRIFT_PER_INSTABILITY
     gyro = share * np.hypot(primary.gyro_bias_instability, secondary.gyro_bias_instability)
     accel = share * np.hypot(primary.accel_bias_instability, secondary.accel_bias_instability)
     return [

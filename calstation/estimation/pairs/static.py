@@ -47,7 +47,7 @@ class Threshold(BaseModel):
 
 
 @dataclass(frozen=True)
-class Shown:
+class RestDeviation:
     """What one sensor shows at rest beyond what it should, and its threshold: rad/s or m/s²."""
 
     value: float
@@ -63,8 +63,8 @@ class Shown:
 class StaticCheck:
     """Primary and secondary at one rest, by sensor: ``gyro`` and ``accel``."""
 
-    primary: dict[str, Shown]
-    secondary: dict[str, Shown]
+    primary: dict[str, RestDeviation]
+    secondary: dict[str, RestDeviation]
 
     @property
     def off(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from calstation.errors import InputError
 from calstation.estimation.common.context import ImuModel, Secondary, StoredPair
 from calstation.estimation.common.samples import SampleBlock, joined
 from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.pairs.calibration import Calibrated, PairCalibration
+from calstation.estimation.pairs.calibration import PairCalibration, PairResult
 from calstation.estimation.pairs.static import StaticCheck
 
 #: Time between looks at the data while something is waited for, s.
@@ -80,7 +80,7 @@ class PairWatch:
         self.state = "waiting"
         self.stored = {s.number: s.stored for s in secondaries}
         self.checks: dict[int, StaticCheck] = {}
-        self.calibrated: dict[int, Calibrated] = {}
+        self.calibrated: dict[int, PairResult] = {}
         self._off: dict[int, StaticCheck] = {}
         self._waiting: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []

@@ -11,7 +11,7 @@ import numpy as np
 from calstation.estimation.common.context import SolveContext
 from calstation.estimation.common.stage_data import StageData, mean_angles
 from calstation.estimation.common.stillness import find_stillness
-from calstation.estimation.positions.rows import turned
+from calstation.estimation.positions.rows import integrate_rotation
 from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import INDEX, PARAMETERS, group_indices
@@ -95,8 +95,8 @@ def gather(
     motions = []
     for link in still.links:
         span = (data.dt, data.gyro, link.start, link.stop)
-        B, time, rate = turned(c.gyro_inverse, c.gyro_bias, *span)
-        uncalibrated, _, _ = turned(old.gyro_inverse, old.gyro_bias, *span)
+        B, time, rate = integrate_rotation(c.gyro_inverse, c.gyro_bias, *span)
+        uncalibrated, _, _ = integrate_rotation(old.gyro_inverse, old.gyro_bias, *span)
         by_matrix = [-rate[p.column] @ c.gyro_inverse[:, p.row] for p in _GYRO]
         omega, _ = compensate(c, data.gyro[link.start : link.stop], data.accel[link.start : link.stop])
         motions.append(

@@ -16,7 +16,7 @@ from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.common.stillness import Link
 from calstation.estimation.positions.observations import Position, Scatter, excess
-from calstation.estimation.positions.rows import PositionRows, turned
+from calstation.estimation.positions.rows import PositionRows, integrate_rotation
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.earth import RATE
 from calstation.physics.imu_model import compensate, compensation
@@ -25,7 +25,7 @@ from calstation.physics.rotation import level_attitude, rotation_matrix
 
 MOST_ITERATIONS = 30
 MOST_REWEIGHTINGS = 12
-SETTLED = 1e-3
+CONVERGED = 1e-3
 #: A Gauss-Newton step turns no attitude further than this, rad.
 LARGEST_STEP = 0.3
 
@@ -48,11 +48,11 @@ class PositionFit:
     scatter: Scatter
     force_residual: FloatArray
     turn_residual: FloatArray
-    settled: bool
+    converged: bool
 
 
 @dataclass(frozen=True)
-class _Settled:
+class _Converged:
     """Where Gauss-Newton came to rest: whitened rows there, the last step and the covariance of the columns."""
 
     point: FloatArray
@@ -62,7 +62,7 @@ class _Settled:
     H: FloatArray
     left: FloatArray
     covariance: FloatArray
-    settled: bool
+    converged: bool
 
     def spare(self, H: FloatArray) -> float:
         """How many of the rows `H` are left over by what was fitted: trace of I − H P Hᵀ."""
@@ -85,13 +85,13 @@ def fit_positions(
     problem = PositionRows(data, rests, links, context, prior, scatter)
     point = _first_point(problem, estimated)
     north = np.zeros((len(problem.chains), 2))
-    best = _settle(problem, point, _first_attitudes(problem, point), north, estimated)
+    best = _iterate(problem, point, _first_attitudes(problem, point), north, estimated)
     for _ in range(MOST_REWEIGHTINGS):
         before, scatter = scatter, _scatter(problem, best)
         if scatter.near(before):
             break
         problem = PositionRows(data, rests, links, context, prior, scatter)
-        best = _settle(problem, best.point, best.attitudes, best.north, estimated)
+        best = _iterate(problem, best.point, best.attitudes, best.north, estimated)
     seen = slice(problem.observations)
     force, turn = _residuals(problem, best)
     return PositionFit(
@@ -102,7 +102,7 @@ def fit_positions(
         scatter=scatter,
         force_residual=force,
         turn_residual=turn,
-        settled=best.settled,
+        converged=best.converged,
     )
 
 
@@ -125,22 +125,24 @@ def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
         _, force = compensate(c, rest.rate[None], rest.force[None])
         if k in into:
             link = into[k]
-            B, _, _ = turned(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop)
+            B, _, _ = integrate_rotation(
+                c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop
+            )
             attitudes[k] = levelled(attitudes[link.first] @ B, force[0])
         else:
             attitudes[k] = level_attitude(force[0])
     return attitudes
 
 
-def _settle(
+def _iterate(
     problem: PositionRows,
     point: FloatArray,
     attitudes: FloatArray,
     north: FloatArray,
     estimated: BoolArray,
-) -> _Settled:
+) -> _Converged:
     n, m, prior, root = len(problem.rests), len(problem.chains), problem.prior, problem.root
-    settled = False
+    converged = False
     for _ in range(MOST_ITERATIONS):
         H, r = problem.rows(point, attitudes, north)
         information = H.T @ H
@@ -156,14 +158,14 @@ def _settle(
         found = x[problem.north : problem.drift].reshape(m, 2) * problem.north_rate
         north = north + share * (found - north)
         attitudes = np.array([rotation_matrix(share * t) @ C for t, C in zip(turns, attitudes, strict=True)])
-        if moved < SETTLED and share == 1.0:
-            settled = True
+        if moved < CONVERGED and share == 1.0:
+            converged = True
             break
     belief = Belief(mean, 0.5 * (spread + spread.T))
-    return _Settled(point, attitudes, north, belief, H, r - H @ x, covariance, settled)
+    return _Converged(point, attitudes, north, belief, H, r - H @ x, covariance, converged)
 
 
-def _scatter(problem: PositionRows, at: _Settled) -> Scatter:
+def _scatter(problem: PositionRows, at: _Converged) -> Scatter:
     """What the residuals of rests and motions show beyond the profile's noise, weighted as they were.
 
     Of a rest's force only the part along gravity tells of the rest alone: across it, a motion's error shows as well.
@@ -186,7 +188,7 @@ def _scatter(problem: PositionRows, at: _Settled) -> Scatter:
     return Scatter(*found)
 
 
-def _residuals(problem: PositionRows, at: _Settled) -> tuple[FloatArray, FloatArray]:
+def _residuals(problem: PositionRows, at: _Converged) -> tuple[FloatArray, FloatArray]:
     n = len(problem.rests)
     force = at.left[: 6 * n].reshape(n, 6)[:, :3] * np.sqrt(problem.force_variance)[:, None]
     turn = at.left[6 * n : problem.observations].reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None]

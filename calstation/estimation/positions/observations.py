@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common import chi_square
 from calstation.estimation.common.context import SolveContext
+from calstation.estimation.common.least_squares import chi_square_quantile
 from calstation.estimation.common.noise import filter_noise, rest_mean_variance
 from calstation.estimation.common.stage_data import StageData, slope_weights
 from calstation.estimation.common.stillness import Stillness
@@ -64,16 +64,16 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
     found = []
     for a, b in still.rests:
         duration = (b - a) * data.dt
-        settled = a + round(CREEP / data.dt) if duration > 4.0 * CREEP else a
+        converged = a + round(CREEP / data.dt) if duration > 4.0 * CREEP else a
         found.append(
             Position(
                 start=a,
                 stop=b,
                 time=float(0.5 * (data.time[a] + data.time[b - 1])),
                 force=slope_weights(b - a, stride) @ data.accel[a:b],
-                force_variance=rest_mean_variance(context, duration) - float(noise.wander[3]) ** 2,
-                rate=data.gyro[settled:b].mean(axis=0),
-                rate_variance=noise.rate / ((b - settled) * data.dt),
+                force_variance=rest_mean_variance(context, duration) - float(noise.bias_drift[3]) ** 2,
+                rate=data.gyro[converged:b].mean(axis=0),
+                rate_variance=noise.rate / ((b - converged) * data.dt),
             )
         )
     return found
@@ -85,7 +85,7 @@ def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> flo
     0 where they are explained already, or where nothing is left over to tell.
     """
     total = float(np.sum(residual**2 / variance))
-    if redundancy < 1.0 or total <= chi_square.quantile(SIGNIFICANT, redundancy):
+    if redundancy < 1.0 or total <= chi_square_quantile(SIGNIFICANT, redundancy):
         return 0.0
     from scipy.optimize import brentq  # half a second to import, for the few recordings that need it
 

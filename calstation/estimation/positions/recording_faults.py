@@ -15,7 +15,7 @@ from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.common.context import Belief, ImuModel
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.common.stillness import Link, Stillness, find_stillness
-from calstation.estimation.positions.rows import turned
+from calstation.estimation.positions.rows import integrate_rotation
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import group_indices
@@ -70,7 +70,7 @@ class _Turn:
         return float(np.arccos(np.clip(self.before @ self.after, -1.0, 1.0)))
 
 
-def sound_links(
+def valid_links(
     data: StageData, still: Stillness, imu: ImuModel, gravity: float, prior: Belief, shortest: float
 ) -> tuple[Link, ...]:
     """The motions that agree with gravity, where a few do not.
@@ -237,7 +237,7 @@ def _left(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> Floa
     """Angle between gravity after each motion and where the gyros, read through `gyro_inverse`, carry it, rad."""
     left = np.empty(len(turns))
     for k, t in enumerate(turns):
-        B, _, _ = turned(gyro_inverse, t.bias, data.dt, data.gyro, t.link.start, t.link.stop)
+        B, _, _ = integrate_rotation(gyro_inverse, t.bias, data.dt, data.gyro, t.link.start, t.link.stop)
         left[k] = np.arccos(np.clip((B.T @ t.before) @ t.after, -1.0, 1.0))
     return left
 

@@ -18,7 +18,7 @@ import numba as nb
 import numpy as np
 
 from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.noise import WANDER_TIME, filter_noise
+from calstation.estimation.common.noise import BIAS_DRIFT_TIME, filter_noise
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.common.stillness import Link
 from calstation.estimation.positions.observations import Position, Scatter
@@ -59,8 +59,8 @@ class PositionRows:
         self.gravity = site.gravity or normal_gravity(site.latitude, site.height)
         self.up_rate = float(rotation_rate(site.latitude)[2])
         self.north_rate = float(rotation_rate(site.latitude)[1]) / np.sqrt(2.0)
-        self.wander = noise.wander
-        self.wanders = bool(np.any(noise.wander))
+        self.bias_drift = noise.bias_drift
+        self.wanders = bool(np.any(noise.bias_drift))
         self.root = square_root(prior.covariance)
         n = len(rests)
         into = {link.second: link.first for link in links}
@@ -126,8 +126,8 @@ class PositionRows:
         H[3:6, self._north_columns(k)] = (M_g @ C.T)[:, :2]
         if self.wanders:
             drift = self.drift + 6 * k
-            H[0:3, drift + 3 : drift + 6] = np.diag(self.wander[3:])
-            H[3:6, drift : drift + 3] = np.diag(self.wander[:3])
+            H[0:3, drift + 3 : drift + 6] = np.diag(self.bias_drift[3:])
+            H[3:6, drift : drift + 3] = np.diag(self.bias_drift[:3])
         residual = np.concatenate(
             [
                 rest.force - M_a @ force - K2 * force**2 - group_vector(point, "accel_bias"),
@@ -146,7 +146,9 @@ class PositionRows:
     ) -> tuple[FloatArray, FloatArray]:
         link, data = self.links[k], self.data
         duration = (link.stop - link.start) * data.dt
-        B, time, rate = turned(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop)
+        B, time, rate = integrate_rotation(
+            c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop
+        )
         E = rotation_matrix(-earth[link.first] * duration)
         start = E @ attitudes[link.first]
         H = np.zeros((3, self.columns))
@@ -159,7 +161,7 @@ class PositionRows:
         H[:, self.phi + 3 * link.second : self.phi + 3 * link.second + 3] = -np.eye(3)
         H[:, self._north_columns(link.first)] = -duration * np.eye(3)[:, :2]
         if self.wanders:
-            half = 0.5 * per_bias * self.wander[:3]
+            half = 0.5 * per_bias * self.bias_drift[:3]
             for rest in (link.first, link.second):
                 H[:, self.drift + 6 * rest : self.drift + 6 * rest + 3] = half
         residual = rotation_vector(attitudes[link.second] @ (start @ B).T)
@@ -176,7 +178,7 @@ class PositionRows:
         if self.wanders:
             for k, rest in enumerate(self.rests):
                 row = np.zeros((6, self.columns))
-                kept = 0.0 if k == 0 else np.exp(-(rest.time - self.rests[k - 1].time) / WANDER_TIME)
+                kept = 0.0 if k == 0 else np.exp(-(rest.time - self.rests[k - 1].time) / BIAS_DRIFT_TIME)
                 scale = 1.0 / np.sqrt(1.0 - kept**2)
                 row[:, self.drift + 6 * k : self.drift + 6 * k + 6] = scale * np.eye(6)
                 if k:
@@ -194,7 +196,7 @@ def square_root(P: FloatArray) -> FloatArray:
 
 
 @nb.njit(cache=True)
-def turned(
+def integrate_rotation(
     gyro_inverse: FloatArray, bias: FloatArray, dt: float, gyro: FloatArray, start: int, stop: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Rotation of the body over samples `start` to `stop`, and what a change of the gyro's parameters does to it.

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common.applied import before_after
 from calstation.estimation.common.context import SolveContext
+from calstation.estimation.common.residuals import before_after
 from calstation.estimation.common.samples import SampleBlock, joined
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.common.stillness import find_stillness

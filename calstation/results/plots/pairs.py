@@ -10,9 +10,8 @@ import numpy as np
 
 from calstation.estimation.common.context import Belief, SolveContext, StoredPair
 from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.pairs.data import PairData, pair_data
 from calstation.estimation.pairs.fit import ACCEL_BIAS, ACCEL_MATRIX, GYRO_BIAS, GYRO_MATRIX, LEVER, OFFSET
-from calstation.estimation.pairs.signals import signals
+from calstation.estimation.pairs.signals import PairData, pair_data, signals
 from calstation.estimation.pairs.static import pair_vector
 from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import Compensation, compensation
