@@ -55,7 +55,7 @@ def family(name: str) -> dict[str, Entry]:
     written in one line: ``rate = ["Rate", "速率"]``.
     """
     file = resources.files("calstation.messages").joinpath("catalogue", f"{name}.toml")
-    if not file.is_file():
+    if not name.isidentifier() or not file.is_file():
         return {}
     tables = tomllib.loads(file.read_text(encoding="utf-8"))
     defaults = tables.pop("defaults", {})

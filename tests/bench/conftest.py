@@ -7,6 +7,7 @@ import sys
 import threading
 from contextlib import contextmanager
 
+import lent
 import pytest
 import serial
 
@@ -89,7 +90,7 @@ class ImuClient:
 @contextmanager
 def running(**config):
     command = [sys.executable, "-m", "calstation.bench", "--config", json.dumps(config)]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    process = lent.popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     bench = Bench(process)
     try:
         yield bench

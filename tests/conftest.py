@@ -1,0 +1,5 @@
+"""For all tests: processes are lent (`lent`)."""
+
+import lent
+
+lent.install()
