@@ -1,7 +1,7 @@
 """Processes for tests without their start-up time: forked from servers that have imported everything already.
 
 Every test still has a virtual bench and an engine of its own, started and ended as always; only importing and loading
-compiled code, which takes seconds, is done once per test worker. Works where `os.fork` exists; elsewhere tests start real processes.
+compiled code, which takes seconds, is done once per test worker. Where `os.fork` is missing, real ones are started.
 
     python tests/lent.py SOCKET OWNER      the server of bench processes, until the process OWNER has ended
 """
@@ -16,6 +16,7 @@ import subprocess
 import sys
 import time
 import traceback
+from contextlib import suppress
 from multiprocessing.context import ForkServerContext, ForkServerProcess
 from pathlib import Path
 from types import ModuleType
@@ -52,10 +53,8 @@ class LentBench:
         """The exit code, None while the process lives."""
         if self.returncode is None:
             self._line.setblocking(False)
-            try:
+            with suppress(BlockingIOError):
                 self._end()
-            except BlockingIOError:
-                pass
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
@@ -231,7 +230,7 @@ def _keep(line: socket.socket, main: Any) -> None:
             code = main()
         except SystemExit as end:
             code = int(end.code or 0)
-        except BaseException:
+        except BaseException:  # noqa: BLE001 - as the interpreter itself would
             traceback.print_exc()
         sys.stdout.flush()
         sys.stderr.flush()
@@ -240,10 +239,8 @@ def _keep(line: socket.socket, main: Any) -> None:
         os.close(descriptor)
     line.sendall(b"%8d" % pid)
     _, status = os.waitpid(pid, 0)
-    try:
+    with suppress(OSError):
         line.sendall(b"%8d" % os.waitstatus_to_exitcode(status))
-    except OSError:
-        pass
     os._exit(0)
 
 
