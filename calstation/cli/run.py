@@ -35,7 +35,7 @@ from calstation.sequencer.events import (
     StepStarted,
     Verdict,
 )
-from calstation.simulation.fault_plan import with_faults
+from calstation.simulation.hooks import BenchHooks
 
 #: What the virtual bench's unit answers to where no serial number was given.
 DEFAULT_SERIAL = "SN-000001"
@@ -46,7 +46,7 @@ _EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration; returns the contract's exit code. Raises ConfigurationError for a wrong request."""
     check_json(json)
-    setup = prepare_run(filled(request), with_faults)
+    setup = prepare_run(filled(request), BenchHooks().adjust)
     _, station = load_station(request.station)
     if station.bench is None and not setup.by_hand and not yes:
         question = f"The table of '{station.name}' is going to move. Is everybody clear of it?"
@@ -57,7 +57,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     fault: Fault | None = None
     with (
         said_as_typed(request),
-        Engine.start(request) as engine,
+        Engine.start(request, BenchHooks) as engine,
         interrupt_stops(engine),
         Display(console) as display,
     ):

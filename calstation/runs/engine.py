@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import Empty
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from calstation.config.request import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
@@ -20,6 +20,9 @@ from calstation.jobs.spawn import spawn_process
 from calstation.runs.channel import BEAT, Channel
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Settled, Verdict, from_json
+
+if TYPE_CHECKING:
+    from calstation.runs.hooks import RunHooks
 
 #: Longest uninterruptible wait for a message, s.
 _SLICE = 0.2
@@ -72,11 +75,13 @@ class Engine:
         self._looked = time.monotonic()
 
     @classmethod
-    def start(cls, request: RunRequest | RegisterOperation) -> "Engine":
-        """Start a run, or an errand at a unit's registers, in a new process."""
+    def start(
+        cls, request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None" = None
+    ) -> "Engine":
+        """Start a run, which `hooks` accompany, or a register operation in a new process."""
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
-        process = context.Process(target=_engine, args=(there, request), name="calstation engine")
+        process = context.Process(target=_engine, args=(there, request, hooks), name="calstation engine")
         spawn_process(process)
         there.close()
         return cls(process, here)
@@ -201,7 +206,11 @@ class Engine:
         return Fault(DeviceFaultError.__name__, f"engine: {what}; {MEND}", DeviceFaultError.exit_code)
 
 
-def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation) -> None:
+def _engine(
+    connection: "Connection[Any, Any]",
+    request: RunRequest | RegisterOperation,
+    hooks: "type[RunHooks] | None",
+) -> None:
     """Entry of the engine's process: no signal that it can hear ends it without a safe stop."""
     control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -219,9 +228,10 @@ def _engine(connection: "Connection[Any, Any]", request: RunRequest | RegisterOp
     )
     try:
         if isinstance(request, RunRequest):
+            from calstation.runs.hooks import RunHooks
             from calstation.runs.run import execute
 
-            execute(request, channel.emit, control)
+            execute(request, channel.emit, control, hooks or RunHooks)
         else:
             from calstation.registers.operation import run_operation
 

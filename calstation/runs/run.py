@@ -12,7 +12,6 @@ from calstation.config.resolved import ResolvedConfiguration, prepare_run
 from calstation.config.site_check import refuse_other_place, there
 from calstation.config.station import load_station
 from calstation.config.user import computer_user
-from calstation.connection.clock import BenchClock
 from calstation.connection.devices import Devices, connected
 from calstation.devices.imu.transfer import flash_registers
 from calstation.devices.interfaces import Imu
@@ -29,6 +28,7 @@ from calstation.results.result import Ending, build_result, judge, write_json
 from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.runs.advice import advice, check_attempts
 from calstation.runs.finalize import Finalization
+from calstation.runs.hooks import RunHooks
 from calstation.runs.incomplete import finish_incomplete
 from calstation.runs.resume import Continuation
 from calstation.sequencer.acquisition import LastSample
@@ -39,8 +39,6 @@ from calstation.sequencer.sequencer import Sequencer
 from calstation.sequencer.solved import told
 from calstation.sequencer.states import State
 from calstation.sequencer.task import Ended
-from calstation.simulation.fault_plan import FaultInjector, fault_plan, with_faults
-from calstation.simulation.simulated_operator import SimulatedOperator
 
 _OUTCOMES = {
     State.PASSED: "passed",
@@ -61,6 +59,7 @@ class _Place:
     control: Control
     before: Continuation | None
     started: datetime
+    hooks: RunHooks
 
     def meta(self, registers: dict[str, float] | None) -> LogMeta:
         """The log's configuration. `registers` : of the unit, None where it could not be asked."""
@@ -86,6 +85,7 @@ class _Place:
         log = RawLogWriter(self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta)
         with suppress(OSError):  # then the result itself has no room either, which is told
             expect(self.folder, log.path.stem)
+        self.hooks.log_opened(log)
         return log
 
 
@@ -136,8 +136,10 @@ class _Run:
         return after
 
 
-def execute(request: RunRequest, emit: Emit, control: Control) -> None:
+def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] = RunHooks) -> None:
     """Run to the end and emit the verdict; a result JSON stands beside the log for every outcome.
+
+    `hooks` : what accompanies the run
 
     Raises ConfigurationError or InputError before anything is opened where the request cannot be run.
     """
@@ -146,7 +148,8 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
         before = Continuation.of(request, request.resume)
         request = before.request
     request = replace(request, operator=request.operator or computer_user())
-    setup = prepare_run(request, with_faults)
+    accompanying = hooks()
+    setup = prepare_run(request, accompanying.adjust)
     folder = _folder(request.out)
     for dead in finish_incomplete(folder):
         emit(Message("incomplete_run", {"log": str(dead)}))
@@ -156,31 +159,24 @@ def execute(request: RunRequest, emit: Emit, control: Control) -> None:
     check_attempts(setup.product, request.serial, failures, request.beyond_attempts)
     check_flash(setup, folder, emit)
     check_interrupted(setup, folder)
-    injector = FaultInjector(fault_plan(setup), folder)
-    if injector.plan.fault:
-        emit = injector.listening(emit)
-    hands = SimulatedOperator()
-    if setup.by_hand:
-        emit = hands.listening(emit)
-    place = _Place(setup, folder, history, emit, control, before, datetime.now(UTC))
+    emit = accompanying.listener(setup, folder, emit)
+    place = _Place(setup, folder, history, emit, control, before, datetime.now(UTC), accompanying)
     place.meta(None)
     hand_over = HandOver(folder, load_station(request.station)[0], setup.station, emit)
     hand_over.start()
     try:
         with one_blas_thread():
-            _connect(place, injector, hands)
+            _connect(place)
     finally:
         hand_over.finish()
 
 
-def _connect(place: _Place, injector: FaultInjector, hands: SimulatedOperator) -> None:
+def _connect(place: _Place) -> None:
     """Open the devices and run; one that finds none, or is stopped before, has an empty log and a result."""
     run: _Run | None = None
     try:
         with connected(place.setup, place.check_cancelled) as devices:
-            if isinstance(devices.clock, BenchClock):
-                injector.order = devices.clock.order
-                hands.carry = devices.clock.carry
+            place.hooks.connected(devices)
             unproved = settle(
                 devices.imu,
                 devices.table,

@@ -20,6 +20,7 @@ from calstation.schema import read_toml
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import StepStarted
 from calstation.simulation.fault_plan import LOOKS
+from calstation.simulation.hooks import BenchHooks
 from calstation.simulation.soak_judge import MILD, Judged, judge_run
 
 STAGES = ("rate", "six_position")
@@ -236,7 +237,7 @@ def _listen(request: RunRequest, planned: Planned, patience: float) -> _Heard:
     moment = drawn.randrange(2, 15)
     steps = 0
     deadline = time.monotonic() + patience
-    with Engine.start(request) as engine:
+    with Engine.start(request, BenchHooks) as engine:
         while not engine.ended:
             heard.memory = max(heard.memory, resident_mb(engine.process.pid))
             for event in engine.poll():

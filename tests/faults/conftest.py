@@ -14,6 +14,7 @@ from calstation.records.log import open_log
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, Message, StateChanged, StepStarted, Verdict
+from calstation.simulation.hooks import BenchHooks
 from tests.station.conftest import PRODUCT, STATION
 
 SERIAL = "SN-000042"
@@ -134,7 +135,7 @@ class Floor:
             on_event(event)
 
         request = replace(self.request(*faults, stages=stages, **bench), unfinished=unfinished)
-        execute(request, emit, Control())
+        execute(request, emit, Control(), BenchHooks)
         return ran
 
 

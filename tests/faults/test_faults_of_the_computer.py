@@ -16,6 +16,7 @@ from calstation.runs.engine import Engine
 from calstation.runs.incomplete import finish_incomplete
 from calstation.sequencer.events import Event, Fault, Message, StageEnded, StepStarted, Verdict
 from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
+from calstation.simulation.hooks import BenchHooks
 from tests.faults.conftest import Floor, fault
 
 pytestmark = [
@@ -39,7 +40,7 @@ def test_a_log_that_takes_no_more_is_a_fault_and_what_it_holds_stays(
     floor: Floor, kind: str, words: str, ends: str | None
 ) -> None:
     events: list[Event] = []
-    with Engine.start(floor.request(fault(kind, step=4))) as engine:
+    with Engine.start(floor.request(fault(kind, step=4)), BenchHooks) as engine:
         events += engine.events()
     (told,) = [event for event in events if isinstance(event, Fault)]
     assert words in told.text
@@ -78,7 +79,7 @@ def test_a_disk_that_takes_longer_than_the_watchdog_stops_nothing(
 
 @pytest.mark.long
 def test_a_killed_engine_leaves_an_incomplete_run(floor: Floor) -> None:
-    with Engine.start(floor.request(fault("engine_killed", step=4))) as engine:
+    with Engine.start(floor.request(fault("engine_killed", step=4)), BenchHooks) as engine:
         events = engine.events()
         with pytest.raises(DeviceFaultError, match=r"ended unexpectedly.*watchdog stops the table"):
             list(events)

@@ -11,6 +11,7 @@ from calstation.config.request import RunRequest
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict
+from calstation.simulation.hooks import BenchHooks
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 PRODUCT: dict[str, Any] = {
@@ -79,7 +80,7 @@ class Place:
             if on_event is not None:
                 on_event(event)
 
-        execute(self.request(*stages), emit, self.control)
+        execute(self.request(*stages), emit, self.control, BenchHooks)
         verdict = self.events[-1]
         assert isinstance(verdict, Verdict)
         assert Path(verdict.result_file).is_file()

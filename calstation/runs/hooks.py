@@ -1,0 +1,33 @@
+"""Hooks by which something may accompany a run, such as a simulated operator; a run by itself has none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # the window names hooks, but has no use for devices and logs
+    from calstation.config.resolved import ResolvedConfiguration
+    from calstation.connection.devices import Devices
+    from calstation.records.raw_log import RawLogWriter
+    from calstation.sequencer.ports import Emit
+
+
+class RunHooks:
+    """Accompanies one run; every method does nothing unless a subclass overrides it.
+
+    The class itself is what a caller gives to `Engine.start` and `execute`; the engine's process imports it.
+    """
+
+    def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
+        """The configuration with which the run is made. Raises ConfigurationError."""
+        return setup
+
+    def listener(self, setup: ResolvedConfiguration, folder: Path, emit: Emit) -> Emit:
+        """The sink of the run's events, whose log goes to `folder`; called before any device is opened."""
+        return emit
+
+    def connected(self, devices: Devices) -> None:
+        """The devices are open and identified."""
+
+    def log_opened(self, log: RawLogWriter) -> None:
+        """The run's log is open and empty."""
