@@ -31,12 +31,12 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.gui.history.page import HistoryPage
 from calstation.gui.logs.comparison import Comparison
 from calstation.gui.logs.page import OfflinePage
+from calstation.gui.logs.range_bar import CountSpin
 from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.count_spin import CountSpin
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.results.resolve import Resolved, resolve

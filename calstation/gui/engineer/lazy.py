@@ -4,8 +4,8 @@ from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QStackedWidget, QVBoxLayout, QWidget
 
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.jobs import JobRow, JobWatch
+from calstation.gui.widgets.labels import EmptyState
 
 
 class LazyView(QStackedWidget):

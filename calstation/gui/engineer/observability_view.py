@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 
 from calstation.gui.text.wording import word_group, word_stage
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.empty_state import EmptyState
+from calstation.gui.widgets.labels import EmptyState
 from calstation.physics.arrays import FloatArray
 
 #: Strength from which a state counts as observable.

@@ -29,8 +29,8 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
 from calstation.gui.text.wording import word_busy, word_stage
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.elided import ElidedLabel
 from calstation.gui.widgets.jobs import JobWatch
+from calstation.gui.widgets.labels import ElidedLabel
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.results.finished_run import Finished
 from calstation.results.preview import forecast

@@ -18,8 +18,8 @@ from calstation.gui.engineer.motion_plot import MotionPlot
 from calstation.gui.text.wording import word_stage, word_step, word_time
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.jobs import JobRow, JobWatch
+from calstation.gui.widgets.labels import EmptyState
 from calstation.gui.widgets.parameter_table import ParameterModel, ParameterTable
 from calstation.results.preview import Preview, Violation
 

@@ -9,8 +9,8 @@ from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.history.run_table import local_time
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.jobs import JobRow, JobWatch
+from calstation.gui.widgets.labels import EmptyState
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.units import aligned, display
@@ -148,7 +148,7 @@ class RegistersView(QWidget):
                 "what it holds. Nothing is written without being asked for."
             ),
         )
-        self.notice.retranslate()
+        self.notice.refresh()
         self.model.refresh()
         self._say()
 

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from calstation.gui.engineer.bands import Band, Bands
 from calstation.gui.text.wording import word_stage
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.elided import ElidedLabel
+from calstation.gui.widgets.labels import ElidedLabel
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.physics.arrays import FloatArray
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G

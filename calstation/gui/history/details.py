@@ -22,7 +22,7 @@ from calstation.gui.text.fault_wording import word_fault
 from calstation.gui.text.wording import KINDS, word_message, word_state, word_time
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.elided import ElidedLabel
+from calstation.gui.widgets.labels import ElidedLabel
 from calstation.physics.units import aligned
 from calstation.records.run_index import IndexedRun, RunRecord
 

@@ -16,8 +16,8 @@ from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.jobs import JobWatch
+from calstation.gui.widgets.labels import EmptyState
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.records.run_index import RunRecord
 from calstation.results.history import History, refresh_history

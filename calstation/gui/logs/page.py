@@ -32,8 +32,8 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
 from calstation.gui.text.wording import word_stage
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.jobs import JobRow, JobWatch
+from calstation.gui.widgets.labels import EmptyState
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.results.history import History
 from calstation.results.offline_solve import offline_solve

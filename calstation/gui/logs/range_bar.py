@@ -1,12 +1,40 @@
 """The range to solve: two boxes for the first and last sequence number, held within the log and in order."""
 
-from PySide6.QtCore import QEvent, Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QMenu, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QLabel,
+    QMenu,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
 
 from calstation.gui.text.wording import word_stage, word_time
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.count_spin import CountSpin
 from calstation.results.plots.index import LogIndex
+
+#: Up to here a double, and so this box, holds every whole number.
+LARGEST = 2**53
+
+
+class CountSpin(QDoubleSpinBox):
+    """Whole numbers up to 2^53; says a new value when it is entered, not at every key."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setDecimals(0)
+        self.setRange(0, LARGEST)
+        self.setKeyboardTracking(False)
+        self.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
+        self.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
+
+    def value(self) -> int:
+        """The count."""
+        return round(super().value())
 
 
 class RangeBar(QWidget):

@@ -28,7 +28,8 @@ from calstation.gui.shell.page import Page
 from calstation.gui.shell.role_panel import RolePanel
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.text import language
-from calstation.gui.widgets import icons, theme
+from calstation.gui.widgets import theme
+from calstation.gui.widgets.badge import padlock_icon, theme_icon
 
 _PAGES: tuple[type[Page], ...] = (
     OperatorPage,
@@ -278,9 +279,9 @@ class MainWindow(QMainWindow):
         self.operator_page.await_scan()
 
     def _dress(self) -> None:
-        self._theme_button.setIcon(icons.half_disc())
+        self._theme_button.setIcon(theme_icon())
         self._theme_button.setIconSize(QSize(24, 24))
-        self._lock_button.setIcon(icons.padlock(closed=not self.app.role.engineer))
+        self._lock_button.setIcon(padlock_icon(closed=not self.app.role.engineer))
         self._lock_button.setIconSize(QSize(24, 24))
 
     def _show_station(self) -> None:

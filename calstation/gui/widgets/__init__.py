@@ -1,1 +1,1 @@
-"""Small widgets that several pages share."""
+"""Widgets that several pages of the window share. Nothing here knows a run, a station or a device."""

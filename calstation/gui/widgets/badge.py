@@ -1,6 +1,7 @@
-"""A state as a shape and a word; its colour only repeats them."""
+"""States as a shape and a word, and the icons of the top bar; a colour only repeats what the shape says."""
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPaintEvent, QPen, QPixmap, QPolygonF
@@ -8,12 +9,15 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
 
-#: Ring, ring with a dot, filled triangle, tick, cross, triangle with a mark, two bars, square.
+#: Kinds of state: ring, ring with a dot, filled triangle, tick, cross, triangle with a mark, two bars, square.
 KINDS = ("none", "waiting", "active", "good", "bad", "caution", "paused", "stopped")
+
+#: Size of the top bar's icons, px, and pixels per px.
+_SIZE, _RATIO = 24, 2
 
 
 def state_colour(kind: str) -> QColor:
-    """The colour that repeats what a state's shape says."""
+    """The colour of a kind of state in the current theme."""
     c = theme.colours()
     return QColor(
         {"good": c.good, "bad": c.bad, "caution": c.caution, "active": c.accent, "paused": c.caution}.get(
@@ -23,7 +27,15 @@ def state_colour(kind: str) -> QColor:
 
 
 def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None = None) -> None:
-    """Draw a state's shape into a square box."""
+    """Draw the shape of a state.
+
+    Parameters
+    ----------
+    painter : an active painter
+    kind : one of `KINDS`
+    box : where to draw; the shape fills the largest square in its middle
+    colour : of the shape; the state's own by default
+    """
     colour = colour or state_colour(kind)
     side = min(box.width(), box.height())
     box = QRectF(box.center().x() - side / 2, box.center().y() - side / 2, side, side)
@@ -65,28 +77,74 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
 
 
 def state_icon(kind: str, size: int = theme.BODY) -> QIcon:
-    """A state's shape for cells and menus, sharp on fine screens and seen on a selected row."""
-    return _drawn_icon(kind, size, theme.current())
+    """The shape of a state for cells and menus, also on a selected row."""
+    return _state_icon(kind, size, theme.current())
 
 
 @cache
-def _drawn_icon(kind: str, size: int, shown_in: str) -> QIcon:
-    """Drawn once in each theme `shown_in`: a table asks for it at every repaint."""
+def _state_icon(kind: str, size: int, theme_name: str) -> QIcon:
+    """One icon per theme: a table asks for it at every repaint."""
     icon = QIcon()
     on_selected = QColor(theme.colours().on_accent)
     for mode, colour in ((QIcon.Mode.Normal, None), (QIcon.Mode.Selected, on_selected)):
-        picture = QPixmap(2 * size, 2 * size)
-        picture.setDevicePixelRatio(2)
-        picture.fill(Qt.GlobalColor.transparent)
-        painter = QPainter(picture)
-        draw_state(painter, kind, QRectF(0, 0, size, size), colour)
-        painter.end()
-        icon.addPixmap(picture, mode)
+        draw = partial(draw_state, kind=kind, box=QRectF(0, 0, size, size), colour=colour)
+        icon.addPixmap(_pixmap(size, draw), mode)
     return icon
 
 
+def padlock_icon(*, closed: bool) -> QIcon:
+    """A padlock: closed for the operator, open for the engineer."""
+
+    def draw(painter: QPainter) -> None:
+        painter.setBrush(QColor(theme.colours().text))
+        painter.drawRoundedRect(QRectF(5, 11, 14, 10), 2, 2)
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        if closed:
+            painter.drawArc(QRectF(8, 3, 8, 12), 0, 180 * 16)
+            painter.drawLine(QPointF(8, 9), QPointF(8, 11))
+            painter.drawLine(QPointF(16, 9), QPointF(16, 11))
+        else:
+            painter.drawArc(QRectF(12, 2, 8, 12), 0, 180 * 16)
+            painter.drawLine(QPointF(12, 8), QPointF(12, 11))
+
+    return _text_icon(draw)
+
+
+def theme_icon() -> QIcon:
+    """A disc half light, half dark: the other theme."""
+
+    def draw(painter: QPainter) -> None:
+        painter.drawEllipse(QRectF(4, 4, 16, 16))
+        painter.setBrush(QColor(theme.colours().text))
+        painter.drawChord(QRectF(4, 4, 16, 16), 90 * 16, 180 * 16)
+
+    return _text_icon(draw)
+
+
+def _text_icon(draw: Callable[[QPainter], None]) -> QIcon:
+    """An icon in the colour of text."""
+
+    def draw_lines(painter: QPainter) -> None:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(QPen(QColor(theme.colours().text), 1.8))
+        draw(painter)
+
+    return QIcon(_pixmap(_SIZE, draw_lines))
+
+
+def _pixmap(size: int, draw: Callable[[QPainter], None]) -> QPixmap:
+    """A transparent square that `draw` has painted on, at twice the resolution for fine screens."""
+    pixmap = QPixmap(_RATIO * size, _RATIO * size)
+    pixmap.setDevicePixelRatio(_RATIO)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(pixmap)
+    draw(painter)
+    painter.end()
+    return pixmap
+
+
 class StateIcon(QWidget):
-    """A state's shape alone, for places where its word stands beside it."""
+    """The shape of a state alone, where its word stands beside it."""
 
     def __init__(self, size: int = 20, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -126,7 +184,7 @@ class StateBadge(QWidget):
         self.setAccessibleName(word)
 
     def set_size(self, size: int) -> None:
-        """Another size of its word, px."""
+        """Change the size of the word, px."""
         self._icon.setFixedSize(QSize(size + 6, size + 6))
         self._word.setFont(theme.font(size, bold=True))
 

@@ -1,11 +1,11 @@
-"""A result's checks as a table: what is asked, value, limit, margin, verdict; near-misses are marked."""
+"""The checks of a result as a table: sentence, value, limit, margin and verdict."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QHeaderView, QVBoxLayout, QWidget
 
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.check_wording import CheckWords, word_check
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
@@ -15,7 +15,7 @@ _ORDER = {"bad": 0, "caution": 1, "good": 2}
 
 
 class ChecksTable(QWidget):
-    """What failed first, then the near-misses, then the rest, each in the result's order."""
+    """Failed checks first, then near-misses, then the rest, each in the order of the result."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -41,31 +41,24 @@ class ChecksTable(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.addWidget(self.table)
-        self.retranslate()
+        on_language_change(self, self._refresh)
 
     def show_checks(self, checks: Sequence[Mapping[str, Any]]) -> None:
         """Show checks as the result JSON holds them."""
         self._checks = sorted(checks, key=lambda check: _ORDER[word_check(check).state])
-        self._say()
+        self._word()
         self.model.set_names([str(k) for k in range(len(checks))])
 
     def height_of_rows(self) -> int:
-        """Height that shows every row, px."""
+        """Height that shows all rows, px."""
         return self.table.horizontalHeader().sizeHint().height() + _ROW * len(self._checks) + theme.GRID
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
+    def _refresh(self) -> None:
         self.table.setAccessibleName(self.tr("Checks of the result"))
-        self._say()
+        self._word()
         self.model.refresh()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
-    def _say(self) -> None:
+    def _word(self) -> None:
         self._words = {str(k): word_check(check) for k, check in enumerate(self._checks)}
 
     def _cell(self, field: str) -> Callable[[str], str]:

@@ -1,18 +1,19 @@
 """Follows background jobs from a timer, and shows their progress in a row with a Cancel button."""
 
-from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
+from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QWidget
 
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.text.wording import word_time
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import Job
 
-#: Between two looks at the job, ms.
+#: Interval between two polls of a job, ms.
 _EVERY = 50
 
 
 class JobWatch(QObject):
-    """Watches one job after another.
+    """Polls one job after another.
 
     `progress(fraction, remaining)` with seconds left or None; `done(result)`; `failed(sentence)`; `cancelled()`.
     """
@@ -27,26 +28,26 @@ class JobWatch(QObject):
         self.job: Job | None = None
         self._timer = QTimer(self)
         self._timer.setInterval(_EVERY)
-        self._timer.timeout.connect(self._look)
+        self._timer.timeout.connect(self._poll)
 
     @property
     def busy(self) -> bool:
-        """Whether a job is being watched."""
+        """Whether a job is being followed."""
         return self.job is not None
 
     def watch(self, job: Job) -> None:
-        """Follow `job`; one followed before is let go."""
+        """Follow `job` in place of the one before."""
         self.job = job
         self._timer.start()
         self.progress.emit(0.0, None)
 
     def cancel(self) -> None:
-        """Give the job up."""
+        """Cancel the job."""
         if self.job is not None:
             self.job.cancel()
-            self._look()
+            self._poll()
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         job = self.job
         if job is None:
             return
@@ -66,7 +67,7 @@ class JobWatch(QObject):
 
 
 _STEPS = 1000
-#: Fraction from which the time left is worth saying.
+#: Fraction from which the time left is shown.
 _FIRM = 0.05
 
 
@@ -94,24 +95,14 @@ class JobRow(QWidget):
         row.addWidget(self.left_label)
         row.addWidget(self.cancel_button)
         watch.progress.connect(self._show)
-        self.retranslate()
-
-    def retranslate(self) -> None:
-        """Say it again in the language in force."""
-        self.cancel_button.setText(self.tr("Cancel"))
-        self._say()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
+        bind(self.cancel_button, lambda: self.tr("Cancel"))
+        on_language_change(self, self._refresh)
 
     def _show(self, fraction: float, remaining: float | None) -> None:
         self._fraction, self._remaining = fraction, remaining
-        self._say()
+        self._refresh()
 
-    def _say(self) -> None:
+    def _refresh(self) -> None:
         job = self._watch.job
         self.cancel_button.setVisible(job is None or job.cancellable)
         self.bar.setValue(round(_STEPS * self._fraction))

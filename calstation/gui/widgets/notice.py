@@ -1,22 +1,31 @@
-"""An inline bar that says or asks something where the eye is, instead of a box that gets in the way."""
+"""An inline bar that shows a notice or asks a question, in place of a dialog."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from PySide6.QtCore import QEvent, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
 
-#: Says a text in the language in force, anew whenever asked.
+#: Gives a text in the current language.
 Words = Callable[[], str]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One answer: what its button says and does; the bar closes first. `name` is the button's object name."""
+    """An answer to a question.
+
+    Attributes
+    ----------
+    name : object name of its button
+    words : text of the button
+    act : called when it is pressed, after the bar has closed
+    primary : whether it has the focus
+    """
 
     name: str
     words: Words
@@ -25,7 +34,7 @@ class Choice:
 
 
 class NoticeBar(QFrame):
-    """Hidden until there is something to say or ask; the newest question takes the place of an older one."""
+    """Hidden while there is nothing to show; a new question replaces the one before."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -53,14 +62,22 @@ class NoticeBar(QFrame):
         row.addLayout(words, 1)
         row.addLayout(self._buttons)
         self.hide()
+        on_language_change(self, self.refresh)
 
     @property
     def asking(self) -> bool:
-        """Whether a question waits for its answer."""
+        """Whether a question is open."""
         return bool(self._choices) and not self.isHidden()
 
     def ask(self, kind: str, title: Words, text: Words, choices: Sequence[Choice] = ()) -> None:
-        """Say something of a state's kind (`badge.KINDS`) and offer answers; the first primary one has the focus."""
+        """Show a notice with its answers.
+
+        Parameters
+        ----------
+        kind : state of the notice, one of `badge.KINDS`
+        title, text : give their texts in the current language; an empty one is hidden
+        choices : answers, from left to right
+        """
         self.dismiss()
         self._kind, self._title, self._text, self._choices = kind, title, text, choices
         self._icon.set_kind(kind)
@@ -71,7 +88,7 @@ class NoticeBar(QFrame):
                 button.setProperty("kind", "primary")
             button.clicked.connect(lambda _=False, chosen=choice: self._answer(chosen))
             self._buttons.addWidget(button)
-        self.retranslate()
+        self.refresh()
         self.show()
         for choice in choices:
             if choice.primary:
@@ -84,7 +101,7 @@ class NoticeBar(QFrame):
         return found
 
     def dismiss(self) -> None:
-        """Say no more."""
+        """Hide the bar."""
         self.hide()
         self._choices = ()
         while (item := self._buttons.takeAt(0)) is not None:
@@ -93,8 +110,8 @@ class NoticeBar(QFrame):
                 widget.setParent(None)
                 widget.deleteLater()
 
-    def retranslate(self) -> None:
-        """Say it again in the language in force."""
+    def refresh(self) -> None:
+        """Show title, text and answers again, after what they tell has changed."""
         title, text = self._title(), self._text()
         self.title_label.setText(title)
         self.title_label.setVisible(bool(title))
@@ -103,14 +120,8 @@ class NoticeBar(QFrame):
         for choice in self._choices:
             self.button(choice.name).setText(choice.words())
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
     def paintEvent(self, event: QPaintEvent) -> None:
-        """A band in the state's colour down the left side."""
+        """Draw a band in the colour of the state along the left side."""
         super().paintEvent(event)
         painter = QPainter(self)
         painter.fillRect(1, 1, theme.GRID, self.height() - 2, QColor(state_colour(self._kind)))

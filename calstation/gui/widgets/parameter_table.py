@@ -1,4 +1,4 @@
-"""Tables whose rows are parameters: a model of columns, and a view that aligns numbers, groups rows and copies."""
+"""Tables whose rows are parameters: a model made of columns, and a view that copies rows as text."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,10 +16,15 @@ Index = QModelIndex | QPersistentModelIndex
 
 @dataclass(frozen=True)
 class Column:
-    """One column: `heading` says its words anew when asked; `text(name)` is a cell of parameter `name`.
+    """A column.
 
-    number : right-aligned in tabular figures; state(name) : the shape before the word (`badge.KINDS`), or None
-    hint(name) : what a cell says where the pointer rests
+    Attributes
+    ----------
+    heading : gives the heading in the current language
+    text : gives the cell of a parameter by its name
+    number : whether cells are right-aligned
+    state : gives the shape before a cell's text, one of `badge.KINDS` or None
+    hint : gives the tooltip of a cell
     """
 
     heading: Callable[[], str]
@@ -30,10 +35,7 @@ class Column:
 
 
 class ParameterModel(QAbstractTableModel):
-    """Parameters as rows, their contract names as the vertical header.
-
-    `grouped` : shade every second group of parameters
-    """
+    """Parameters as rows with their contract names as the vertical header; `grouped` shades every second group."""
 
     def __init__(self, columns: Sequence[Column], *, grouped: bool = True) -> None:
         super().__init__()
@@ -44,7 +46,7 @@ class ParameterModel(QAbstractTableModel):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The parameters shown."""
+        """Names of the parameters shown."""
         return self._names
 
     def set_columns(self, columns: Sequence[Column]) -> None:
@@ -63,7 +65,7 @@ class ParameterModel(QAbstractTableModel):
         self.endResetModel()
 
     def tsv(self, rows: Sequence[int]) -> str:
-        """Headings and rows as tab-separated text, the parameters' names first, for a spreadsheet."""
+        """Headings and rows as tab-separated text with the parameter names first."""
         lines = [["parameter", *(column.heading() for column in self._columns)]]
         for row in rows:
             name = self._names[row]
@@ -71,7 +73,7 @@ class ParameterModel(QAbstractTableModel):
         return "\n".join("\t".join(line) for line in lines) + "\n"
 
     def refresh(self) -> None:
-        """Ask for every cell and heading again."""
+        """Update all cells and headings."""
         if self._names:
             last = self.index(len(self._names) - 1, len(self._columns) - 1)
             self.dataChanged.emit(self.index(0, 0), last)
@@ -86,7 +88,7 @@ class ParameterModel(QAbstractTableModel):
         return 0 if parent.isValid() else len(self._columns)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """A cell's text or alignment."""
+        """A cell's text, alignment, colour, icon or tooltip."""
         column = self._columns[index.column()]
         if role == Qt.ItemDataRole.DisplayRole:
             return column.text(self._names[index.row()])
@@ -111,7 +113,7 @@ class ParameterModel(QAbstractTableModel):
     def headerData(
         self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
     ) -> Any:
-        """Contract names down the side, headings along the top."""
+        """Parameter names at the side, headings at the top."""
         if orientation == Qt.Orientation.Vertical:
             if role == Qt.ItemDataRole.DisplayRole:
                 return self._names[section]
@@ -126,7 +128,7 @@ class ParameterModel(QAbstractTableModel):
 
 
 class ParameterTable(QTableView):
-    """Shows a `ParameterModel`; groups of parameters are shaded in turn, and rows are copied as text."""
+    """Shows a `ParameterModel`; rows can be copied as text."""
 
     def __init__(self, model: ParameterModel, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -145,7 +147,7 @@ class ParameterTable(QTableView):
         model.headerDataChanged.connect(self.spread)
 
     def spread(self) -> None:
-        """Columns as wide as their contents, and what is left of the width shared among them."""
+        """Fit the columns to their contents and share the rest of the width among them."""
         header = self.horizontalHeader()
         self.resizeColumnsToContents()
         widths = [self.columnWidth(i) for i in range(header.count())]
@@ -156,19 +158,19 @@ class ParameterTable(QTableView):
                 self.setColumnWidth(i, width + share + (i < more))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Share another width."""
+        """Fit the columns to the new width."""
         super().resizeEvent(event)
         self.spread()
 
     def copy(self) -> None:
-        """Put the selected rows, or all where none is, on the clipboard as tab-separated text."""
+        """Copy the selected rows, or all if none is selected, as tab-separated text."""
         model = self.model()
         assert isinstance(model, ParameterModel)
         rows = sorted({index.row() for index in self.selectionModel().selectedIndexes()})
         QGuiApplication.clipboard().setText(model.tsv(rows or range(model.rowCount())))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Ctrl+C copies."""
+        """Copy rows on Ctrl+C."""
         if event.matches(QKeySequence.StandardKey.Copy):
             self.copy()
             return

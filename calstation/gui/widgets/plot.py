@@ -15,7 +15,7 @@ pg.setConfigOptions(antialias=False)
 
 
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
-    """An empty plot with two labelled axes."""
+    """A plot with two axes in the colours of the current theme."""
 
     _built = False
 
@@ -45,13 +45,13 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
             self.getAxis(side).setTextPen(QColor(c.text))
 
 
-#: Width kept for the lines that lead from a curve's end to its name, px.
+#: Width of the leader lines from the end of a curve to its label, px.
 _LEADER = 2 * theme.GRID
 
 
 @dataclass(frozen=True)
 class LineLabel:
-    """A name at height `y`, px from the top; `state` is a shape before it (`badge.KINDS`), "" for none."""
+    """A label at height `y`, px from the top, with the shape of a state before it (`badge.KINDS`, "" for none)."""
 
     y: float
     text: str
@@ -61,25 +61,32 @@ class LineLabel:
 
 
 def spread(wanted: Sequence[float], distance: float, top: float, bottom: float) -> list[float]:
-    """Places near those wanted (ascending), at least `distance` apart where the room allows it, px."""
+    """Move label positions apart.
+
+    Parameters
+    ----------
+    wanted : positions in ascending order, px
+    distance : least distance between two of them if there is room, px
+    top, bottom : range of positions, px
+    """
     if not wanted:
         return []
     distance = min(distance, (bottom - top) / max(1, len(wanted) - 1)) if len(wanted) > 1 else distance
-    places = []
+    positions = []
     lowest = top
-    for place in wanted:
-        lowest = max(lowest, place)
-        places.append(lowest)
+    for position in wanted:
+        lowest = max(lowest, position)
+        positions.append(lowest)
         lowest += distance
     highest = bottom
-    for i in reversed(range(len(places))):
-        places[i] = min(places[i], highest)
-        highest = places[i] - distance
-    return places
+    for i in reversed(range(len(positions))):
+        positions[i] = min(positions[i], highest)
+        highest = positions[i] - distance
+    return positions
 
 
 class LineLabels(QWidget):
-    """Stands right of a plot and shares its height."""
+    """Labels at the right of a plot, of the same height."""
 
     def __init__(self, width: int, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -89,24 +96,24 @@ class LineLabels(QWidget):
         self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Expanding)
 
     def sizeHint(self) -> QSize:
-        """As wide as asked."""
+        """The given width."""
         return QSize(self._width, 6 * theme.GRID)
 
     def show_labels(self, labels: Sequence[LineLabel]) -> None:
-        """Show these names."""
+        """Show these labels."""
         ordered = sorted(labels, key=lambda label: label.y)
         if ordered != self._labels:
             self._labels = ordered
             self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw names and leaders."""
+        """Draw labels and leader lines."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         line = theme.BODY + 4.0
         half = line / 2
-        places = spread([label.y for label in self._labels], line, half, self.height() - half)
-        for label, y in zip(self._labels, places, strict=True):
+        positions = spread([label.y for label in self._labels], line, half, self.height() - half)
+        for label, y in zip(self._labels, positions, strict=True):
             painter.setPen(QPen(label.colour, 1))
             painter.drawLine(QPointF(0, label.y), QPointF(_LEADER - 6, y))
             left = float(_LEADER)

@@ -1,4 +1,4 @@
-"""How the window looks: palettes light and dark, sizes on one 8 px grid, the axes' colours, a small style sheet."""
+"""Appearance of the window: light and dark palette, sizes on an 8 px grid, axis colours, style sheet."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -6,21 +6,22 @@ from functools import cache
 from PySide6.QtGui import QColor, QFont, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
 
-#: Every margin and distance is a multiple of this, px.
+#: Grid of margins and distances, px.
 GRID = 8
 
-#: The three text sizes, px.
+#: Text sizes, px.
 BODY, SECTION, VERDICT = 14, 18, 72
 
-#: Least height of a button, and of START and STOP, px.
+#: Minimum height of a button, and of START and STOP, px.
 BUTTON, BIG_BUTTON = 44, 64
 
-#: Height of the bar with the tabs, px.
+#: Height of the tab bar, px.
 TOP_BAR = 56
 
-#: x, y and z wherever they are drawn, safe for colour-blind eyes, in both themes.
+#: Colours of x, y and z in both themes, safe for colour-blind viewers.
 AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
 
+#: Font families in order of preference.
 FAMILIES = [
     "Segoe UI",
     "Noto Sans",
@@ -34,7 +35,7 @@ FAMILIES = [
 
 @dataclass(frozen=True)
 class Colours:
-    """One theme's colours as ``#rrggbb``; a state's colour always stands beside a word and a shape."""
+    """Colours of a theme as ``#rrggbb``."""
 
     window: str
     panel: str
@@ -86,23 +87,23 @@ _current = "light"
 
 
 def colours() -> Colours:
-    """The colours in force."""
+    """Colours of the current theme."""
     return COLOURS[_current]
 
 
 def current() -> str:
-    """Name of the theme in force."""
+    """Name of the current theme."""
     return _current
 
 
 def apply(name: str) -> None:
-    """Put a theme in force for the whole application."""
+    """Switch the whole application to a theme."""
     global _current
     app = QApplication.instance()
     assert isinstance(app, QApplication)
     name = name if name in COLOURS else "light"
     if name == _current and app.styleSheet():
-        return  # dressing every widget anew takes long
+        return  # a new style sheet polishes every widget again, which takes long
     _current = name
     app.setPalette(palette(colours()))
     app.setStyleSheet(style_sheet(colours()))
@@ -145,7 +146,7 @@ def palette(c: Colours) -> QPalette:
 
 
 def style_sheet(c: Colours) -> str:
-    """What a palette cannot say: heights, and the fills of START and STOP."""
+    """Heights, borders and fills, which a palette cannot set."""
     return f"""
     QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox {{ min-height: {BUTTON - 2 * GRID}px; }}
     QLineEdit {{ padding: 0 {GRID // 2}px; }}
@@ -221,7 +222,7 @@ def style_sheet(c: Colours) -> str:
 
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:
-    """The window's font at one of its sizes, px; figures are tabular, so that numbers stand still."""
+    """The font of the window at a size in px, with tabular figures."""
     return QFont(_font(size, bold))
 
 
@@ -237,7 +238,7 @@ def _font(size: int, bold: bool) -> QFont:
 
 
 def set_kind(widget: QWidget, kind: str) -> None:
-    """Give a widget one of the style sheet's kinds: primary, panel, section, muted, error."""
+    """Give a widget a kind of the style sheet: primary, panel, section, muted, error."""
     widget.setProperty("kind", kind)
     widget.style().unpolish(widget)
     widget.style().polish(widget)

@@ -8,9 +8,8 @@ from calstation.connection.live_imu import SECONDS, OtherUnit
 from calstation.gui.logs.methods.figures import Figure, three_digits
 from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.elided import ElidedLabel
-from calstation.gui.widgets.empty_state import EmptyState
 from calstation.gui.widgets.jobs import JobRow, JobWatch
+from calstation.gui.widgets.labels import ElidedLabel, EmptyState
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
 from calstation.results.plots.applied import Applied
 

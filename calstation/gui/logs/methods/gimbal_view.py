@@ -10,7 +10,7 @@ from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.logs.methods.scrolled import scrolled
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.elided import ElidedLabel
+from calstation.gui.widgets.labels import ElidedLabel
 from calstation.physics.arrays import FloatArray
 from calstation.physics.units import ARCSECOND
 from calstation.results.plots.gimbal import GimbalAxis, GimbalPlotData
