@@ -1,6 +1,5 @@
 """What the operator page is made of: words, advice, buffers and labels, without a window."""
 
-import ast
 import string
 import xml.etree.ElementTree as ElementTree
 from itertools import pairwise
@@ -9,83 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 import calstation
-from calstation.cli import wording as terminal
 from calstation.config.summary import RunSummary
 from calstation.gui.operator import advice
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.starting import suggested_serial
 from calstation.gui.operator.traces import RingBuffer
-from calstation.gui.text import language
-from calstation.gui.text.fault_wording import known, word_fault
-from calstation.gui.text.wording import word_message, word_step
 from calstation.gui.widgets.plot import spread
 
 PACKAGE = Path(calstation.__file__).parent
-RUNNING = ("sequencer/guard.py", "sequencer/pulse.py", "sequencer/preflight.py", "sequencer/steps.py")
-
-
-def raised(path: Path) -> list[str]:
-    """Every sentence that a file raises as an error or gives to a wait, its values replaced."""
-    found = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call):
-            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
-            if name in ("DeviceFaultError", "ConfigurationError", "wait"):
-                found += [_text(argument) for argument in node.args]
-    return [text for text in found if text.startswith(("table: ", "IMU: "))]
-
-
-def _text(node: ast.expr) -> str:
-    if isinstance(node, ast.Constant) and isinstance(node.value, str):
-        return node.value
-    if isinstance(node, ast.JoinedStr):
-        return "".join(str(p.value) if isinstance(p, ast.Constant) else "7" for p in node.values)
-    return ""
-
-
-@pytest.mark.parametrize("file", RUNNING)
-def test_every_fault_of_a_run_can_be_said_in_every_language(file: str) -> None:
-    sentences = raised(PACKAGE / file)
-    assert sentences
-    assert [text for text in sentences if not known(text)] == []
-
-
-def test_a_fault_is_place_reason_and_mend_in_both_languages(qapp: QApplication) -> None:
-    text = "IMU: the unit answers to serial number 'A', not 'B'; check the unit in the fixture and the number given"
-    said = word_fault("DeviceFaultError", text)
-    assert (said.cause, said.place) == ("imu", "IMU")
-    assert said.reason == "The unit answers to serial number 'A', not 'B'."
-    assert said.mend == "Check the unit in the fixture and the number given."
-    language.use("zh_CN")
-    try:
-        said = word_fault("DeviceFaultError", text)
-        assert said.place == "惯组"
-        assert said.reason == "产品回答的编号是“A”，不是“B”。"
-        assert said.mend == "请核对夹具上的产品和输入的编号。"
-    finally:
-        language.use("en")
-
-
-def test_a_mistake_of_the_program_is_no_traceback() -> None:
-    said = word_fault("internal", 'Traceback\n  File "x"\nKeyError: 3')
-    assert said.cause == "engine"
-    assert "KeyError: 3" in said.reason
-    assert "Traceback" not in said.reason
-
-
-def test_every_message_of_the_terminal_has_words_in_the_window() -> None:
-    for key, template in terminal.MESSAGES.items():
-        fields = {name: 1.0 for _, name, _, _ in string.Formatter().parse(template) if name}
-        assert not word_message(key, fields).startswith(key.replace("_", " ")), key
-    for reason in terminal.REASONS:
-        assert f"({reason})" not in word_message("step_repeated", {"reason": reason, "attempt": 1})
-    for key, template in terminal.STEPS.items():
-        label = (key, 90.0, 90.0) if "{1:" in template else (key, "x", 90.0)
-        assert word_step("move", label) == template.format(*label)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from calstation.cli.wording import MESSAGES
 from calstation.config.user import computer_user
 from calstation.estimation.common.context import Belief
-from calstation.gui.text.wording import word_message
+from calstation.gui.text.messages import event_sentence
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.results.history import History
 from calstation.results.merge_previous import InForce, found_better, given
@@ -100,6 +100,6 @@ def test_a_part_keeps_and_says_so(place: Place, monkeypatch: pytest.MonkeyPatch)
     assert registers["new"]["accel_scale_y"] != registers["old"]["accel_scale_y"]
     assert registers["verified"]
     (told,) = (message for message in place.told(Message) if message.id == "better_kept")
-    for said in (word_message(told.id, told.values), MESSAGES[told.id].format(**told.values)):
+    for said in (event_sentence(told.id, told.values), MESSAGES[told.id].format(**told.values)):
         assert said.startswith("accel_scale_x kept: ")
         assert said.endswith(" ppm now.")

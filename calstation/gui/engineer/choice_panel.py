@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QScrollA
 from calstation.config.schedules import Offer
 from calstation.gui.engineer.parts import Parts
 from calstation.gui.engineer.schedule_form import ScheduleForm
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 
 
@@ -154,7 +154,7 @@ class ChoicePanel(QFrame):
 
     def _head(self) -> None:
         stage = self.parts.current
-        self._heading.setText(self.tr("Schedule: {0}").format(word_stage(stage)) if stage else "")
+        self._heading.setText(self.tr("Schedule: {0}").format(term("stage", stage)) if stage else "")
 
     def _reset(self) -> None:
         self._forms[self.parts.current].reset()

@@ -3,7 +3,7 @@
 from PySide6.QtCore import QCoreApplication
 
 from calstation.config.schedules import Problem, ScheduleField
-from calstation.gui.text.wording import word_group
+from calstation.gui.text.messages import term
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
 _CONTEXT = "schedule"
@@ -94,7 +94,7 @@ def word_range(field: ScheduleField) -> str:
 def word_problem(field: ScheduleField, problem: Problem) -> str:
     """What is wrong with a field's value, and the mend."""
     unit = f" {field.unit}" if field.unit else ""
-    subject = f"{word_group(problem.subject)}: " if problem.subject else ""
+    subject = f"{term('group', problem.subject)}: " if problem.subject else ""
     if problem.kind == "table":
         return _say(QT_TRANSLATE_NOOP("schedule", "The table does {0:g}{1} at most; lower it.")).format(
             problem.bound, unit

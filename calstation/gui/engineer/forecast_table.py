@@ -4,7 +4,7 @@ from functools import partial
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets.parameter_table import Column
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 from calstation.physics.parameters import INDEX, NAMES
@@ -38,7 +38,7 @@ def columns(forecast: Preview) -> list[Column]:
     for number, stage in enumerate(forecast.stages):
         made.append(
             Column(
-                partial(word_stage, stage.stage),
+                partial(term, "stage", stage.stage),
                 partial(_sigma_after, forecast, number),
                 hint=partial(_hint, forecast, number),
             )

@@ -7,7 +7,7 @@ from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui.engineer.bands import dashed
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.plot import ThemedPlot
@@ -71,7 +71,7 @@ class InnovationsView(QWidget):
         self.stage_combo.clear()
         for stage in diagnostics.stages:
             if stage.innovations is not None:
-                self.stage_combo.addItem(word_stage(stage.stage), stage.stage)
+                self.stage_combo.addItem(term("stage", stage.stage), stage.stage)
         sizes = [0 if s.innovations is None else len(s.innovations.seq) for s in diagnostics.stages]
         longest = diagnostics.stages[int(np.argmax(sizes))].stage if sizes else ""
         self.stage_combo.setCurrentIndex(max(self.stage_combo.findData(longest), 0))
@@ -86,7 +86,7 @@ class InnovationsView(QWidget):
         self._caption.setText(self.tr("Stage"))
         self.plots[2].setLabel("bottom", self.tr("time in the stage, min"))
         for index in range(self.stage_combo.count()):
-            self.stage_combo.setItemText(index, word_stage(self.stage_combo.itemData(index)))
+            self.stage_combo.setItemText(index, term("stage", self.stage_combo.itemData(index)))
         self._draw()
         self._tell_nis()
 
@@ -180,7 +180,7 @@ class InnovationsView(QWidget):
                 )
             else:
                 badge.show_state("good", self.tr("inside"))
-            texts = (word_stage(stage.stage), f"{c.nis_mean:.3f}", f"{c.nis_low:.3f} – {c.nis_high:.3f}")
+            texts = (term("stage", stage.stage), f"{c.nis_mean:.3f}", f"{c.nis_low:.3f} – {c.nis_high:.3f}")
             for column, text in enumerate(texts):
                 self._nis.addWidget(QLabel(text), line, column)
             self._nis.addWidget(badge, line, 3)

@@ -6,7 +6,7 @@ from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from calstation.gui.engineer.bands import Bands, dashed
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.results.preview import Preview
@@ -52,7 +52,7 @@ class MotionPlot(QWidget):
             return
         c = theme.colours()
         minutes = forecast.time / 60.0
-        stages = [(word_stage(s.stage), s.begin / 60.0, s.end / 60.0) for s in forecast.stages]
+        stages = [(term("stage", s.stage), s.begin / 60.0, s.end / 60.0) for s in forecast.stages]
         for plot, bands, angle, travel in zip(
             self.plots, self._bands, (forecast.outer, forecast.inner), forecast.travel, strict=True
         ):

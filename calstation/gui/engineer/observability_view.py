@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.text.wording import word_group, word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.labels import EmptyState
 from calstation.physics.arrays import FloatArray
@@ -72,7 +72,7 @@ class ObservabilityView(QWidget):
         self.stage_combo.blockSignals(True)
         self.stage_combo.clear()
         for name in self._stages:
-            self.stage_combo.addItem(word_stage(name), name)
+            self.stage_combo.addItem(term("stage", name), name)
         self.stage_combo.blockSignals(False)
         self._draw()
 
@@ -80,7 +80,7 @@ class ObservabilityView(QWidget):
         """Say everything again in the language in force."""
         self._caption.setText(self.tr("Stage"))
         for index in range(self.stage_combo.count()):
-            self.stage_combo.setItemText(index, word_stage(self.stage_combo.itemData(index)))
+            self.stage_combo.setItemText(index, term("stage", self.stage_combo.itemData(index)))
         self._empty.say(
             self.tr("No observability to show"),
             self.tr("Only stages solved by the filter tell it: the excitation and the azimuth flips."),
@@ -265,4 +265,4 @@ def word_state_group(group: str) -> str:
     return {
         "attitude_error": QCoreApplication.translate("HeatMap", "attitude"),
         "velocity_error": QCoreApplication.translate("HeatMap", "velocity"),
-    }.get(group) or word_group(group)
+    }.get(group) or term("group", group)

@@ -27,7 +27,7 @@ from calstation.gui.engineer.result_analysis import ResultAnalysis
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
-from calstation.gui.text.wording import word_busy, word_stage
+from calstation.gui.text.messages import say, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.labels import ElidedLabel
@@ -192,7 +192,7 @@ class EngineerPage(Page):
         self.notice.ask(
             "caution",
             lambda: self.tr("Save the schedule of {0} to the product {1}?").format(
-                word_stage(stage), product
+                term("stage", stage), product
             ),
             lambda: self.tr(
                 "Every later run of this product uses it. The present version is kept; this one is saved under the "
@@ -304,7 +304,7 @@ class EngineerPage(Page):
 
     def _allow(self) -> None:
         running = self.app.engine_link.running
-        busy = word_busy(self.app.run.errand) if running else ""
+        busy = say("window.busy_registers" if self.app.run.errand else "window.busy_run") if running else ""
         role = (
             ""
             if self.app.role.engineer
@@ -334,7 +334,7 @@ class EngineerPage(Page):
             return self.tr("Choose at least one stage.")
         if self.choice.unsound:
             return self.tr("Mend the schedule of {0} first.").format(
-                ", ".join(word_stage(stage) for stage in self.choice.unsound)
+                ", ".join(term("stage", stage) for stage in self.choice.unsound)
             )
         return ""
 

@@ -3,7 +3,7 @@
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QFrame, QHBoxLayout, QLabel, QToolButton, QVBoxLayout, QWidget
 
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 
 #: Stages of each part, by the part's object name's end.
@@ -207,7 +207,7 @@ class _StageRow(QFrame):
 
     def retranslate(self) -> None:
         """Say it again in the language in force."""
-        name = word_stage(self.stage)
+        name = term("stage", self.stage)
         self.check.setText(name)
         self.up.setToolTip(self.tr("{0} one place earlier").format(name))
         self.down.setToolTip(self.tr("{0} one place later").format(name))

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
 from calstation.gui.engineer import forecast_table
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.motion_plot import MotionPlot
-from calstation.gui.text.wording import word_stage, word_step, word_time
+from calstation.gui.text.messages import duration_text, step_sentence, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.jobs import JobRow, JobWatch
@@ -151,17 +151,19 @@ class PreviewView(QWidget):
             self._summary.setText("")
         else:
             moves = sum(stage.moves for stage in forecast.stages)
-            said = self.tr("{0} in all, {1} moves").format(word_time(forecast.duration), moves)
+            said = self.tr("{0} in all, {1} moves").format(duration_text(forecast.duration), moves)
             if self._stale:
                 said = self.tr("{0}; the choice has changed since, preview again").format(said)
             self._summary.setText(said)
             self._judge(forecast)
             if not self._stale:
                 lines += [self._word(violation) for violation in forecast.violations]
-                lines += [f"{word_stage(s.stage)}: {one_line(s.error)}" for s in forecast.stages if s.error]
+                lines += [
+                    f"{term('stage', s.stage)}: {one_line(s.error)}" for s in forecast.stages if s.error
+                ]
                 lines += [
                     self.tr("{0}: {1} rounds do not reach its targets; give it rounds or a duration.").format(
-                        word_stage(s.stage), s.rounds
+                        term("stage", s.stage), s.rounds
                     )
                     for s in forecast.stages
                     if s.reason == "" and not forecast.violations
@@ -194,10 +196,10 @@ class PreviewView(QWidget):
 
     def _word(self, broken: Violation) -> str:
         """A broken limit with its step and the mend."""
-        stage = word_stage(broken.stage)
+        stage = term("stage", broken.stage)
         if broken.kind == "plan":
             return f"{stage}: {one_line(broken.text)}"
-        where = self.tr("{0}, move {1} ({2})").format(stage, broken.step, word_step("move", broken.label))
+        where = self.tr("{0}, move {1} ({2})").format(stage, broken.step, step_sentence("move", broken.label))
         if broken.more:
             where = self.tr("{0} and {1} more").format(where, broken.more)
         value, low, high = (float(v) for v in np.rad2deg([broken.value, broken.low, broken.high]))

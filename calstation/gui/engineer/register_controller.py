@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Signal
 from calstation.config.request import RegisterOperation, RunRequest
 from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.wording import word_message, word_step
+from calstation.gui.text.messages import event_sentence, step_sentence
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.registers.manual import UnitRegisters, Wanted, read_unit, wanted_registers
 from calstation.results.finished_run import Finished
@@ -117,10 +117,10 @@ class RegisterController(QObject):
             key, values = event.id, event.values
             if key in _LEFT:
                 self._left = key
-            self.view.tell(lambda: word_message(key, values))
+            self.view.tell(lambda: event_sentence(key, values))
         elif isinstance(event, StepStarted):
             kind, label = event.kind, event.label
-            self.view.tell(lambda: word_step(kind, label))
+            self.view.tell(lambda: step_sentence(kind, label))
         elif isinstance(event, Settled):
             self._errand = None
             if event.closing == "stopped":
@@ -136,4 +136,4 @@ class RegisterController(QObject):
 
     def _word_stopped(self, left: str) -> str:
         """How a stop has left the unit."""
-        return word_message(left, {}) if left else self.tr("Stopped before anything was written.")
+        return event_sentence(left, {}) if left else self.tr("Stopped before anything was written.")

@@ -9,7 +9,7 @@ from PySide6.QtGui import QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from calstation.gui.engineer.bands import Band, Bands
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.labels import ElidedLabel
 from calstation.gui.widgets.plot import ThemedPlot
@@ -99,7 +99,7 @@ class ResidualsView(QWidget):
         for stage in stages:
             begin = len(self._places)
             self._places += [(stage, k) for k in range(len(stage.rests))]
-            bands.append((word_stage(stage.stage), begin - 0.5, len(self._places) - 0.5))
+            bands.append((term("stage", stage.stage), begin - 0.5, len(self._places) - 0.5))
         for band in self._bands:
             band.show(bands)
         columns = self._columns(stages)
@@ -165,7 +165,7 @@ class ResidualsView(QWidget):
         rests = stage.rests
         x, y, z = (float(v) for v in rests.up[i])
         said = self.tr("{0}, rest {1}, up ({2:+.2f}, {3:+.2f}, {4:+.2f})").format(
-            word_stage(stage.stage), i + 1, x, y, z
+            term("stage", stage.stage), i + 1, x, y, z
         )
         if np.isfinite(rests.angles[i]).all():
             outer, inner = np.rad2deg(rests.angles[i])

@@ -14,7 +14,7 @@ from calstation.gui.engineer.result_view import ResultView
 from calstation.gui.engineer.verdict_wording import word_verdict
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.wording import word_state
+from calstation.gui.text.messages import term
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.results.diagnostics import Diagnostics, diagnose
 from calstation.results.finished_run import Finished, finished
@@ -124,6 +124,8 @@ class ResultAnalysis(QObject):
             lazy.show_empty(word_log_error(error, path) if error else "")
 
     def _why_no_answer(self, run: Finished) -> str:
-        said = self.tr("The run ended without an answer: {0}").format(word_state(str(run.result["outcome"])))
+        said = self.tr("The run ended without an answer: {0}").format(
+            term("badge", str(run.result["outcome"]))
+        )
         error = run.result.get("error")
         return f"{said}. {one_line(str(error))}" if error else said

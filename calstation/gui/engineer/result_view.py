@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 from calstation.gui.engineer.verdict_wording import word_verdict
 from calstation.gui.history.run_table import local_time
 from calstation.gui.text.check_wording import of_parameter
-from calstation.gui.text.wording import KINDS, word_stage
+from calstation.gui.text.messages import KINDS, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.checks_table import ChecksTable
@@ -168,7 +168,7 @@ class ResultView(QWidget):
         return lambda name: self._cells[name].get(column, _NONE)
 
     def _stage(self, name: str) -> str:
-        return word_stage(self._cells[name]["stage"])
+        return term("stage", self._cells[name]["stage"])
 
     def _change_state(self, name: str) -> str | None:
         return "caution" if name in self._changed else None

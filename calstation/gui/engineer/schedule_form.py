@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
 
 from calstation.config.schedules import Offer, Problem, ScheduleField, problems, schedule_fields
 from calstation.gui.engineer.field_wording import word_description, word_field, word_problem
-from calstation.gui.text.wording import word_group
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.physics.units import DISPLAY
 
@@ -327,7 +327,7 @@ class _Targets(_Row):
         """Groups' names too."""
         super().retranslate()
         for group, caption in self._captions.items():
-            caption.setText(word_group(group))
+            caption.setText(term("group", group))
 
 
 def _row(stage: str, field: ScheduleField, groups: tuple[str, ...]) -> "_Row | None":

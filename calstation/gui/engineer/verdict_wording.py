@@ -5,7 +5,7 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.text.wording import word_stage, word_state
+from calstation.gui.text.messages import term
 
 
 def word_verdict(result: Mapping[str, Any], *, stages: bool = True) -> str:
@@ -13,10 +13,10 @@ def word_verdict(result: Mapping[str, Any], *, stages: bool = True) -> str:
 
     stages : name them; else only ``PASS (part)``
     """
-    word = word_state(str(result["outcome"]))
+    word = term("badge", str(result["outcome"]))
     if not result.get("part") or not result["stages"]:
         return word
     if not stages:
         return QCoreApplication.translate("verdict", "{0} (part)").format(word)
-    named = ", ".join(word_stage(stage) for stage in result["stages"])
+    named = ", ".join(term("stage", stage) for stage in result["stages"])
     return QCoreApplication.translate("verdict", "{0} (part: {1})").format(word, named)

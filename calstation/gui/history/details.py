@@ -18,8 +18,7 @@ from PySide6.QtWidgets import (
 from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import advice
-from calstation.gui.text.fault_wording import word_fault
-from calstation.gui.text.wording import KINDS, word_message, word_state, word_time
+from calstation.gui.text.messages import KINDS, duration_text, event_sentence, legacy_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.labels import ElidedLabel
@@ -94,7 +93,7 @@ class RunDetails(QFrame):
         if run is None:
             return
         self._serial.setText(run.serial)
-        self.badge.show_state(KINDS.get(run.outcome, "none"), word_state(run.outcome))
+        self.badge.show_state(KINDS.get(run.outcome, "none"), term("badge", run.outcome))
         self.reason_label.setText(self._reason(run))
         failed = [] if self._result is None else [c for c in self._result["checks"] if not c["passed"]]
         lines = [f"✕  {advice.word_check(check, self._result or {})}" for check in failed[:_MOST_FAILED]]
@@ -164,8 +163,8 @@ class RunDetails(QFrame):
 
     def _reason(self, run: RunRecord) -> str:
         if run.outcome == "fault" and run.error:
-            words = word_fault("", run.error)
-            return "\n".join(text for text in (words.reason, words.mend) if text)
+            words = legacy_text(run.error)
+            return "\n".join(text for text in (words.reason, words.remedy) if text)
         if run.outcome in ("passed", "failed") and self._result is not None:
             if any(not check["passed"] for check in self._result["checks"]):
                 return self.tr("Outside its limits:")
@@ -183,14 +182,14 @@ class RunDetails(QFrame):
     def _stopped(self, by: str | None) -> str:
         if by in (None, "", "operator"):
             return self.tr("The run was stopped by the operator.")
-        return word_message("stopped_because", {"reason": by})
+        return event_sentence("stopped_because", {"reason": by})
 
     def _fill_facts(self, run: RunRecord) -> None:
         _empty(self._facts)
         software = (self._result or {}).get("software", {}).get("version", "")
         facts = (
             (self.tr("Started"), local_time(run.started_utc)),
-            (self.tr("Duration"), word_time(run.duration)),
+            (self.tr("Duration"), duration_text(run.duration)),
             (self.tr("Product"), run.product or ""),
             (self.tr("Attempt"), str(run.attempt)),
             (self.tr("Station"), run.station or ""),

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from PySide6.QtCore import QEvent, QTimer, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QLineEdit, QWidget
 
-from calstation.gui.text.wording import word_state
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 
 _OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
@@ -97,7 +97,7 @@ class Filters(QWidget):
         self.search_edit.setPlaceholderText(self.tr("Serial number, date, product, operator"))
         for index, outcome in enumerate(_OUTCOMES):
             self.outcome_combo.setItemText(
-                index, self.tr("Every outcome") if outcome is None else word_state(outcome)
+                index, self.tr("Every outcome") if outcome is None else term("badge", outcome)
             )
         times = (
             self.tr("Any time"),

@@ -16,7 +16,7 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
-from calstation.gui.text.wording import KINDS, word_stage, word_state, word_time
+from calstation.gui.text.messages import KINDS, duration_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
 from calstation.records.run_index import RunRecord
@@ -43,13 +43,13 @@ class RunModel(QAbstractTableModel):
         super().__init__()
         self.runs: tuple[RunRecord, ...] = ()
         self._columns = (
-            _Column(lambda: self.tr("Outcome"), lambda run: word_state(run.outcome)),
+            _Column(lambda: self.tr("Outcome"), lambda run: term("badge", run.outcome)),
             _Column(lambda: self.tr("Serial number"), lambda run: run.serial),
             _Column(lambda: self.tr("Started"), lambda run: local_time(run.started_utc)),
             _Column(lambda: self.tr("Product"), lambda run: run.product or ""),
             _Column(lambda: self.tr("Attempt"), lambda run: str(run.attempt), number=True),
             _Column(lambda: self.tr("Operator"), lambda run: run.operator or ""),
-            _Column(lambda: self.tr("Duration"), lambda run: word_time(run.duration), number=True),
+            _Column(lambda: self.tr("Duration"), lambda run: duration_text(run.duration), number=True),
             _Column(lambda: self.tr("Stages"), lambda run: stages_text(run)),
         )
 
@@ -202,4 +202,4 @@ def utc_text(started_utc: str) -> str:
 def stages_text(run: RunRecord) -> str:
     """The stages that were solved."""
     comma = QCoreApplication.translate("RunModel", ", ")
-    return comma.join(word_stage(stage) for stage in run.stages)
+    return comma.join(term("stage", stage) for stage in run.stages)

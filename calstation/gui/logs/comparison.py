@@ -7,7 +7,7 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui.logs.log_wording import word_log_error
-from calstation.gui.text.wording import KINDS, word_message, word_stage, word_state
+from calstation.gui.text.messages import KINDS, event_sentence, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
@@ -173,7 +173,7 @@ class Comparison(QWidget):
                 self.online_badge.show_state("none", self.tr("The log holds no result of a run"))
         else:
             outcome = str(stored["outcome"])
-            self.online_badge.show_state(KINDS.get(outcome, "none"), word_state(outcome))
+            self.online_badge.show_state(KINDS.get(outcome, "none"), term("badge", outcome))
         if self._solved is None:
             self.offline_badge.show_state("none", self.tr("Not solved yet"))
             self.note_label.setText("")
@@ -218,7 +218,7 @@ class Comparison(QWidget):
             )
         run = None if self._log_index.stored is None else self._log_index.stored["stages"]
         if run and run != result["stages"]:
-            stages = self.tr(", ").join(word_stage(stage) for stage in result["stages"])
+            stages = self.tr(", ").join(term("stage", stage) for stage in result["stages"])
             notes.append(self.tr("Stages solved: {0}.").format(stages))
         if self._lost:
             notes.append(
@@ -227,7 +227,7 @@ class Comparison(QWidget):
                 )
             )
         notes += [word_log_error(sentence) for sentence in self._solved.lacking]
-        return notes + [word_message(key, values) for key, values in self._solved.messages]
+        return notes + [event_sentence(key, values) for key, values in self._solved.messages]
 
 
 def _figures(parameters: Mapping[str, Any]) -> dict[str, tuple[float, float]]:

@@ -5,7 +5,7 @@ from PySide6.QtGui import QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from calstation.gui.logs.marks import draw_sign
-from calstation.gui.text.wording import word_time
+from calstation.gui.text.messages import duration_text
 from calstation.gui.widgets import theme
 from calstation.results.plots.index import LogIndex
 
@@ -73,7 +73,7 @@ class LogHead(QWidget):
             return
         facts = log.facts
         parts = [log.meta.imu.serial]
-        parts.append(word_time(facts.samples / log.rate))
+        parts.append(duration_text(facts.samples / log.rate))
         parts.append(
             self.tr("{0} samples, {1} Hz").format(f"{facts.samples:,}".replace(",", " "), f"{log.rate:g}")
         )

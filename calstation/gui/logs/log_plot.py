@@ -1,5 +1,6 @@
 """A whole log drawn at once: gyro, accelerometer and table angles over time, zoomable down to the sample."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from calstation.gui.logs.log_columns import LogColumns, Wanted, parted
 from calstation.gui.logs.marks import Backdrop, Marked, Strip
 from calstation.gui.logs.range_item import RangeItem
 from calstation.gui.logs.time_axis import TimeAxis
-from calstation.gui.text import wording
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.results.plots.index import LogIndex
 from calstation.results.plots.min_max_pyramid import CHANNELS, Columns
@@ -70,7 +71,7 @@ class LogPlot(QWidget):
         self._strip.setMinimumHeight(_STRIP)
         self._strip.setYRange(0, 1, padding=0)
         self._strip.getAxis("left").setStyle(tickLength=0, showValues=False)
-        self._add_layer(self._strip, Strip(wording.word_stage))
+        self._add_layer(self._strip, Strip(partial(term, "stage")))
         for row, channels in enumerate(_PLOTS):
             self._plots.append(self._new_curves(row + 1, *channels))
         for plot in self._all:

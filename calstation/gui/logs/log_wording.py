@@ -11,7 +11,7 @@ from PySide6.QtCore import QCoreApplication
 
 from calstation.gui.logs.recording_wording import RECORDINGS, word_value
 from calstation.gui.text import language
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
 _SAME: tuple[str, ...] = (
@@ -146,7 +146,7 @@ def word_log_error(text: str, path: Path | None = None) -> str:
 
 def _stage_or_text(value: str) -> str:
     """A stage's name or a phrase in words; anything else as it is."""
-    word = word_stage(value)
+    word = term("stage", value)
     return word_value(value) if word == value.replace("_", " ") else word
 
 

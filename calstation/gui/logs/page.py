@@ -30,7 +30,7 @@ from calstation.gui.logs.stage_choice import StageChoice
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.labels import EmptyState
@@ -323,7 +323,7 @@ class OfflinePage(Page):
             self._pointer.setText("")
             return
         time = time_text((seq - log.facts.first_seq) / log.rate, 1.0 / log.rate)
-        stage = next((word_stage(s.stage) for s in log.spans if s.first_seq <= seq <= s.last_seq), "")
+        stage = next((term("stage", s.stage) for s in log.spans if s.first_seq <= seq <= s.last_seq), "")
         self._pointer.setText(self.tr("Sample {0}").format(seq) + f"   {time}   {stage}")
 
     # What is allowed, and why not

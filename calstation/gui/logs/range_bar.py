@@ -12,7 +12,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.text.wording import word_stage, word_time
+from calstation.gui.text.messages import duration_text, term
 from calstation.gui.widgets import theme
 from calstation.results.plots.index import LogIndex
 
@@ -135,7 +135,7 @@ class RangeBar(QWidget):
             return
         facts = self._log_index.facts
         parts = [(self.tr("Whole log"), facts.first_seq, facts.last_seq)]
-        parts += [(word_stage(s.stage), s.first_seq, s.last_seq) for s in self._log_index.spans]
+        parts += [(term("stage", s.stage), s.first_seq, s.last_seq) for s in self._log_index.spans]
         for word, first, last in parts:
             action = self._menu.addAction(word)
             action.triggered.connect(lambda _=False, part=(first, last): self._choose(*part))
@@ -185,4 +185,4 @@ class RangeBar(QWidget):
             self.length_label.setText("")
             return
         first, last = self.range
-        self.length_label.setText(word_time((last - first + 1) / self._log_index.rate))
+        self.length_label.setText(duration_text((last - first + 1) / self._log_index.rate))

@@ -3,7 +3,7 @@
 from PySide6.QtCore import QEvent, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QWidget
 
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.results.plots.index import LogIndex
 
@@ -70,7 +70,7 @@ class StageChoice(QWidget):
         """Say everything again in the language in force."""
         held = self.held
         for stage, box in self._boxes.items():
-            box.setText(word_stage(stage))
+            box.setText(term("stage", stage))
             box.setToolTip("" if stage in held else self.tr("The range holds no sample of this stage"))
 
     def changeEvent(self, event: QEvent) -> None:

@@ -8,7 +8,7 @@ from PySide6.QtCore import QCoreApplication
 
 from calstation.gui.text import check_wording
 from calstation.gui.text.check_wording import of_product
-from calstation.gui.text.wording import word_group, word_stage
+from calstation.gui.text.messages import term
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.physics.units import display, number
 
@@ -154,7 +154,7 @@ def word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     if kind == "consistency":
         return QCoreApplication.translate(
             "advice", "{stage}: the measurements do not fit together (NIS {value:.2f}, at most {limit:.2f})."
-        ).format(stage=word_stage(name), value=check["value"], limit=check["limit"])
+        ).format(stage=term("stage", name), value=check["value"], limit=check["limit"])
     if check["name"] != "unobservable parameters" and name not in INDEX:
         words = check_wording.word_check(check)
         return QCoreApplication.translate(
@@ -184,7 +184,7 @@ def word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
 def _word_parameter(name: str) -> str:
     """A parameter by its group's words and its axis."""
     group = PARAMETERS[INDEX[name]].group
-    return f"{word_group(group)} {name.removeprefix(group + '_')}"
+    return f"{term('group', group)} {name.removeprefix(group + '_')}"
 
 
 def _interval(name: str, limit: list[float]) -> str:

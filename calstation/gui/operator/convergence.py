@@ -9,7 +9,7 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui.text.wording import word_group
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import LineLabel, LineLabels, ThemedPlot
 from calstation.physics.units import DISPLAY
@@ -148,7 +148,7 @@ class Convergence(QFrame):
             if not ratios:
                 continue
             unit, size = DISPLAY[group]
-            words = word_group(group)
+            words = term("group", group)
             value = f"{_plain(ratios[-1] * self._targets[group] / size)} {unit}"
             if self.arrived(group):
                 text = self.tr("{group} {value} reached").format(group=words, value=value)

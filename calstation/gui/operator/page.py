@@ -1,6 +1,7 @@
 """The operator page: load, scan, START, watch, verdict."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Signal
@@ -31,8 +32,15 @@ from calstation.gui.operator.starting import Starting
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
-from calstation.gui.text.fault_wording import word_fault
-from calstation.gui.text.wording import KINDS, word_busy, word_message, word_stage, word_state, word_step
+from calstation.gui.text.messages import (
+    KINDS,
+    error_text,
+    event_sentence,
+    fault_text,
+    say,
+    step_sentence,
+    term,
+)
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
@@ -202,8 +210,7 @@ class OperatorPage(Page):
             self._problem, choices = misfit.words, misfit.choices()
         except CalstationError as error:
             planned = None
-            told = (type(error).__name__, str(error))
-            self._problem = lambda: word_fault(*told).sentences
+            self._problem = partial(_sentences, error)
         self._starting.run_summary = planned
         self._stages.plan(planned)
         self._loading.plan(planned)
@@ -232,7 +239,7 @@ class OperatorPage(Page):
             "caution",
             lambda: self.tr("Not the whole calibration of this product"),
             lambda: self.tr("As chosen on the Engineer page: {stages}.").format(
-                stages=", ".join(word_stage(stage) for stage in stages)
+                stages=", ".join(term("stage", stage) for stage in stages)
             ),
             [
                 Choice(
@@ -331,10 +338,10 @@ class OperatorPage(Page):
     def _refresh(self) -> None:
         run, fields = self.app.run, self._fields
         busy = self.app.engine_link.running
-        fields.set_running(word_busy(run.errand) if busy else "")
+        fields.set_running(say("window.busy_registers" if run.errand else "window.busy_run") if busy else "")
         fields.set_start(self._why_no_start())
         fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
-        self._badge.show_state(KINDS.get(run.shown, "none"), word_state(run.shown))
+        self._badge.show_state(KINDS.get(run.shown, "none"), term("badge", run.shown))
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
         self._live.refresh()
         if run.going and self.notice.asking:
@@ -363,7 +370,7 @@ class OperatorPage(Page):
         if run.fault is not None:
             return self.tr("Read the fault and press Understood first.")
         if self.app.engine_link.running:
-            return word_busy(run.errand)
+            return say("window.busy_registers" if run.errand else "window.busy_run")
         return ""
 
     def _why_no_pause(self) -> str:
@@ -379,7 +386,7 @@ class OperatorPage(Page):
     def _message_text(self) -> str:
         run = self.app.run
         if run.fault is not None:
-            return word_fault(run.fault.kind, run.fault.text).reason
+            return fault_text(run.fault).reason
         if run.state == "idle":
             return self.tr("Load a unit, scan its serial number, press START.")
         if run.state == "starting":
@@ -397,12 +404,16 @@ class OperatorPage(Page):
         if run.said is None:
             return ""
         what, key, values = run.said
-        return word_message(key, values) if what == "message" else word_step(key, values)
+        return event_sentence(key, values) if what == "message" else step_sentence(key, values)
 
 
 def _products() -> list[tuple[str, Path]]:
     """All products by name."""
     return [(name, library.find("products", name)) for name in library.names("products")]
+
+
+def _sentences(error: CalstationError) -> str:
+    return error_text(error).sentences
 
 
 def _stack(*pages: QWidget) -> QStackedWidget:

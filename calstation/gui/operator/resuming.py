@@ -11,7 +11,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.starting import Starting
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.wording import word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.runs.close_incomplete import close_run
@@ -83,7 +83,7 @@ class Resuming(QObject):
         self._notice.ask(
             "paused",
             lambda: self.tr("{serial} was interrupted in stage {number}, {stage}").format(
-                serial=run.serial, number=number, stage=word_stage(stage)
+                serial=run.serial, number=number, stage=term("stage", stage)
             ),
             lambda: self.tr("Begun {when} UTC. Is this unit still in the fixture, untouched?").format(
                 when=when

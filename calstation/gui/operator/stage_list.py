@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 
 from calstation.config.summary import RunSummary
 from calstation.gui.shell.run_status import RunStatus, StageState, planned
-from calstation.gui.text.wording import word_stage, word_time
+from calstation.gui.text.messages import duration_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state, state_colour
 
@@ -151,7 +151,7 @@ class StageList(QFrame):
         kind = _SHAPES[stage.state]
         if kind == "active" and self._run.state in ("pausing", "paused"):
             kind = "paused"
-        name = f"{number + 1}  {word_stage(stage.name)}"
+        name = f"{number + 1}  {term('stage', stage.name)}"
         state, left = self._state(stage), self._time(stage, planning)
         for role, value in ((_KIND, kind), (_NAME, name), (_STATE, state), (_TIME, left)):
             if item.data(role) != value:
@@ -176,7 +176,7 @@ class StageList(QFrame):
 
     def _time(self, stage: StageState, planning: bool) -> str:
         if stage.took is not None:
-            return word_time(stage.took)
+            return duration_text(stage.took)
         if stage.state not in ("waiting", "active"):
             return ""
         if not planning and not self._run.going:
@@ -184,16 +184,16 @@ class StageList(QFrame):
         pace = 1.0 if planning else self._run.pace
         if pace is None:
             return ""
-        return word_time(self._run.left(stage) / pace)
+        return duration_text(self._run.left(stage) / pace)
 
     def _say_left(self, stages: list[StageState], planning: bool) -> None:
         run_summary = self._planned if planning else self._run.run_summary
         virtual = run_summary is not None and run_summary.virtual
         if planning and stages:
-            total = word_time(sum(stage.duration for stage in stages))
+            total = duration_text(sum(stage.duration for stage in stages))
             self._left.setText(self.tr("{time} in all").format(time=total))
         elif (remaining := self._run.remaining) is not None:
-            self._left.setText(self.tr("{time} left").format(time=word_time(remaining)))
+            self._left.setText(self.tr("{time} left").format(time=duration_text(remaining)))
         else:
             self._left.setText("")
         self._note.setText(

@@ -21,8 +21,7 @@ from calstation.connection.link_test import Order
 from calstation.gui.operator import advice
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.reset_bar import ResetBar
-from calstation.gui.text.fault_wording import resettable, word_fault
-from calstation.gui.text.wording import KINDS, word_message, word_state, word_time
+from calstation.gui.text.messages import KINDS, duration_text, event_sentence, fault_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
 from calstation.sequencer.events import Fault, Verdict
@@ -54,7 +53,7 @@ class _Head(QWidget):
     def show_state(self, state: str) -> None:
         """Show the word of a state."""
         self._kind = KINDS.get(state, "none")
-        self.word.setText(word_state(state) if state else "")
+        self.word.setText(term("badge", state) if state else "")
         self.dress()
 
     def dress(self) -> None:
@@ -161,14 +160,14 @@ class VerdictPanel(QFrame):
         """Show how a run ended; `remarks` are messages that still matter."""
         if fault is not self._fault:
             self.reset.forget()
-            self.reset.offer(fault is not None and resettable(fault.text))
+            self.reset.offer(fault is not None and fault_text(fault).resettable)
         self._state, self._verdict, self._fault, self._remarks = state, verdict, fault, tuple(remarks)
         self.retranslate()
 
     def next_action(self) -> str:
         """What to do now, in the language in force."""
         if self._fault is not None:
-            return word_fault(self._fault.kind, self._fault.text).mend
+            return fault_text(self._fault).remedy
         result = self._verdict.result if self._verdict is not None else {}
         return advice.next_action(self._state, result)
 
@@ -184,16 +183,16 @@ class VerdictPanel(QFrame):
         self.details_button.setText(self.tr("Details"))
         self._station_button.setText(self.tr("Open the station page"))
         if fault is not None:
-            words = word_fault(fault.kind, fault.text)
+            words = fault_text(fault)
             self._place.setText(self.tr("Where: {place}").format(place=words.place))
             self.reason_label.setText(words.reason)
-            self._station_button.setVisible(words.cause == "configuration")
+            self._station_button.setVisible(words.source == "configuration")
         else:
             result = self._verdict.result if self._verdict is not None else {}
             self.reason_label.setText(advice.reason(self._state, result))
         self.action_label.setText(self.next_action())
         self.action_label.setVisible(bool(self.action_label.text()))
-        self._notes.setText("\n".join(dict.fromkeys(word_message(*remark) for remark in self._remarks)))
+        self._notes.setText("\n".join(dict.fromkeys(event_sentence(*remark) for remark in self._remarks)))
         self._notes.setVisible(bool(self._remarks))
         self.reset.retranslate()
         self._say_facts()
@@ -220,7 +219,7 @@ class VerdictPanel(QFrame):
         facts = [
             str(result["unit"]["serial"]),
             self.tr("attempt {count}").format(count=result["attempt"]),
-            self.tr("{time} of table time").format(time=word_time(result["duration_s"])),
+            self.tr("{time} of table time").format(time=duration_text(result["duration_s"])),
         ]
         registers = result.get("registers")
         if registers and registers.get("verified"):

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QHeaderView, QTreeWidget, QTreeWidgetItem
 from calstation.config.frame_size import frame_size
 from calstation.config.schedules import UNITS
 from calstation.gui.engineer.field_wording import word_field
-from calstation.gui.text.wording import word_group, word_stage
+from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.physics.parameters import GROUPS
 from calstation.physics.units import (
@@ -42,7 +42,7 @@ def _product(data: Mapping[str, Any]) -> list[Section]:
         (translate("station_readable", "Name"), _text(data.get("name"))),
         (translate("station_readable", "IMU profile"), _text(data.get("imu"))),
         (translate("station_readable", "Serial number (pattern)"), _text(data.get("serial_pattern"))),
-        (translate("station_readable", "Stages"), " → ".join(word_stage(stage) for stage in stages)),
+        (translate("station_readable", "Stages"), " → ".join(term("stage", stage) for stage in stages)),
         (translate("station_readable", "Warm-up"), f"{_text(warm_up.get('time_s', 0.0))} s"),
         (
             translate("station_readable", "Load angle"),
@@ -61,7 +61,9 @@ def _product(data: Mapping[str, Any]) -> list[Section]:
             lines = [
                 (word_field(key), f"{_text(value)} {_unit(key)}".strip()) for key, value in schedule.items()
             ]
-            sections.append((translate("station_readable", "Schedule: {0}").format(word_stage(stage)), lines))
+            sections.append(
+                (translate("station_readable", "Schedule: {0}").format(term("stage", stage)), lines)
+            )
     limits = [
         (_group_name(name), _limit(name, limit))
         for name, limit in _table(data, "limits").items()
@@ -236,7 +238,7 @@ def _group_of(name: str) -> str:
 
 def _group_name(name: str) -> str:
     group = _group_of(name)
-    return word_group(name) if group == name else f"{word_group(group)} {name.rpartition('_')[2]}"
+    return term("group", name) if group == name else f"{term('group', group)} {name.rpartition('_')[2]}"
 
 
 def _in_group(name: str, value: Any, sign: str = "") -> str:
@@ -256,7 +258,7 @@ def _limit(name: str, limit: Mapping[str, Any]) -> str:
         parts.append(f"σ ≤ {_in_group(name, limit['sigma_below'])}")
     for stage, sigma in _table(limit, "sigma_below_after").items():
         text = translate("station_readable", "σ ≤ {0} after “{1}” alone")
-        parts.append(text.format(_in_group(name, sigma), word_stage(stage)))
+        parts.append(text.format(_in_group(name, sigma), term("stage", stage)))
     return ";  ".join(parts)
 
 

@@ -4,7 +4,7 @@ from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QProgressBar, QWidget
 
 from calstation.gui.shell.run_status import RunStatus
-from calstation.gui.text.wording import KINDS, word_stage, word_state, word_time
+from calstation.gui.text.messages import KINDS, duration_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 
@@ -34,16 +34,16 @@ class RunStrip(QWidget):
     def refresh(self) -> None:
         """Follow the run."""
         run = self._run
-        words = word_state(run.shown)
+        words = term("badge", run.shown)
         if run.ended or run.fault is not None:  # of a unit that is named nowhere else on the page
             words = f"{run.serial}  ·  {words}"
         self._badge.show_state(KINDS.get(run.shown, "none"), words)
         parts = []
         if run.stage is not None:
-            parts.append(word_stage(run.stage.name))
+            parts.append(term("stage", run.stage.name))
             parts.append(f"{100.0 * run.stage.fraction:.0f} %")
         if run.remaining is not None:
-            parts.append(self.tr("{time} left").format(time=word_time(run.remaining)))
+            parts.append(self.tr("{time} left").format(time=duration_text(run.remaining)))
         self._text.setText("  ·  ".join(parts))
         self._bar.setVisible(run.going)
         self._bar.setValue(round(1000 * run.fraction))

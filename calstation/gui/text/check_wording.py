@@ -7,7 +7,7 @@ from typing import Any
 from PySide6.QtCore import QCoreApplication
 
 from calstation.config.site_check import LATITUDE
-from calstation.gui.text.wording import word_group, word_stage
+from calstation.gui.text.messages import term
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
 from calstation.physics.units import ARCSECOND, DEGREE, MICRO_G, display
@@ -97,7 +97,7 @@ def word_check_name(name: str) -> str:
     first, _, rest = name.partition(" ")
     if rest == "consistency":
         return QCoreApplication.translate("checks", "{0}: the measurements fit together (NIS)").format(
-            word_stage(first)
+            term("stage", first)
         )
     if name == "unobservable parameters":
         return QCoreApplication.translate("checks", "Every parameter is determined by the data")
@@ -129,9 +129,9 @@ def word_short(name: str) -> str:
 def _word_parameter(name: str) -> str:
     """A parameter by its group's words and its axis; a group by its words."""
     if name not in INDEX:
-        return word_group(name)
+        return term("group", name)
     group = PARAMETERS[INDEX[name]].group
-    return f"{word_group(group)} {name.removeprefix(group + '_')}"
+    return f"{term('group', group)} {name.removeprefix(group + '_')}"
 
 
 def _unit(name: str, unit: str) -> tuple[str, float]:

@@ -1,4 +1,4 @@
-"""English and Simplified Chinese, switched while the window runs."""
+"""The language of the window: English or Simplified Chinese, switched while it is open."""
 
 from pathlib import Path
 
@@ -6,40 +6,41 @@ from PySide6.QtCore import QCoreApplication, QLibraryInfo, QLocale, QTranslator
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from calstation.gui.text.bind import languages
+from calstation.messages.rendering import Language
 
 #: Code and own name of each language; English first.
-LANGUAGES = (("en", "English"), ("zh_CN", "中文"))
+LANGUAGES: tuple[tuple[Language, str], ...] = (("en", "English"), ("zh_CN", "中文"))
 
 _FOLDER = Path(__file__).parents[1] / "translations"
 _installed: list[QTranslator] = []
-_current = "en"
+_current: Language = "en"
 
 
-def current() -> str:
-    """Code of the language in force."""
+def current() -> Language:
+    """Code of the current language."""
     return _current
 
 
-def system_language() -> str:
-    """The computer's language where the window speaks it, else English."""
+def system_language() -> Language:
+    """The language of the computer if the window has it, else English."""
     return "zh_CN" if QLocale.system().language() == QLocale.Language.Chinese else "en"
 
 
 def use(code: str) -> None:
-    """Speak a language from now on; every widget hears of it as a LanguageChange event."""
+    """Switch to a language and show all bound texts again; an unknown code is English."""
     global _current
     app = QCoreApplication.instance()
     assert app is not None
-    code = code if code in dict(LANGUAGES) else "en"
-    if code == _current:
+    chosen: Language = "zh_CN" if code == "zh_CN" else "en"
+    if chosen == _current:
         return
-    _current = code
+    _current = chosen
     for translator in _installed:
         app.removeTranslator(translator)
     _installed.clear()
     QLocale.setDefault(QLocale(QLocale.Language.C))
     if _current != "en":
-        _install(code)
+        _install(_current)
     languages.changed.emit()
 
 
@@ -56,7 +57,7 @@ def _install(code: str) -> None:
 
 
 def language_combo(parent: QWidget | None = None) -> QComboBox:
-    """A box with every language in its own words; its entries' data are the codes."""
+    """A box with the languages under their own names; the data of its entries are the codes."""
     combo = QComboBox(parent)
     combo.setObjectName("language_combo")
     for code, name in LANGUAGES:

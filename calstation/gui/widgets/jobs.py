@@ -4,7 +4,7 @@ from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QWidget
 
 from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.wording import word_time
+from calstation.gui.text.messages import duration_text
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import Job
 
@@ -112,6 +112,6 @@ class JobRow(QWidget):
         elif self._remaining is None or self._fraction < _FIRM:
             self.left_label.setText(percent)
         else:
-            left = self.tr("{0} left").format(word_time(self._remaining))
+            left = self.tr("{0} left").format(duration_text(self._remaining))
             self.left_label.setText(f"{percent}, {left}")
         self.bar.setAccessibleName(self.left_label.text())

@@ -3,7 +3,7 @@
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui.text.wording import word_message, word_time
+from calstation.gui.text.messages import duration_text, event_sentence
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.results.plots.method_answer import MethodAnswer
@@ -40,14 +40,14 @@ class AnswerHead(QWidget):
         answer = self._answer
         if answer is None:
             return
-        remarks = "\n".join(word_message(key, values) for key, values in answer.resolved.messages)
+        remarks = "\n".join(event_sentence(key, values) for key, values in answer.resolved.messages)
         self._remarks.setText(remarks)
         self._remarks.setVisible(bool(remarks))
         self.badge.show_state(*self._verdict(answer))
         result, recording = answer.resolved.result, answer.recording
         about = [
             recording.serial,
-            self.tr("{0} at {1:g} Hz").format(word_time(recording.duration), recording.rate),
+            self.tr("{0} at {1:g} Hz").format(duration_text(recording.duration), recording.rate),
         ]
         lost = result["unobservable"]
         if lost:

@@ -5,7 +5,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.pair_wording import short_happening, word_state
-from calstation.gui.text.wording import word_time
+from calstation.gui.text.messages import duration_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
 from calstation.results.pair_check import Followed
@@ -74,13 +74,13 @@ class Timeline(QWidget):
         painter.setPen(QColor(c.muted))
         top = QRectF(0, 0, self.width(), _TOP - 4)
         side = Qt.AlignmentFlag.AlignVCenter
-        painter.drawText(top, side | Qt.AlignmentFlag.AlignRight, word_time(f.duration))
+        painter.drawText(top, side | Qt.AlignmentFlag.AlignRight, duration_text(f.duration))
         running = f.time < f.duration
         if running:
             painter.setPen(QColor(c.text))
             painter.drawText(top, side | Qt.AlignmentFlag.AlignLeft, word_state(f))
         else:
-            painter.drawText(top, side | Qt.AlignmentFlag.AlignLeft, word_time(0.0))
+            painter.drawText(top, side | Qt.AlignmentFlag.AlignLeft, duration_text(0.0))
         taken: list[float] = []
         for x, kind, text in _gathered([(at(h.time), h.kind, short_happening(h)) for h in f.happened]):
             width = metrics.horizontalAdvance(text) + theme.GRID

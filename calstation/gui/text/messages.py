@@ -1,0 +1,117 @@
+"""Sentences and terms of the message catalogue in the language of the window."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from calstation.errors import CalstationError
+from calstation.gui.text import fault_wording, language
+from calstation.messages import rendering
+from calstation.messages.catalogue import entry
+from calstation.messages.progress import event_text, step_text
+from calstation.messages.rendering import Text
+from calstation.sequencer.events import Fault
+
+#: Shape (`widgets.badge.KINDS`) of each state and outcome of a run.
+KINDS = {
+    "idle": "none",
+    "starting": "waiting",
+    "preparing": "active",
+    "running": "active",
+    "writing": "active",
+    "pausing": "paused",
+    "paused": "paused",
+    "stopping": "stopped",
+    "stopped": "stopped",
+    "fault": "caution",
+    "passed": "good",
+    "failed": "bad",
+    "incomplete": "waiting",
+}
+
+
+@dataclass(frozen=True)
+class ErrorText:
+    """An error in the language of the window.
+
+    Attributes
+    ----------
+    source : where its cause is, a term of the catalogue family ``source``; "" if unknown
+    place : the same in words
+    reason : what happened
+    remedy : what to do; may be empty
+    resettable : whether an operator may reset the fault on the device
+    """
+
+    source: str
+    place: str
+    reason: str
+    remedy: str
+    resettable: bool = False
+
+    @property
+    def sentences(self) -> str:
+        """What happened and what to do."""
+        return f"{self.reason} {self.remedy}".strip()
+
+
+def say(code: str, **values: Any) -> str:
+    """The sentences of a catalogue entry."""
+    return show(Text(code, values))
+
+
+def show(message: Text) -> str:
+    """The sentences of a message."""
+    return rendering.render(message.code, message.values, language.current(), window=True).sentences
+
+
+def term(family: str, name: str) -> str:
+    """A term of a catalogue family, such as the stage ``rate``."""
+    return rendering.term(family, name, language.current())
+
+
+def event_sentence(event_id: str, values: Mapping[str, Any]) -> str:
+    """The sentence of a progress event."""
+    if event_id == "safe_stop_incomplete":
+        values = {**values, "text": fault_wording.translated(str(values["text"]))}
+    return show(event_text(event_id, values))
+
+
+def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
+    """What a step does; a dwell after a labelled move says where it rests."""
+    if kind == "dwell" and label:
+        return f"{show(step_text('move', label))}  ·  {show(step_text(kind, ()))}"
+    return show(step_text(kind, label))
+
+
+def fault_text(fault: Fault) -> ErrorText:
+    """The text of a run's fault."""
+    if fault.code:
+        return _coded(fault.code, fault.values)
+    return legacy_text(fault.text, fault.kind)
+
+
+def error_text(error: CalstationError) -> ErrorText:
+    """The text of an error."""
+    if error.code:
+        return _coded(error.code, error.values)
+    return legacy_text(str(error), type(error).__name__)
+
+
+def legacy_text(text: str, kind: str = "") -> ErrorText:
+    """The text of an error whose raise site has no code yet."""
+    words = fault_wording.word_fault(kind, text)
+    return ErrorText(words.cause, words.place, words.reason, words.mend, fault_wording.resettable(text))
+
+
+def duration_text(seconds: float) -> str:
+    """A duration as ``m:ss`` or ``h:mm:ss``."""
+    minutes, rest = divmod(max(0, round(seconds)), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def _coded(code: str, values: Mapping[str, Any]) -> ErrorText:
+    found = entry(code)
+    shown = rendering.render(code, values, language.current(), window=True)
+    return ErrorText(found.source, shown.source, shown.text, shown.remedy, found.resettable)

@@ -1,0 +1,57 @@
+"""Errors, events and terms of the catalogue in the language of the window."""
+
+from collections.abc import Iterator
+
+import pytest
+from PySide6.QtWidgets import QApplication
+
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.gui.text import language
+from calstation.gui.text.messages import (
+    duration_text,
+    error_text,
+    event_sentence,
+    fault_text,
+    step_sentence,
+    term,
+)
+from calstation.sequencer.events import Fault
+
+
+@pytest.fixture(autouse=True)
+def english(qapp: QApplication) -> Iterator[None]:
+    yield
+    language.use("en")
+
+
+def test_an_error_is_source_reason_and_remedy_in_both_languages() -> None:
+    fault = Fault.of(DeviceFaultError("program.internal", detail="KeyError: 3"))
+    text = fault_text(fault)
+    assert (text.source, text.place) == ("program", "Program")
+    assert text.reason == "Internal error: KeyError: 3."
+    assert text.remedy.startswith("Start the run again.")
+    language.use("zh_CN")
+    text = fault_text(fault)
+    assert (text.source, text.place) == ("program", "程序")
+    assert text.reason == "程序内部错误：KeyError: 3。"
+
+
+def test_an_error_without_a_code_is_shown_as_it_is() -> None:
+    assert (
+        error_text(ConfigurationError("free text of another program")).reason
+        == "Free text of another program."
+    )
+
+
+def test_steps_events_and_terms_follow_the_language() -> None:
+    rest = ("dwell", ("turn_about", "x", 90.0))
+    assert step_sentence(*rest) == "Turning about x by 90°  ·  Resting"
+    assert term("stage", "six_position") == "Six positions"
+    language.use("zh_CN")
+    assert step_sentence(*rest) == "绕 x 轴转动 90°  ·  静止采集"
+    assert term("stage", "six_position") == "六位置"
+    assert event_sentence("step_repeated", {"reason": "gap", "attempt": 2}) == "重做这一步（丢数），第 2 次。"
+
+
+def test_a_duration_has_hours_only_if_it_needs_them() -> None:
+    assert [duration_text(seconds) for seconds in (0.4, 75.0, 3675.0)] == ["0:00", "1:15", "1:01:15"]
