@@ -2,7 +2,7 @@
 
 import lent
 
-import calstation.jobs.worker
+import calstation.jobs.queue
 import calstation.runs.engine
 import calstation.runs.run  # noqa: F401
 

@@ -1,6 +1,8 @@
 """The commands and their options; what they do is imported when called, so that help answers at once."""
 
 import io
+import os
+import subprocess
 import sys
 import traceback
 from collections.abc import Callable
@@ -108,7 +110,7 @@ def resolve(
     json: JsonOption = None,
 ) -> None:
     """Solve a stored log again."""
-    from calstation.cli.offline import resolve_command
+    from calstation.cli.logs import resolve_command
 
     raise typer.Exit(resolve_command(log, _stages(stages), first, last, json))
 
@@ -120,7 +122,7 @@ def import_(
     meta: Annotated[Path | None, typer.Option(help="TOML of the CSV; default: beside it.")] = None,
 ) -> None:
     """Turn a CSV into a raw log."""
-    from calstation.cli.offline import import_command
+    from calstation.cli.logs import import_command
 
     raise typer.Exit(import_command(source, out, meta))
 
@@ -131,7 +133,7 @@ def export(
     out: Annotated[Path, typer.Option("-o", "--out", help="CSV to write, its TOML beside it.")],
 ) -> None:
     """Turn a raw log into a CSV and its TOML."""
-    from calstation.cli.offline import export_command
+    from calstation.cli.logs import export_command
 
     raise typer.Exit(export_command(log, out))
 
@@ -144,7 +146,7 @@ def record(
     seed: Annotated[int, typer.Option(min=0, help="Of unit, motion and noise.")] = 1,
 ) -> None:
     """Make a recording on the virtual bench for the methods that need no table."""
-    from calstation.cli.record import record_command
+    from calstation.cli.logs import record_command
 
     raise typer.Exit(record_command(kind, out, grade, seed))
 
@@ -160,7 +162,7 @@ def watch(
     ] = False,
 ) -> None:
     """Follow IMUs on one body as live: check at rest, calibrate what is off, keep the answer."""
-    from calstation.cli.watch import watch_command
+    from calstation.cli.logs import watch_command
 
     raise typer.Exit(watch_command(log, folder, command))
 
@@ -176,10 +178,10 @@ def study(
 ) -> None:
     """Monte Carlo of the whole method against truth and the Cramer-Rao bound."""
     if method is not None:
-        from calstation.cli.method_study import method_study_command
+        from calstation.cli.studies import method_study_command
 
         raise typer.Exit(method_study_command(method, grade, seeds, json))
-    from calstation.cli.study import study_command
+    from calstation.cli.studies import study_command
 
     raise typer.Exit(study_command(grade, seeds, json))
 
@@ -195,7 +197,7 @@ def soak(
     ] = None,
 ) -> None:
     """Calibrations back to back on the virtual bench with random faults, judged by its truth."""
-    from calstation.cli.soak import soak_command
+    from calstation.cli.studies import soak_command
 
     raise typer.Exit(soak_command(runs, seed, json, full=full, keep=keep))
 
@@ -208,7 +210,7 @@ def try_link(
     json: JsonOption = None,
 ) -> None:
     """Test a link: open it, ask who is there, listen. Nothing moves; exit code 3 where a run would not start."""
-    from calstation.cli.connection import try_command
+    from calstation.cli.devices import try_command
 
     raise typer.Exit(try_command(device, station, product, json))
 
@@ -221,7 +223,7 @@ def check(
     json: JsonOption = None,
 ) -> None:
     """Show all that is wrong in a file, with lines and mends; exit code 2 where something is."""
-    from calstation.cli.connection import check_command
+    from calstation.cli.devices import check_command
 
     raise typer.Exit(check_command(file, json))
 
@@ -323,7 +325,7 @@ def status(
     json: JsonOption = None,
 ) -> None:
     """Show who answers and what is latched; exit code 3 while a fault is."""
-    from calstation.cli.table import status_command
+    from calstation.cli.devices import status_command
 
     raise typer.Exit(status_command(station, product, json))
 
@@ -335,7 +337,7 @@ def reset(
     json: JsonOption = None,
 ) -> None:
     """Reset a latched fault once its cause is removed; exit code 3 where it stays. No axis is switched on."""
-    from calstation.cli.table import reset_command
+    from calstation.cli.devices import reset_command
 
     raise typer.Exit(reset_command(station, product, json))
 
@@ -378,8 +380,6 @@ def run_app(arguments: list[str]) -> int:
 
 def _window(*, debug: bool) -> int:
     """The window, or a run in the terminal where there is no screen."""
-    from calstation.cli.window import window_command
-
     code = window_command()
     if code is None:
         _complain("no screen here, so this runs in the terminal as 'calstation run' does (--help shows more)")
@@ -405,3 +405,33 @@ def _stages(text: str | None) -> tuple[str, ...] | None:
     for stage in stages:
         method(stage)
     return stages
+
+
+#: What a window needs first; where a library or the screen is missing, Qt ends its process instead of telling.
+_PROBE = "from PySide6.QtWidgets import QApplication; QApplication([])"
+
+_PROBED_WITHIN = 60.0
+
+
+def has_screen() -> bool:
+    """Whether a window can be opened here."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
+        return False
+    try:
+        probe = subprocess.run(
+            [sys.executable, "-c", _PROBE], capture_output=True, timeout=_PROBED_WITHIN, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return probe.returncode == 0
+
+
+def window_command() -> int | None:
+    """Open the window and return its exit code when it is closed; None where there is no screen."""
+    if not has_screen():
+        return None
+    from calstation.gui.shell.app import main
+
+    return main()

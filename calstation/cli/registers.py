@@ -11,7 +11,7 @@ from rich.table import Table
 
 from calstation.cli.run import Display, complain, interrupt_stops, run_request
 from calstation.cli.show import check_json, emit_json
-from calstation.cli.typed import said_as_typed
+from calstation.cli.usage import said_as_typed
 from calstation.cli.wording import PROOFS
 from calstation.config.library import site_folder
 from calstation.config.request import RegisterOperation, RunRequest
@@ -21,8 +21,8 @@ from calstation.errors import DeviceFaultError, StoppedError
 from calstation.physics.units import display
 from calstation.registers.journal import Kind, Transfer
 from calstation.registers.listing import UnitTransfers, largest_change, transfers
-from calstation.registers.manual import UnitRegisters, read_unit
-from calstation.registers.operation import turning
+from calstation.registers.operation import moves_table
+from calstation.registers.unit_registers import UnitRegisters, read_unit
 from calstation.runs.engine import Engine
 from calstation.sequencer.events import Fault, Settled
 
@@ -151,7 +151,7 @@ def _do(errand: RegisterOperation, what: str, json: str | None, *, yes: bool, de
 
 def _confirm(errand: RegisterOperation, what: str, yes: bool) -> None:
     """No motion that was not announced, and none on hardware that nobody has agreed to."""
-    turns = turning(errand)
+    turns = moves_table(errand)
     _, station = load_station(errand.request.station)
     serial = errand.request.serial
     if not turns:

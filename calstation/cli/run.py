@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
 from calstation.cli.show import check_json, emit_json, result_table
-from calstation.cli.typed import as_typed, options, said_as_typed
+from calstation.cli.usage import as_typed, options, said_as_typed
 from calstation.cli.wording import OUTCOMES, READ_BACK, REASONS, STATES, word, word_guided, word_step
 from calstation.config.request import RunRequest
 from calstation.config.resolved import prepare_run

@@ -9,7 +9,7 @@ from calstation.config import library, versions
 from calstation.config.editing import edited, read_text
 from calstation.config.versions import Version
 from calstation.errors import ConfigurationError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from procedures import method
 
 

@@ -3,13 +3,19 @@
 The same that `preparation.check_station` refuses before a run, all of it at once.
 """
 
+import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 
 from calstation.config import library
+from calstation.config.editing import Place, Problem
 from calstation.config.resolved import ManualRigError, ResolvedConfiguration, check_manual_rig
-from calstation.config.site_check import normal_unlike, this_computer, unfelt, vouched, vouching
-from calstation.config.station import load_station, schedule_values
+from calstation.config.site_check import normal_unlike, this_computer, unfelt, unlike, vouched, vouching
+from calstation.config.station import StationConfig, load_station, schedule_values
+from calstation.config.toml_lines import line_of
+from calstation.connection.devices import port_conflict
+from calstation.devices.profiles.table import load_table_profile
+from calstation.errors import ConfigurationError
 from calstation.messages.finding import Finding, Value
 from calstation.schema import validate
 from procedures import method
@@ -51,3 +57,31 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
     ):
         values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
         yield Finding("example_site", "told", values)
+
+
+def station_conflicts(text: str) -> list[Problem]:
+    """Of a station file in which `settings.check` has found nothing wrong."""
+    station = StationConfig.model_validate(tomllib.loads(text))
+    return [
+        Problem(place, "value_error", sentence, line_of(text, place))
+        for place, sentence in (*_gravity(station), *_ports(station))
+    ]
+
+
+def _gravity(station: StationConfig) -> Iterator[tuple[Place, str]]:
+    normal = normal_unlike(station.site)
+    if normal is not None:
+        yield ("site", "gravity_mps2"), unlike(station.site, normal)
+
+
+def _ports(station: StationConfig) -> Iterator[tuple[Place, str]]:
+    table, imu = station.table.port, station.imu.port
+    try:
+        profile = load_table_profile(library.find("tables", station.table.profile))
+    except ConfigurationError:  # told by the profile's own file
+        return
+    if table is None or imu is None or profile.by_hand:
+        return
+    sentence = port_conflict(profile, table, imu)
+    if sentence is not None:
+        yield ("imu", "port"), sentence

@@ -95,7 +95,7 @@ def endpoints(
         assert imu is not None
         if not setup.table.by_hand:
             assert table is not None
-            sentence = ports_unlike(setup.table, table, imu)
+            sentence = port_conflict(setup.table, table, imu)
             if sentence is not None:
                 raise ConfigurationError(sentence)
         with owned(port for port in (table, imu) if port):
@@ -117,7 +117,7 @@ def _shared(setup: ResolvedConfiguration) -> bool:
     return setup.table.protocol == "imu_link"
 
 
-def ports_unlike(profile: TableProfile, table: str, imu: str) -> str | None:
+def port_conflict(profile: TableProfile, table: str, imu: str) -> str | None:
     """What is wrong with two ports beside each other, with the mend: one port has one owner, and two devices share it
     only where they are one system."""
     same, shared = _place(table, "table") == _place(imu, "IMU"), profile.protocol == "imu_link"

@@ -3,19 +3,49 @@
 Nothing here writes: devices are asked for their model, and streams are listened to.
 """
 
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
 from calstation.config import library
-from calstation.connection.listening import frames_come
+from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.interfaces import Imu, OtherModelError, Table, TableIdentity
 from calstation.devices.links.modbus_link import MEANINGS, ModbusRefusalError, NoAnswerError
-from calstation.devices.links.serial_link import PortLostError, SerialSettings
+from calstation.devices.links.serial_link import PortLostError, SerialLink, SerialSettings
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.devices.table.open_table import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
+
+#: Host time to listen at one setting, s.
+LISTEN = 0.4
+
+_GLANCE = 0.02
+
+
+def listen(link: SerialLink, seconds: float) -> bytes:
+    """What comes within some host time. Raises PortLostError."""
+    heard = b""
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0:
+        heard += link.read(min(left, _GLANCE))
+    return heard
+
+
+def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
+    """Whether frames of the profile come on a port with these settings; not where it cannot be opened."""
+    try:
+        link = SerialLink(port, settings, "IMU")
+    except CalstationError:
+        return False  # settings that this port cannot do, or no such port
+    try:
+        return len(FrameDecoder(profile.frame, profile.commands).feed(listen(link, LISTEN)).frames) > 0
+    except CalstationError:
+        return False
+    finally:
+        link.close()
+
 
 #: Modbus unit numbers that are tried where nobody answers as the one set.
 NUMBERS = range(1, 11)
@@ -81,7 +111,7 @@ def _explained(
     if not isinstance(fault, NoAnswerError | ModbusRefusalError) or refused not in (None, *OTHER_NUMBER):
         return fault
     unit = fault.unit
-    other = other_unit(wires, lambda share: check_cancelled()) if unit == wires.table.unit else None
+    other = find_unit_number(wires, lambda share: check_cancelled()) if unit == wires.table.unit else None
     if other is not None:
         return DeviceFaultError(
             f"table: on {wires.table_port} '{other[1]}' answers as unit {other[0]}, not as unit {unit}; correct"
@@ -103,19 +133,19 @@ def _exchanged(wires: LinkSettings, check_cancelled: Callable[[], None]) -> bool
     """Whether the IMU streams on the table's line, or the table says its model on the IMU's."""
     if not wires.two_lines:
         return False
-    for looked in (imu_on_tables_line, table_on_imus_line):
+    for looked in (imu_on_table_port, table_on_imu_port):
         check_cancelled()
         if looked(wires):
             return True
     return False
 
 
-def imu_on_tables_line(wires: LinkSettings) -> bool:
+def imu_on_table_port(wires: LinkSettings) -> bool:
     """Whether frames of the IMU come on the table's line."""
-    return frames_come(wires.table_port, wires.imu_serial, wires.imu)
+    return has_frames(wires.table_port, wires.imu_serial, wires.imu)
 
 
-def table_on_imus_line(wires: LinkSettings) -> bool:
+def table_on_imu_port(wires: LinkSettings) -> bool:
     """Whether the table says its model on the IMU's line."""
     try:
         table = open_table(wires.imu_port, wires.table, wires.table_serial)
@@ -130,7 +160,7 @@ def table_on_imus_line(wires: LinkSettings) -> bool:
     return True
 
 
-def other_unit(
+def find_unit_number(
     wires: LinkSettings, asked: Callable[[float], None] = lambda share: None
 ) -> tuple[int, str] | None:
     """Number and model of a Modbus unit that is the profile's, on the table's port but under another number.
@@ -155,7 +185,7 @@ def other_unit(
 
 
 @dataclass(frozen=True)
-class Heard:
+class FoundUnit:
     """A Modbus unit that answers: its number, its model where it tells one, and the name of the table profile whose it
     is, "" where none is known."""
 
@@ -164,7 +194,7 @@ class Heard:
     profile: str
 
 
-def units_heard(wires: LinkSettings, asked: Callable[[float], None] = lambda share: None) -> list[Heard]:
+def find_units(wires: LinkSettings, asked: Callable[[float], None] = lambda share: None) -> list[FoundUnit]:
     """Who answers on the table's port, by the models of all Modbus profiles of this site.
 
     asked : told the share of the numbers that have been tried
@@ -189,7 +219,7 @@ def _modbus_profiles(wires: LinkSettings) -> dict[str, TableProfile]:
     return found
 
 
-def _heard_as(wires: LinkSettings, profiles: dict[str, TableProfile], number: int) -> Heard | None:
+def _heard_as(wires: LinkSettings, profiles: dict[str, TableProfile], number: int) -> FoundUnit | None:
     """Who a unit number is, None where nobody answers to it."""
     somebody = None
     for name, profile in profiles.items():
@@ -198,15 +228,15 @@ def _heard_as(wires: LinkSettings, profiles: dict[str, TableProfile], number: in
         except CalstationError:
             return somebody
         try:
-            return Heard(number, table.identify().model, name)
+            return FoundUnit(number, table.identify().model, name)
         except OtherModelError as exc:
-            somebody = Heard(number, exc.found, "")
+            somebody = FoundUnit(number, exc.found, "")
         except NoAnswerError as exc:
             if exc.unit == number:
                 return somebody
         except ModbusRefusalError as exc:
             if exc.unit == number and exc.exception not in OTHER_NUMBER:
-                somebody = somebody or Heard(number, "", "")
+                somebody = somebody or FoundUnit(number, "", "")
         except CalstationError:
             continue
         finally:

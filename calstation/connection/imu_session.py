@@ -12,7 +12,7 @@ from calstation.connection.clock import BenchClock
 from calstation.connection.devices import endpoints, open_imu
 from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, SampleBatch
 from calstation.errors import DeviceFaultError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.sequencer.acquisition import to_si
 from calstation.sequencer.capture import REST, VerificationData, mean_at_rest
@@ -57,7 +57,7 @@ def open_imu_session(
             imu.close()
 
 
-def rest_of(
+def capture_rest(
     unit: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None]
 ) -> VerificationData:
     """Corrected output at rest of a unit that nobody turns, and its raw one where it shows both.
@@ -80,7 +80,7 @@ def _rest(
     """Mean of one rest, rad/s and m/s², shape (6,)."""
     model = setup.solve_context().imu
     count = round(REST * model.sample_rate)
-    parts = samples_in_a_row(
+    parts = read_contiguous(
         unit.imu,
         unit.clock,
         setup.imu.status.ready,
@@ -95,7 +95,7 @@ def _rest(
     return mean_at_rest(np.concatenate([part.counts for part in parts])) * to_si(model)
 
 
-def samples_in_a_row(
+def read_contiguous(
     imu: Imu,
     clock: Clock,
     ready: int,

@@ -8,16 +8,20 @@ import numpy as np
 from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import Endpoints
-from calstation.connection.listening import frames_come
+from calstation.connection.identify import has_frames
+from calstation.devices.codecs.quoting import quoted
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.streamed_imu import ImuRefusalError, StreamedImu
+from calstation.devices.imu.text_frames import TextFrame
 from calstation.devices.interfaces import OtherModelError, SampleBatch
 from calstation.devices.links.opening import host_and_port
 from calstation.devices.links.serial_link import PortLostError, SerialSettings
+from calstation.devices.profiles.channels import CHANNELS
+from calstation.devices.profiles.frame import FrameSection
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.context import ImuModel
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.messages.finding import Finding, Value
 from calstation.physics.earth import normal_gravity
 from calstation.sequencer.acquisition import to_si
@@ -193,13 +197,88 @@ def _unanswered(
     return Finding("no_frames", "wrong", values)
 
 
-def heard_elsewhere(
+def find_baud_rate(
     port: str, settings: SerialSettings, profile: ImuProfile, tell: ProgressCallback
 ) -> Iterator[Finding]:
     """The baud at which the same bytes are frames, where there is one. Only listens."""
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         tell(0.4 + 0.6 * i / len(others), note="trying_bauds")
-        if frames_come(port, settings.model_copy(update={"baud": baud}), profile):
+        if has_frames(port, settings.model_copy(update={"baud": baud}), profile):
             yield Finding("other_baud", "told", {"baud": settings.baud, "found": baud})
             return
+
+
+#: Share of printable bytes from which what came is text.
+_MOSTLY_TEXT = 0.9
+_PRINTABLE = frozenset(b"\t" + bytes(range(0x20, 0x7F)))
+#: Characters of a line that are shown.
+_SHOWN = 120
+
+
+def diagnose_text(frame: FrameSection, heard: bytes) -> Finding | None:
+    """What is wrong with the lines in these bytes; None where they are no lines, or are samples.
+
+    frame : of text
+    """
+    tail = frame.tail_bytes
+    lines = [line for line in heard.split(tail)[1:-1] if line]
+    printable = sum(byte in _PRINTABLE for line in lines for byte in line)
+    if not lines or printable < _MOSTLY_TEXT * sum(map(len, lines)):
+        return None
+    own = [line for line in lines if line.startswith(frame.sync_bytes)]
+    if not own:
+        return Finding("line_sync", "wrong", {"sync": frame.sync, "line": _shown(lines[-1])})
+    kind = TextFrame(frame)
+    for line in own:
+        packet = line + tail
+        found = _check(frame, kind, packet) or _numbers(frame, kind, packet)
+        if found is None:
+            return None
+    return found
+
+
+def _check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
+    if kind.sound(packet):
+        return None
+    line = packet[: -len(frame.tail_bytes)]
+    body, mark, told = line.rpartition(frame.mark.encode())
+    if not mark:
+        return Finding("line_mark", "wrong", {"mark": frame.mark, "line": _shown(line)})
+    right = frame.crc.function()(body[frame.crc.start :])
+    values: dict[str, Value] = {
+        "line": _shown(line),
+        "told": quoted(told),
+        "kind": frame.crc.kind,
+        "start": frame.crc.start,
+        "right": f"{right:0{2 * frame.crc.size}X}",
+    }
+    return Finding("line_check", "wrong", values)
+
+
+def _numbers(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
+    """The first field of a sample that the columns of a sound line do not hold."""
+    line = packet[: -len(frame.tail_bytes)]
+    values: dict[str, Value] = {"line": _shown(line)}
+    if not kind.sampled(packet):
+        return Finding(
+            "line_separator", "wrong", {**values, "sync": frame.sync, "separator": frame.separator}
+        )
+    present = kind.columns([packet]).present
+    row = line.rpartition(frame.mark.encode())[0][len(frame.sync_bytes) + 1 :]
+    texts = row.decode("ascii", "replace").split(frame.separator)
+    for name in ("counter", *CHANNELS):
+        if frame.field(name) is None or bool(present[name][0]):
+            continue
+        column = kind.places[name]
+        values |= {"field": name, "column": column}
+        if column >= len(texts):
+            return Finding("line_short", "wrong", {**values, "count": len(texts)})
+        return Finding(
+            "line_column", "wrong", {**values, "text": quoted(texts[column].encode("ascii", "replace"))}
+        )
+    return None
+
+
+def _shown(line: bytes) -> str:
+    return quoted(line, _SHOWN)

@@ -1,6 +1,6 @@
 """Tests the links of a station as typed, saved or not: opens, asks, listens; never writes, never moves anything."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,22 +23,24 @@ from calstation.connection.devices import (
     wires,
 )
 from calstation.connection.identify import (
+    LISTEN,
     OTHER_NUMBER,
-    Heard,
-    imu_on_tables_line,
-    other_unit,
-    table_on_imus_line,
-    units_heard,
+    FoundUnit,
+    find_unit_number,
+    find_units,
+    imu_on_table_port,
+    listen,
+    table_on_imu_port,
 )
-from calstation.connection.listening import LISTEN, listen
-from calstation.connection.text_line_test import wrong_line
+from calstation.connection.imu_test import diagnose_text
 from calstation.devices.links.opening import host_and_port, why_not
 from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_ports import FoundPort as FoundPort
 from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.messages.finding import Finding, Report, Value
 
 _VIRTUAL_UNIT = "SN-000001"
@@ -47,20 +49,20 @@ _ABOUT_LINES = ("no_frames", "no_samples", "no_stream", "one_way", "wrong_checks
 
 
 @dataclass(frozen=True)
-class Order:
+class LinkTestRequest:
     """What to test: a station, and the product whose IMU is expected (None for the default one)."""
 
     station: StationConfig
     product: Path | None = None
 
 
-def try_table(tell: ProgressCallback, order: Order) -> Report:
+def check_table_link(tell: ProgressCallback, order: LinkTestRequest) -> Report:
     """Work for the workshop: test the table's link. Raises CalstationError where a profile cannot be read."""
-    setup = setup_of(order)
+    setup = link_test_configuration(order)
     found: list[Finding] = []
     if setup.table.by_hand:
         return Report("table", (Finding("by_hand", "ok", {"name": setup.table.name}),))
-    with ports_of(tell, setup) as at:
+    with open_endpoints(tell, setup) as at:
         tell(0.3, note="opening")
         settings = setup.station.table.serial or setup.table.serial
         try:
@@ -78,11 +80,11 @@ def try_table(tell: ProgressCallback, order: Order) -> Report:
     return Report("table", tuple(found))
 
 
-def try_imu(tell: ProgressCallback, order: Order) -> Report:
+def check_imu_link(tell: ProgressCallback, order: LinkTestRequest) -> Report:
     """Work for the workshop: test the IMU's link. Raises CalstationError where a profile cannot be read."""
-    setup = setup_of(order)
+    setup = link_test_configuration(order)
     found: list[Finding] = []
-    with ports_of(tell, setup) as at:
+    with open_endpoints(tell, setup) as at:
         tell(0.2, note="opening")
         settings = imu_settings(setup)
         try:
@@ -103,7 +105,7 @@ def try_imu(tell: ProgressCallback, order: Order) -> Report:
     return Report("imu", tuple(found))
 
 
-def setup_of(order: Order) -> ResolvedConfiguration:
+def link_test_configuration(order: LinkTestRequest) -> ResolvedConfiguration:
     """What opening the devices needs of a run's setup."""
     _, product = load_product(order.product)
     return ResolvedConfiguration(
@@ -117,7 +119,7 @@ def setup_of(order: Order) -> ResolvedConfiguration:
 
 
 @contextmanager
-def ports_of(tell: ProgressCallback, setup: ResolvedConfiguration) -> Iterator[Endpoints]:
+def open_endpoints(tell: ProgressCallback, setup: ResolvedConfiguration) -> Iterator[Endpoints]:
     """The station's ports; its virtual bench takes some seconds to start."""
     tell(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
     with endpoints(setup) as at:
@@ -131,22 +133,22 @@ def _who_else_than_the_table(
     around, ids = wires(setup, at.table, at.imu), {finding.id for finding in found}
     if ids & {"garbled", "garbled_text", "unlike_text", "unlike_answer", "silent_rtu", "silent_text", "crc"}:
         tell(0.6, note="listening_around")
-        if around.two_lines and imu_on_tables_line(around):
+        if around.two_lines and imu_on_table_port(around):
             yield Finding("imus_line", "told", {"profile": around.imu.name})
             return
     refused = next((finding.values["code"] for finding in found if finding.id == "exception"), None)
     if ids & {"silent_rtu", "silent_tcp"} or refused in OTHER_NUMBER:
-        other = other_unit(around, lambda share: tell(0.6 + 0.4 * share, note="trying_units"))
+        other = find_unit_number(around, lambda share: tell(0.6 + 0.4 * share, note="trying_units"))
         if other is not None:
             values: dict[str, Value] = {"found": other[0], "model": other[1], "unit": around.table.unit or 0}
             yield Finding("unit_heard", "told", values)
             return
     if ids & {"silent_rtu", "silent_tcp", "exception", "wrong_model"}:
-        heard = units_heard(around, lambda share: tell(0.6 + 0.4 * share, note="trying_units"))
+        heard = find_units(around, lambda share: tell(0.6 + 0.4 * share, note="trying_units"))
         yield from _units([one for one in heard if one.profile or "wrong_model" not in ids])
 
 
-def _units(heard: list[Heard]) -> Iterator[Finding]:
+def _units(heard: list[FoundUnit]) -> Iterator[Finding]:
     """The device whose profile is another one, or whoever answers."""
     for one in heard:
         if one.profile:
@@ -165,11 +167,11 @@ def _who_else_than_the_imu(
     around, ids = wires(setup, at.table, at.imu), {finding.id for finding in found}
     if ids & {"silent", "no_frames"} and around.two_lines and not setup.table.by_hand:
         tell(0.4, note="listening_around")
-        if table_on_imus_line(around):
+        if table_on_imu_port(around):
             yield Finding("tables_line", "told")
             return
     if "no_frames" in ids and "://" not in at.imu:
-        yield from imu_check.heard_elsewhere(at.imu, around.imu_serial, around.imu, tell)
+        yield from imu_check.find_baud_rate(at.imu, around.imu_serial, around.imu, tell)
 
 
 def _by_a_line(setup: ResolvedConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
@@ -182,7 +184,7 @@ def _by_a_line(setup: ResolvedConfiguration, at: Endpoints, found: list[Finding]
     except CalstationError:
         return found
     try:
-        wrong = wrong_line(setup.imu.frame, listen(link, LISTEN))
+        wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN))
     except CalstationError:
         return found
     finally:
@@ -209,3 +211,10 @@ def _not_opened(port: str, settings: SerialSettings, timeout: float, exc: Calsta
     if reason == "bad_settings":
         values |= {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}
     return Finding(reason, "wrong", values)
+
+
+def discover_ports(tell: Callable[..., None]) -> tuple[FoundPort, ...]:
+    """Work for the workshop: the serial ports of this computer, USB adapters first."""
+    ports = found_ports()
+    tell(1.0)
+    return ports

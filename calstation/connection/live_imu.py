@@ -9,12 +9,12 @@ from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.config.station import load_product
-from calstation.connection.imu_session import open_imu_session, samples_in_a_row
+from calstation.connection.imu_session import open_imu_session, read_contiguous
 from calstation.devices.interfaces import SampleBatch
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.samples import SampleBlock
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 from calstation.records.log import open_log
@@ -75,7 +75,7 @@ def apply_to_unit(
     with open_imu_session(tell, setup) as unit:
         if unit.identity.serial != serial:
             return OtherUnit(unit.identity.serial)
-        parts = samples_in_a_row(
+        parts = read_contiguous(
             unit.imu,
             unit.clock,
             setup.imu.status.ready,

@@ -7,11 +7,11 @@ from typing import Literal
 
 from calstation.connection.devices import open_table, wires
 from calstation.connection.identify import identify
-from calstation.connection.link_test import Order, ports_of, setup_of
+from calstation.connection.link_test import LinkTestRequest, link_test_configuration, open_endpoints
 from calstation.devices.interfaces import LOCAL_CONTROL, Table, TableIdentity, TableStatus
 from calstation.devices.links.modbus_link import ModbusRefusalError
 from calstation.devices.links.text_link import TextRefusalError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 
 Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
 
@@ -22,7 +22,7 @@ _LOOK_EVERY = 0.1
 
 
 @dataclass(frozen=True)
-class TableStanding:
+class TableState:
     """How the table of a station stands.
 
     Attributes
@@ -67,10 +67,10 @@ class TableReset:
         return self.left is None
 
 
-def read_table(tell: ProgressCallback, order: Order) -> TableStanding:
+def read_table(tell: ProgressCallback, order: LinkTestRequest) -> TableState:
     """Ask the table how it stands; writes nothing. Raises CalstationError."""
-    setup = setup_of(order)
-    with ports_of(tell, setup) as at:
+    setup = link_test_configuration(order)
+    with open_endpoints(tell, setup) as at:
         table = open_table(setup, at.table)
         try:
             tell(0.5, note="asking")
@@ -80,10 +80,10 @@ def read_table(tell: ProgressCallback, order: Order) -> TableStanding:
             table.close()
 
 
-def reset_table(tell: ProgressCallback, order: Order) -> TableReset:
+def reset_table(tell: ProgressCallback, order: LinkTestRequest) -> TableReset:
     """Work for the workshop: reset what the station's table has latched. Raises CalstationError."""
-    setup = setup_of(order)
-    with ports_of(tell, setup) as at:
+    setup = link_test_configuration(order)
+    with open_endpoints(tell, setup) as at:
         table = open_table(setup, at.table)
         try:
             tell(0.5, note="asking")
@@ -127,9 +127,9 @@ def _left(table: Table) -> str | None:
     return left
 
 
-def _standing(identity: TableIdentity, status: TableStatus) -> TableStanding:
+def _standing(identity: TableIdentity, status: TableStatus) -> TableState:
     outer, inner = (math.degrees(angle) if math.isfinite(angle) else None for angle in status.angles)
-    return TableStanding(
+    return TableState(
         model=identity.model,
         serial=identity.serial,
         fault=status.fault,

@@ -19,7 +19,7 @@ from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.register_table import RegisterTable
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import DeviceFaultError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.messages.finding import Finding, State, Value
 from calstation.sequencer.acquisition import SLOWEST_POLL
 

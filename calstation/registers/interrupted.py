@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Literal
 
 from calstation.config.resolved import ResolvedConfiguration
-from calstation.connection.imu_session import ImuSession, rest_of
+from calstation.connection.imu_session import ImuSession, capture_rest
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import Closing, Holds, Transferred, finish, recognise, restore
 from calstation.devices.interfaces import Imu, Table
 from calstation.errors import DeviceFaultError
 from calstation.registers import journal as register_journal
-from calstation.registers.journal import Transfer, site_of
-from calstation.registers.other_type import refuse_other_map, refuse_other_model
-from calstation.registers.verify_type import judge
+from calstation.registers.journal import Transfer, journal_folder
+from calstation.registers.preconditions import check_register_map, check_unit_model
+from calstation.registers.verification import finish_verification
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.driving import RunInBackground
 from calstation.sequencer.events import Message
@@ -37,14 +37,14 @@ class UnverifiedTransfer:
     tell: Callable[[], None]
     open: bool = True
 
-    def prove(self, fresh: VerificationData, run_in_background: RunInBackground) -> None:
+    def verify_output(self, fresh: VerificationData, run_in_background: RunInBackground) -> None:
         """Judge it. Raises DeviceFaultError where the output is wrong; the unit has its old registers then."""
         self.open = False
-        judge(self.setup, self.imu, self.done, fresh, run_in_background)
+        finish_verification(self.setup, self.imu, self.done, fresh, run_in_background)
         self.tell()
 
 
-def settle(
+def recover_interrupted(
     imu: Imu,
     table: Table,
     clock: Clock,
@@ -61,10 +61,10 @@ def settle(
     Raises DeviceFaultError, StopRequested.
     """
     request = setup.request
-    entry = register_journal.interrupted(runs, request.serial, site_of(setup.station))
+    entry = register_journal.interrupted(runs, request.serial, journal_folder(setup.station))
     if entry is None:
         return None
-    refuse_other_model(entry, imu.identify().model)
+    check_unit_model(entry, imu.identify().model)
     holds = recognise(imu, entry, register_map(setup))
     about = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
     if holds is Holds.OLD:
@@ -85,7 +85,9 @@ def settle(
         tell()
     elif setup.by_hand:
         done = finish(imu, register_map(setup), entry)
-        judge(setup, imu, done, rest_of(ImuSession(imu, imu.identify(), clock), setup, check_cancelled))
+        finish_verification(
+            setup, imu, done, capture_rest(ImuSession(imu, imu.identify(), clock), setup, check_cancelled)
+        )
         tell()
     else:
         table.identify()
@@ -102,16 +104,16 @@ def check_interrupted(setup: ResolvedConfiguration, runs: Path) -> None:
 
     Raises InputError with the mend.
     """
-    entry = register_journal.interrupted(runs, setup.request.serial, site_of(setup.station))
+    entry = register_journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
     if entry is not None:
-        refuse_other_map(entry, setup)
+        check_register_map(entry, setup)
 
 
-def refuse_interrupted(imu: Imu, setup: ResolvedConfiguration, runs: Path, serial: str) -> None:
+def check_no_interrupted(imu: Imu, setup: ResolvedConfiguration, runs: Path, serial: str) -> None:
     """Raises DeviceFaultError where a transfer to the unit waits for a decision; one that left no trace is closed."""
-    entry = register_journal.interrupted(runs, serial, site_of(setup.station))
+    entry = register_journal.interrupted(runs, serial, journal_folder(setup.station))
     if entry is not None:
-        refuse_other_model(entry, imu.identify().model)
+        check_unit_model(entry, imu.identify().model)
         holds = recognise(imu, entry, register_map(setup))
         if holds is not Holds.OLD:
             raise _undecided(entry, holds)

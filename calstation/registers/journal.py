@@ -7,20 +7,67 @@ Units on hardware have theirs in the site's own folder, whatever folder a run wr
 transfers belong to the unit. Those of a virtual bench stand beside the runs, whose units they are.
 """
 
+import hashlib
+import json
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import quote, unquote
 
 from calstation.config.library import site_folder
+from calstation.config.resolved import ResolvedConfiguration
 from calstation.config.station import StationConfig
 from calstation.devices.imu.transfer import Closing, Step
+from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import ConfigurationError
 from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
-from calstation.registers.unit_type import UnitSort
+
+#: Of a register's entry, what leaves the meaning of its content as it is.
+_MEANS_NOTHING = {"tolerance", "range"}
+
+
+@dataclass(frozen=True)
+class UnitType:
+    """Model of a unit, and the profile and product that it was written by; "" where nobody noted it.
+
+    Attributes
+    ----------
+    model : as the unit answered
+    profile, product : names
+    map : digest of the profile's registers, as far as they say what a content means
+    """
+
+    model: str = ""
+    profile: str = ""
+    product: str = ""
+    map: str = ""
+
+    @classmethod
+    def of(cls, setup: ResolvedConfiguration, model: str) -> "UnitType":
+        """Of a unit that answers with `model` and is written as `setup` has it."""
+        return cls(model, setup.imu.name, setup.product.name, map_digest(setup.imu.registers))
+
+    @classmethod
+    def noted(cls, content: Mapping[str, Any]) -> "UnitType":
+        """What a line of the journal says."""
+        return cls(**{field.name: str(content.get(field.name, "")) for field in fields(cls)})
+
+    def to_json(self) -> dict[str, str]:
+        """As plain values."""
+        return asdict(self)
+
+
+def map_digest(registers: list[RegisterEntry]) -> str:
+    """The same for registers whose contents mean the same."""
+    rows = sorted(
+        json.dumps(entry.model_dump(mode="json", exclude=_MEANS_NOTHING), sort_keys=True)
+        for entry in registers
+    )
+    return hashlib.sha256("\n".join(rows).encode()).hexdigest()[:16]
+
 
 #: In the site's folder, or beside the runs.
 FOLDER = "registers"
@@ -63,7 +110,7 @@ class Transfer:
     by: str | None
     why: str
     source: str
-    sort: UnitSort = field(default_factory=UnitSort)
+    sort: UnitType = field(default_factory=UnitType)
     steps: list[str] = field(default_factory=list)
     closing: str | None = None
 
@@ -96,7 +143,7 @@ def begin(
     why: str,
     source: str,
     site: Path | None = None,
-    sort: UnitSort | None = None,
+    sort: UnitType | None = None,
 ) -> Transfer:
     """Put an intention down, on disk when this returns.
 
@@ -108,7 +155,7 @@ def begin(
     history(runs, serial, site)
     path = _path(site or runs, serial)
     ident = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(3)}"
-    sort = sort or UnitSort()
+    sort = sort or UnitType()
     made = Transfer(path, ident, serial, _now(), dict(old), dict(new), by, why, source, sort)
     intention = {"event": "intended", "id": ident, "serial": serial, "utc": made.utc, "by": by, "why": why}
     _append(path, {**intention, **sort.to_json(), "source": source, "old": dict(old), "new": dict(new)})
@@ -156,7 +203,7 @@ def torn(runs: Path, serial: str, site: Path | None = None) -> Path | None:
     return path if _lines(path, serial).torn else None
 
 
-def site_of(station: StationConfig) -> Path | None:
+def journal_folder(station: StationConfig) -> Path | None:
     """Where the journals of a station's units are: the site's folder, None beside the runs of a virtual bench."""
     return None if station.bench is not None else site_folder()
 
@@ -212,7 +259,7 @@ def _intended(path: Path, content: Mapping[str, Any]) -> Transfer:
         content["by"],
         str(content["why"]),
         str(content.get("source", "")),
-        UnitSort.noted(content),
+        UnitType.noted(content),
     )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from calstation.config.request import OR_AT_REST, RegisterOperation
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.connection.devices import connected
-from calstation.connection.imu_session import open_imu_session, rest_of
+from calstation.connection.imu_session import capture_rest, open_imu_session
 from calstation.devices.imu.transfer import (
     Closing,
     Holds,
@@ -28,13 +28,16 @@ from calstation.devices.imu.transfer import (
 from calstation.devices.interfaces import Imu, ImuIdentity
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.registers import journal as register_journal
-from calstation.registers.flash_wear import check_flash
-from calstation.registers.interrupted import refuse_interrupted, register_map
-from calstation.registers.journal import Transfer, site_of
-from calstation.registers.manual import held
-from calstation.registers.other_type import refuse_other_map, refuse_other_model
-from calstation.registers.unit_type import UnitSort
-from calstation.registers.verify_type import at_once, judge, judge_old, proved_by
+from calstation.registers.interrupted import check_no_interrupted, register_map
+from calstation.registers.journal import Transfer, UnitType, journal_folder
+from calstation.registers.preconditions import check_flash, check_register_map, check_unit_model
+from calstation.registers.unit_registers import held
+from calstation.registers.verification import (
+    finish_verification,
+    judge_restored,
+    run_inline,
+    verification_step,
+)
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.control import Control, StopRequested
 from calstation.sequencer.driving import Driving, RunInBackground
@@ -50,7 +53,7 @@ _OF_TABLES = ("table:", "schedule:")
 CheckCancelled = Callable[[], None]
 
 
-def turning(errand: RegisterOperation) -> bool:
+def moves_table(errand: RegisterOperation) -> bool:
     """Whether a table is going to move for it. Raises InputError where there is nothing to do, ConfigurationError."""
     setup = resolve_configuration(errand.request)
     _Work.of(errand, setup, lambda event: None)
@@ -116,10 +119,10 @@ class _Work:
     def of(cls, errand: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_Work":
         """Raises InputError where there is nothing to finish or restore, or what there is belongs to another sort of
         unit; ConfigurationError for a worn out flash."""
-        runs, serial, site = errand.request.out, errand.request.serial, site_of(setup.station)
+        runs, serial, site = errand.request.out, errand.request.serial, journal_folder(setup.station)
         entry = register_journal.interrupted(runs, serial, site)
         if entry is not None:
-            refuse_other_map(entry, setup)
+            check_register_map(entry, setup)
         if errand.what == "write":
             check_flash(setup, runs, emit)
             return cls(errand, setup, emit, None, errand.values, errand.source)
@@ -130,7 +133,7 @@ class _Work:
                 f"{site or runs}: no transfer to unit '{serial}' is open; there is nothing to finish"
             )
         wanted = _earlier(runs, serial, errand.transfer, site)
-        refuse_other_map(wanted, setup)
+        check_register_map(wanted, setup)
         check_flash(setup, runs, emit)
         return cls(errand, setup, emit, None, wanted.old, f"before {wanted.id}", wanted)
 
@@ -153,9 +156,9 @@ class _Work:
         check_serial(imu, request.serial)
         self.identity = imu.identify()
         for entry in filter(None, (self.entry, self.earlier)):
-            refuse_other_model(entry, self.identity.model)
+            check_unit_model(entry, self.identity.model)
         if self.entry is None:
-            refuse_interrupted(imu, self.setup, request.out, request.serial)
+            check_no_interrupted(imu, self.setup, request.out, request.serial)
         elif self.back and recognise(imu, self.entry, register_map(self.setup)) is Holds.OLD:
             self.entry.close(Closing.KEPT)
             return self._settled(self.entry.old, Closing.KEPT, "")
@@ -183,15 +186,15 @@ class _Work:
             self.emit(Message("old_unproved" if self.back else "transfer_unproved"))
             raise
 
-    def judge(
+    def finish_verification(
         self, imu: Imu, done: Transferred, fresh: VerificationData, run_in_background: RunInBackground
     ) -> Settled:
         """Close the journal's entry by the fresh data. Raises DeviceFaultError where they are wrong."""
         if self.back:
-            judge_old(self.setup, done, fresh)
+            judge_restored(self.setup, done, fresh)
         else:
-            judge(self.setup, imu, done, fresh, run_in_background)
-        proof = {Step.TURNED: "turn", Step.AT_REST: "rest"}.get(proved_by(fresh), "read_back")
+            finish_verification(self.setup, imu, done, fresh, run_in_background)
+        proof = {Step.TURNED: "turn", Step.AT_REST: "rest"}.get(verification_step(fresh), "read_back")
         told = "registers_read_back" if proof == "read_back" else "registers_proved"
         self.emit(Message(told, {"count": len(done.found), "proof": proof}))
         return self._settled(done.found, Closing.RESTORED if self.back else Closing.DONE, proof)
@@ -212,8 +215,8 @@ class _Work:
             by=request.operator,
             why=why,
             source=self.source,
-            site=site_of(self.setup.station),
-            sort=UnitSort.of(self.setup, self.identity.model),
+            site=journal_folder(self.setup.station),
+            sort=UnitType.of(self.setup, self.identity.model),
         )
 
 
@@ -229,8 +232,8 @@ def _at_rest(work: _Work, check_cancelled: CheckCancelled) -> Settled:
         work.emit(Message("registers_writing"))
         done = work.write(unit.imu)
         with work.looking(check_cancelled):
-            fresh = rest_of(unit, work.setup, check_cancelled)
-        return work.judge(unit.imu, done, fresh, at_once)
+            fresh = capture_rest(unit, work.setup, check_cancelled)
+        return work.finish_verification(unit.imu, done, fresh, run_inline)
 
 
 def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) -> Settled | None:
@@ -264,7 +267,7 @@ def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) 
             done = drive.run_in_background(lambda: work.write(imu))
             with work.looking(drive.control_loop.check_cancelled):
                 fresh = drive.verification_data()
-            settled = work.judge(imu, done, fresh, drive.run_in_background)
+            settled = work.finish_verification(imu, done, fresh, drive.run_in_background)
             drive.finish()
             return State.DONE
 

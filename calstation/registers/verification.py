@@ -6,21 +6,199 @@ measures a turn, gravity at its end with where the gyros carried it. A unit that
 here by the registers that it gave back: that says that it works, and nothing of what it makes of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
+from calstation.config.resolved import ResolvedConfiguration
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.transfer import Closing, Entry, Step, Transferred, restore
+from calstation.devices.interfaces import Imu
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.context import Belief, ImuModel, SolveContext
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import RATE, normal_gravity
 from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import COUNT, NAMES, PARAMETERS, group_indices
+from calstation.physics.parameters import COUNT, NAMES, PARAMETERS, group_indices, group_matrix, group_vector
 from calstation.physics.rotation import rotation_matrix
 from calstation.physics.table import OUTER
-from calstation.registers.comparison import DIFFERENCES, Registers, compare
-from calstation.registers.verification_check import SIGMAS, WANDER, VerificationCheck, force_noise, rate_noise
+from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.sequencer.capture import Turned, VerificationData
+from calstation.sequencer.driving import RunInBackground
+
+#: Off by more than this many standard deviations is wrong: noise reaches it once in 10^8 times.
+SIGMAS = 6.0
+
+#: Bias instabilities that a bias may have wandered since it was found.
+WANDER = 3.0
+
+
+@dataclass(frozen=True)
+class VerificationCheck:
+    """One comparison: what was measured, what was expected, and how far they may be apart, SI."""
+
+    name: str
+    value: float
+    expected: float
+    tolerance: float
+    unit: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the two agree; what is no number does not."""
+        return abs(self.value - self.expected) <= self.tolerance
+
+    def to_json(self) -> dict[str, Any]:
+        """As a result holds it."""
+        return {**asdict(self), "passed": self.passed}
+
+
+def rate_noise(imu: ImuModel, seconds: float) -> float:
+    """Sigma of one axis of `mean_at_rest` of the gyro, rad/s: 6/5 of a plain mean's variance."""
+    return float(imu.gyro_arw * np.sqrt(1.2 / seconds))
+
+
+def force_noise(context: SolveContext, seconds: float) -> float:
+    """Sigma of one axis of `mean_at_rest` of the accelerometer, m/s².
+
+    Its own noise as the gyro's, and the base's vibration: the slope of a line through velocities of the sigma that the
+    table's profile states, as many as it says, σ √12 / (T √n).
+    """
+    imu, table = context.imu, context.table
+    count = seconds / table.velocity_interval
+    vibration = table.velocity_sigma * np.sqrt(12.0 / count) / seconds
+    return float(np.hypot(imu.accel_vrw * np.sqrt(1.2 / seconds), vibration))
+
+
+#: Names of these comparisons.
+DIFFERENCES = ("force_difference", "rate_difference", "turn_difference")
+
+
+@dataclass(frozen=True)
+class AppliedRegisters:
+    """What the unit holds, and what was in force in the reference; None where that was the raw output. SI by name."""
+
+    held: Mapping[str, float]
+    before: Mapping[str, float] | None = None
+
+
+def compare(
+    fresh: VerificationData,
+    reference: VerificationData,
+    registers: AppliedRegisters,
+    context: SolveContext,
+    repeatability: float,
+) -> tuple[VerificationCheck, ...]:
+    """Compare each rest and each turn of a unit's own output with its reference.
+
+    Parameters
+    ----------
+    repeatability : of the table, rad: how far apart it stands after two moves to the same angle, one sigma
+    """
+    seen, meant = np.array(fresh.rests), _meant(np.array(reference.rests), registers)
+    checks = []
+    for own, here in zip(seen, meant, strict=True):
+        force, rate = own[3:] - here[3:], own[:3] - here[:3]
+        checks.append(
+            _within(
+                "force_difference",
+                force,
+                _force_scatter(here[3:], fresh.seconds, context, repeatability),
+                "m/s²",
+            )
+        )
+        checks.append(
+            _within("rate_difference", rate, _rate_scatter(fresh.seconds, context.imu) * np.eye(3), "rad/s")
+        )
+    for own_turn, before in zip(fresh.turns, reference.turns, strict=True):
+        there = _net(before, _meant_turn(before, registers), meant)
+        apart = _net(own_turn, own_turn.angle, seen) - there
+        scatter = _turn_scatter(there, before.seconds, fresh.seconds, context.imu, repeatability)
+        # The earth turns on while one turn takes longer than the other.
+        more = 2.0 * RATE * abs(own_turn.seconds - before.seconds)
+        checks.append(_within("turn_difference", apart, scatter, "rad", more))
+    return tuple(checks)
+
+
+def _meant(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
+    """What the reference's rests are with the registers that are held now, shape (n, 6)."""
+    raw = _undone(rests, registers.before)
+    omega, force = compensate(compensation(_vector(registers.held)), raw[:, :3], raw[:, 3:])
+    return np.hstack([omega, force])
+
+
+def _meant_turn(turned: Turned, registers: AppliedRegisters) -> FloatArray:
+    """Integral of the reference's rate over a turn with the registers that are held now, rad, shape (3,)."""
+    mean = np.hstack([turned.angle / turned.seconds, np.zeros(3)])[None]
+    return _meant(mean, registers)[0, :3] * turned.seconds
+
+
+def _undone(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
+    """The raw output behind what a unit gave with registers, shape (n, 6); the size effect, 0 at rest, left aside."""
+    if registers is None:
+        return output
+    p = _vector(registers)
+    gyro, accel = (
+        np.eye(3) + group_matrix(p, f"{sensor}_scale", f"{sensor}_misalign") for sensor in ("gyro", "accel")
+    )
+    force = output[:, 3:]
+    return np.hstack(
+        [
+            output[:, :3] @ gyro.T + group_vector(p, "gyro_bias"),
+            force @ accel.T + group_vector(p, "accel_quadratic") * force**2 + group_vector(p, "accel_bias"),
+        ]
+    )
+
+
+def _net(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
+    """A turn without what the gyro shows at rest, its bias and the earth's rate along the axis, rad, shape (3,)."""
+    return np.asarray(angle - rests[turned.turn.still, :3] * turned.seconds)
+
+
+def _force_scatter(
+    force: FloatArray, seconds: float, context: SolveContext, repeatability: float
+) -> FloatArray:
+    """Covariance of a force's difference, (m/s²)², shape (3, 3): across it the table's tilt shows, along it not."""
+    size = float(np.linalg.norm(force))
+    up = force / size
+    noise = (
+        2.0 * force_noise(context, seconds) ** 2 + (WANDER * context.imu.accel_bias_instability) ** 2
+    ) * np.eye(3)
+    return np.asarray(noise + 2.0 * (repeatability * size) ** 2 * (np.eye(3) - np.outer(up, up)))
+
+
+def _rate_scatter(seconds: float, imu: ImuModel) -> float:
+    """Variance of a rate's difference, (rad/s)²."""
+    return 2.0 * rate_noise(imu, seconds) ** 2 + (WANDER * imu.gyro_bias_instability) ** 2
+
+
+def _turn_scatter(
+    turn: FloatArray, seconds: float, rest: float, imu: ImuModel, repeatability: float
+) -> FloatArray:
+    """Covariance of a turn's difference, rad², shape (3, 3): along it the joint's angle, across it the other's."""
+    size = float(np.linalg.norm(turn))
+    along = np.outer(turn, turn) / size**2
+    noise = 2.0 * (imu.gyro_arw**2 * seconds + (rate_noise(imu, rest) * seconds) ** 2)
+    noise += 2.0 * (imu.gyro_bias_instability * seconds) ** 2
+    joint, other = 4.0 * repeatability**2, 2.0 * (repeatability * size) ** 2
+    return np.asarray(noise * np.eye(3) + joint * along + other * (np.eye(3) - along))
+
+
+def _within(
+    name: str, apart: FloatArray, scatter: FloatArray, unit: str, more: float = 0.0
+) -> VerificationCheck:
+    """How far a vector is off, and how far it may be in that direction."""
+    size = float(np.linalg.norm(apart))
+    way = apart / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
+    sigma = 1.0 / np.sqrt(way @ np.linalg.solve(scatter, way))
+    return VerificationCheck(name, size, 0.0, SIGMAS * float(sigma) + more, unit)
+
+
+def _vector(values: Mapping[str, float]) -> FloatArray:
+    return np.array([values.get(name, 0.0) for name in NAMES])
+
 
 #: By which a gyro's scale at the rate of the turns may differ from that at the rate it was calibrated at.
 _LINEAR = 5e-4
@@ -29,9 +207,9 @@ _LINEAR = 5e-4
 _OPPOSITE = -0.9
 
 
-def prove(
+def verify_output(
     fresh: VerificationData,
-    registers: Registers,
+    registers: AppliedRegisters,
     covariance: FloatArray,
     context: SolveContext,
     repeatability: float,
@@ -72,7 +250,7 @@ def prove(
     return tuple(checks)
 
 
-def refuted(check: VerificationCheck, so: str) -> DeviceFaultError:
+def output_error(check: VerificationCheck, so: str) -> DeviceFaultError:
     """The fault of a unit whose corrected output is wrong; `so` : what became of its registers."""
     if check.name in DIFFERENCES:
         return DeviceFaultError(
@@ -89,7 +267,7 @@ def refuted(check: VerificationCheck, so: str) -> DeviceFaultError:
     )
 
 
-def proved_on(fresh: VerificationData) -> str:
+def verified_on(fresh: VerificationData) -> str:
     """What a proof was made on: the unit's "corrected_output", or "read_back" where it shows none."""
     return "corrected_output" if fresh.corrected else "read_back"
 
@@ -193,3 +371,76 @@ def _tolerance(
             jacobian[p.row, i] = seen[p.row] ** 2
     variance = float(np.linalg.eigvalsh(jacobian @ covariance @ jacobian.T)[-1])
     return SIGMAS * float(np.sqrt(max(variance, 0.0) + noise**2 + (WANDER * instability) ** 2))
+
+
+def run_inline(work: Callable[[], Any]) -> Any:
+    """Does a work where no table needs to be looked after meanwhile."""
+    return work()
+
+
+def finish_verification(
+    setup: ResolvedConfiguration,
+    imu: Imu,
+    done: Transferred,
+    fresh: VerificationData,
+    run_in_background: RunInBackground = run_inline,
+) -> None:
+    """Close the journal's entry of new registers; where the output is wrong with them, the old ones are put back.
+
+    Raises DeviceFaultError.
+    """
+    entry = done.entry
+    wrong = _wrong(setup, done, fresh, back=False)
+    if wrong:
+        run_in_background(lambda: restore_refuted(imu, RegisterMap(tuple(setup.imu.registers)), entry))
+        raise output_error(wrong[0], "its old registers were put back")
+    run_in_background(lambda: close_verified(entry, fresh))
+
+
+def restore_refuted(imu: Imu, entries: RegisterMap, entry: Entry) -> Mapping[str, float]:
+    """Give a unit whose output was refuted its old registers back; what it holds then."""
+    entry.note(Step.REFUTED)
+    return restore(imu, entries, entry)
+
+
+def close_verified(entry: Entry, fresh: VerificationData) -> None:
+    """Close the journal's entry of registers whose output is right."""
+    entry.note(verification_step(fresh))
+    entry.close(Closing.DONE)
+
+
+def judge_restored(setup: ResolvedConfiguration, done: Transferred, fresh: VerificationData) -> None:
+    """Close the entry of registers that were put back: the unit is as it was, whatever its output is worth.
+
+    Raises DeviceFaultError where that is wrong.
+    """
+    entry = done.entry
+    wrong = _wrong(setup, done, fresh, back=True)
+    entry.note(Step.REFUTED if wrong else verification_step(fresh))
+    entry.close(Closing.RESTORED)
+    if wrong:
+        check = wrong[0]
+        raise DeviceFaultError(
+            f"IMU: its old registers are back, but with them {check.name} measures {check.value:.6g} {check.unit},"
+            f" expected {check.expected:.6g} within {check.tolerance:.2g}; calibrate the unit before it is used"
+        )
+
+
+def _wrong(
+    setup: ResolvedConfiguration, done: Transferred, fresh: VerificationData, *, back: bool
+) -> list[VerificationCheck]:
+    meta = setup.log_meta()
+    entry = done.entry
+    registers = AppliedRegisters(
+        entry.old if back else entry.new, entry.old if setup.after_registers else None
+    )
+    prior = prior_from_meta(meta).covariance
+    checks = verify_output(fresh, registers, prior, context_from_meta(meta), setup.repeatability)
+    return [check for check in checks if not check.passed]
+
+
+def verification_step(fresh: VerificationData) -> Step:
+    """What the journal says of a proof."""
+    if not fresh.corrected:
+        return Step.READ_BACK
+    return Step.TURNED if fresh.turns or len(fresh.carried) else Step.AT_REST

@@ -15,7 +15,7 @@ from calstation.estimation.common.residuals import RestResiduals, rest_residuals
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.method import Innovations
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.records.log import Log, open_log
 from calstation.records.meta import context_from_meta
 from calstation.results.solver_chain import Watch, one_blas_thread, solve

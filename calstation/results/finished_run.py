@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import InputError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.records.log import open_log
 from calstation.records.raw_log import SUFFIX
 from calstation.results.history import History

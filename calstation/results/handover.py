@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config.station import StationConfig, load_station
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.records.atomic import sync_folder, write_atomic
 from calstation.records.locked import locked
 from calstation.records.raw_log import SUFFIX

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from calstation.errors import InputError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import RawLogContents, being_written, read_contents, solved_stages
 from calstation.records.run_index import IndexedRun, RunIndex, RunRecord

@@ -14,7 +14,7 @@ from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration, check_manual_rig, resolve_configuration
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.planned import PlannedSamples, profile
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Carry, Finish, Move, RoundEnd, Step
 from calstation.physics.parameters import INDEX, NAMES, PARAMETERS

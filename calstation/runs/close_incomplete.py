@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.runs.incomplete import close_incomplete
 
 

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from calstation.config.request import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.jobs.pipe_reader import PipeReader
-from calstation.jobs.spawn import spawn_process
+from calstation.jobs.process import PipeReader, spawn_process
 from calstation.runs.channel import BEAT, Channel
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Settled, Verdict, from_json

@@ -17,12 +17,17 @@ from calstation.records.limits import estimated_stage
 from calstation.records.meta import LogMeta, context_from_meta
 from calstation.records.raw_log import RawLogWriter
 from calstation.registers import journal as register_journal
-from calstation.registers.comparison import Registers
-from calstation.registers.compose import compose
-from calstation.registers.journal import site_of
-from calstation.registers.unit_type import UnitSort
-from calstation.registers.verification import prove, proved_on, refuted, without_register
-from calstation.registers.verify_type import close_proved, give_back
+from calstation.registers.journal import UnitType, journal_folder
+from calstation.registers.unit_registers import compose
+from calstation.registers.verification import (
+    AppliedRegisters,
+    close_verified,
+    output_error,
+    restore_refuted,
+    verified_on,
+    verify_output,
+    without_register,
+)
 from calstation.results.merge_previous import InForce, PreviousValue, found_better, given
 from calstation.results.partial import is_part
 from calstation.results.result import judge
@@ -95,7 +100,7 @@ class Finalization:
             raise
         return Finalized(passed=True, written=True)
 
-    def prove(self, fresh: VerificationData, run_in_background: RunInBackground) -> None:
+    def verify_output(self, fresh: VerificationData, run_in_background: RunInBackground) -> None:
         """Judge the restarted unit's data; one whose corrected output is wrong gets its old registers back.
 
         Raises DeviceFaultError.
@@ -104,9 +109,9 @@ class Finalization:
         assert self._covariance is not None
         entry, entries = self._done.entry, RegisterMap(tuple(self.setup.imu.registers))
         before = entry.old if self.setup.after_registers else None
-        checks = prove(
+        checks = verify_output(
             fresh,
-            Registers(entry.new, before),
+            AppliedRegisters(entry.new, before),
             self._covariance,
             context_from_meta(self.meta),
             self.setup.repeatability,
@@ -114,10 +119,10 @@ class Finalization:
         self.registers["proof"] = [check.to_json() for check in checks]
         wrong = [check for check in checks if not check.passed]
         if wrong:
-            self.registers["new"] = run_in_background(lambda: give_back(self.imu, entries, entry))
-            raise refuted(wrong[0], "its old registers were put back")
-        run_in_background(lambda: close_proved(entry, fresh))
-        seen = proved_on(fresh)
+            self.registers["new"] = run_in_background(lambda: restore_refuted(self.imu, entries, entry))
+            raise output_error(wrong[0], "its old registers were put back")
+        run_in_background(lambda: close_verified(entry, fresh))
+        seen = verified_on(fresh)
         written = datetime.now(UTC).isoformat(timespec="seconds")
         self.registers |= {"verified": True, "proved_on": seen, "written_utc": written}
         told = "registers_written" if fresh.corrected else "registers_read_back"
@@ -145,8 +150,8 @@ class Finalization:
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         log, serial = self.log.path, self.meta.imu.serial
-        by, site = self.setup.request.operator, site_of(self.setup.station)
-        sort = UnitSort.of(self.setup, self.imu.identify().model)
+        by, site = self.setup.request.operator, journal_folder(self.setup.station)
+        sort = UnitType.of(self.setup, self.imu.identify().model)
         return register_journal.begin(
             log.parent, serial, old, new, by=by, why="run", source=log.name, site=site, sort=sort
         )

@@ -19,7 +19,7 @@ from calstation.config.station import StationConfig, load_station
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.method import Solution
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.records.log import Log, open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import SUFFIX

@@ -20,8 +20,8 @@ from calstation.estimation.method import Solution
 from calstation.physics.parameters import INDEX
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RESERVE, RawLogWriter, free_space
-from calstation.registers.flash_wear import check_flash
-from calstation.registers.interrupted import UnverifiedTransfer, check_interrupted, settle
+from calstation.registers.interrupted import UnverifiedTransfer, check_interrupted, recover_interrupted
+from calstation.registers.preconditions import check_flash
 from calstation.results.handover import HandOver, expect
 from calstation.results.history import History
 from calstation.results.result import Ending, build_result, judge, write_json
@@ -177,7 +177,7 @@ def _connect(place: _Place) -> None:
     try:
         with connected(place.setup, place.check_cancelled) as devices:
             place.hooks.connected(devices)
-            unproved = settle(
+            unproved = recover_interrupted(
                 devices.imu,
                 devices.table,
                 devices.clock,
@@ -267,8 +267,8 @@ def _drive(run: _Run, devices: Devices) -> Ended:
         run.place.emit,
         verify=run.verify,
         finalize=finalization.finalize,
-        prove=finalization.prove,
-        prove_first=None if run.unproved is None else run.unproved.prove,
+        prove=finalization.verify_output,
+        prove_first=None if run.unproved is None else run.unproved.verify_output,
         control=control,
         solved=solved,
         after=after,

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.results.handover import Delivery, deliver_waiting
 from calstation.results.history import History
 from calstation.runs.incomplete import finish_incomplete

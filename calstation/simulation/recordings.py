@@ -6,7 +6,7 @@ from typing import cast
 
 from calstation.config.library import site_folder
 from calstation.errors import ConfigurationError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 from calstation.records.atomic import write_atomic
 
 

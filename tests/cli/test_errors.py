@@ -348,7 +348,7 @@ def test_a_mistake_of_the_program_is_no_traceback(
     def broken(*_: object) -> int:
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("calstation.cli.offline.resolve_command", broken)
+    monkeypatch.setattr("calstation.cli.logs.resolve_command", broken)
     assert run_app(["resolve", "x.h5"]) == 3
     told = capsys.readouterr().err
     assert told == "calstation: internal error: ZeroDivisionError: division by zero (--debug shows where)\n"

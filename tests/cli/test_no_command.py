@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from calstation.cli import window
+from calstation.cli import app as window
 from calstation.cli.app import run_app
 from calstation.config.request import RunRequest
 
@@ -48,7 +48,7 @@ def test_no_command_of_the_terminal_needs_qt() -> None:
     script = (
         "import sys; sys.modules['PySide6'] = None\n"
         "from calstation.cli.app import run_app\n"
-        "import calstation.cli.run, calstation.cli.offline, calstation.cli.study, calstation.runs.engine\n"
+        "import calstation.cli.run, calstation.cli.logs, calstation.cli.studies, calstation.runs.engine\n"
         "import calstation.runs.run\n"
         "sys.exit(run_app(['run', '--serial', 'x y']))\n"
     )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calstation.cli.run import complain
-from calstation.cli.typed import as_typed, said_as_typed
+from calstation.cli.usage import as_typed, said_as_typed
 from calstation.config.request import OR_AT_REST, RunRequest
 from calstation.devices.interfaces import TableStatus
 from calstation.errors import DeviceFaultError

@@ -29,7 +29,7 @@ from calstation.config.request import RunRequest
 from calstation.config.site_check import this_computer
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock
-from calstation.connection.serial_ports import FoundPort
+from calstation.connection.link_test import FoundPort
 from calstation.devices.links.opening import Reason
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.settings import page as page_module

@@ -2,7 +2,7 @@
 
 import os
 
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
 
 
 def live_in(tell: ProgressCallback, folder: str, home: str) -> None:

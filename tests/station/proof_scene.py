@@ -23,9 +23,7 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Dwell
 from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.physics.table import JointLimits, TableGeometry
-from calstation.registers.comparison import Registers
-from calstation.registers.verification import prove
-from calstation.registers.verification_check import VerificationCheck
+from calstation.registers.verification import AppliedRegisters, VerificationCheck, verify_output
 from calstation.schema import validate
 from calstation.sequencer.capture import SHORT_REST, Turned, VerificationData, mean_at_rest
 from calstation.sequencer.verification_moves import verification_path
@@ -111,7 +109,7 @@ class Looks:
         prior = np.diag([(0.0 if p.group == "outer_lever" else 1e-5) ** 2 for p in PARAMETERS])
         left = [0.0 if name in entries.parameters else values[name] for name in NAMES]
         covariance = prior + np.diag(np.square(left))
-        return prove(fresh, Registers(meant), covariance, self.context, REPEATABILITY)
+        return verify_output(fresh, AppliedRegisters(meant), covariance, self.context, REPEATABILITY)
 
 
 def fill(unit: ImuUnit, wrong: ImuProfile, numbers: Mapping[int, list[float]]) -> None:

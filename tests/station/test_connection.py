@@ -16,9 +16,7 @@ from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
 from calstation.config.library import find
 from calstation.config.site_check import vouching
 from calstation.connection import identify as who_answers
-from calstation.connection import listening
-from calstation.connection.link_test import Order, try_imu, try_table
-from calstation.connection.serial_ports import discover
+from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link, discover_ports
 from calstation.devices.links.serial_link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError
 from calstation.messages.finding import Finding, Report
@@ -40,12 +38,12 @@ def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> N
 
 def table(**section: Any) -> Report:
     """Test a table with these link settings."""
-    return try_table(tell, order(table=section))
+    return check_table_link(tell, order(table=section))
 
 
 def imu(**section: Any) -> Report:
     """Test an IMU with these link settings."""
-    return try_imu(tell, order(imu=section))
+    return check_imu_link(tell, order(imu=section))
 
 
 def wrong(report: Report) -> Finding:
@@ -59,7 +57,7 @@ def wrong(report: Report) -> Finding:
 
 
 def test_the_virtual_benchs_table_is_right() -> None:
-    report = try_table(tell, order(bench={"seed": 1}))
+    report = check_table_link(tell, order(bench={"seed": 1}))
     assert report.state == "ok"
     identified = report.find("identified")
     assert identified is not None
@@ -97,7 +95,7 @@ def test_a_latched_fault_is_told_with_its_cause_where_the_table_tells_one(
 
 
 def test_the_virtual_benchs_imu_is_right() -> None:
-    report = try_imu(tell, order(bench={"seed": 1}))
+    report = check_imu_link(tell, order(bench={"seed": 1}))
     assert report.state == "ok"
     rate, gravity, registers = (report.find(name) for name in ("rate", "gravity", "registers"))
     assert rate is not None
@@ -117,7 +115,7 @@ def test_serial_links_are_right_too_and_the_machines_state_is_told() -> None:
         "interlock_closed": False,
         "low_deg": [-90.0, -1080.0],
     }
-    report = try_table(tell, order(bench=bench))
+    report = check_table_link(tell, order(bench=bench))
     assert wrong(report).id == "watchdog_off"
     assert [f.id for f in report.findings if f.state == "look"] == ["interlock_open", "travel_narrower"]
     narrower = report.find("travel_narrower")
@@ -345,8 +343,8 @@ def test_an_imu_at_another_baud_is_heard_there(monkeypatch: pytest.MonkeyPatch) 
             """Nothing to close."""
 
     monkeypatch.setattr("calstation.connection.devices.SerialLink", AtBaud)
-    monkeypatch.setattr(listening, "SerialLink", AtBaud)
-    monkeypatch.setattr(listening, "LISTEN", 0.01)
+    monkeypatch.setattr(who_answers, "SerialLink", AtBaud)
+    monkeypatch.setattr(who_answers, "LISTEN", 0.01)
     report = imu(port="COM7", serial={"baud": 115200})
     assert wrong(report).id == "no_frames"
     elsewhere = report.find("other_baud")
@@ -375,7 +373,7 @@ def test_a_place_that_was_confirmed_at_another_computer_is_told() -> None:
         for computers in ([], ["other-plant"], ["other-plant", vouching(asked.station.site)]):
             site = asked.station.site.model_copy(update={"confirmed_on": computers})
             station = asked.station.model_copy(update={"site": site})
-            told.append(try_imu(tell, Order(station)).find("place_not_confirmed"))
+            told.append(check_imu_link(tell, LinkTestRequest(station)).find("place_not_confirmed"))
     assert [finding is not None for finding in told] == [False, True, False]
 
 
@@ -385,7 +383,7 @@ def test_a_serial_number_unlike_the_products_is_shown(tmp_path: Path) -> None:
     product.write_text('name = "p"\nimu = "bench_nav"\nserial_pattern = "X.*"\n', encoding="utf-8")
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
-        report = try_imu(tell, order(product, imu={"port": port}))
+        report = check_imu_link(tell, order(product, imu={"port": port}))
     assert report.state == "look"
     unlike = report.find("serial_unlike")
     assert unlike is not None
@@ -413,7 +411,7 @@ def streaming(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_an_imu_that_only_streams_is_right_without_a_word(streaming: Path) -> None:
     unit = FakeImu(mute=True)
     with terminal(unit.answer, unit.sends) as port:
-        report = try_imu(tell, order(streaming, imu={"port": port}))
+        report = check_imu_link(tell, order(streaming, imu={"port": port}))
     assert report.state == "ok"
     assert [f.id for f in report.findings][:3] == ["opened", "cannot_tell", "registers"]
     assert report.find("rate") is not None
@@ -423,10 +421,10 @@ def test_an_imu_that_only_streams_is_right_without_a_word(streaming: Path) -> No
 def test_an_imu_that_only_streams_at_another_baud_or_not_at_all(
     streaming: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(listening, "LISTEN", 0.01)
+    monkeypatch.setattr(who_answers, "LISTEN", 0.01)
     for sends, expected in ((bytes, "silent"), (lambda: b"\x99" * 64, "no_frames")):
         with terminal(silent, sends) as port:
-            assert wrong(try_imu(tell, order(streaming, imu={"port": port}))).id == expected
+            assert wrong(check_imu_link(tell, order(streaming, imu={"port": port}))).id == expected
 
 
 def test_an_imu_that_hangs_up() -> None:
@@ -444,4 +442,4 @@ def test_a_profile_that_does_not_exist_is_one_sentence() -> None:
 
 def test_ports_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(list_ports, "comports", lambda: [])
-    assert discover(tell) == ()
+    assert discover_ports(tell) == ()

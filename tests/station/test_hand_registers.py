@@ -10,9 +10,8 @@ import pytest
 from calstation.cli.app import run_app
 from calstation.config import library
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.registers.compose import compose
 from calstation.registers.journal import FOLDER, history
-from calstation.registers.manual import UnitRegisters, read_unit, wanted_registers
+from calstation.registers.unit_registers import UnitRegisters, compose, read_unit, wanted_registers
 from tests.station.conftest import Place, behind_registers
 from tests.station.errands import Errands
 

@@ -8,8 +8,8 @@ import pytest
 import tomli_w
 from wires import order, silent, terminal
 
-from calstation.connection.link_test import try_imu
-from calstation.connection.text_line_test import wrong_line
+from calstation.connection.imu_test import diagnose_text
+from calstation.connection.link_test import check_imu_link
 from calstation.devices.codecs.frame_checks import check_function
 from calstation.devices.profiles.frame import FrameSection
 from calstation.messages.finding import Finding
@@ -34,7 +34,7 @@ def line(
 
 def told(heard: bytes, **changes: Any) -> Finding | None:
     """What is said of these bytes by a profile that is wrong in this."""
-    return wrong_line(FrameSection.model_validate({**FRAME, **changes}), heard)
+    return diagnose_text(FrameSection.model_validate({**FRAME, **changes}), heard)
 
 
 def fields(*columns: int) -> dict[str, Any]:
@@ -130,5 +130,5 @@ def product(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 )
 def test_the_test_of_a_text_unit_names_the_entry(product: Path, begins: str, expected: str) -> None:
     with terminal(silent, lambda: line(begins=begins)) as port:
-        report = try_imu(lambda *_, **__: None, order(product, imu={"port": port}))
+        report = check_imu_link(lambda *_, **__: None, order(product, imu={"port": port}))
     assert [f.id for f in report.findings if f.state == "wrong"] == [expected]

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from calstation.jobs.pipe_reader import PipeReader
+from calstation.jobs.process import PipeReader
 from calstation.runs.engine import Engine
 from calstation.sequencer.events import Event, Fault, Message, to_json
 

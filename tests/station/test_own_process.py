@@ -5,10 +5,10 @@ import sys
 
 SCRIPT = """
 import time
-from calstation.jobs.queue import Workshop
+from calstation.jobs.queue import JobQueue
 
 print("once")
-workshop = Workshop()
+workshop = JobQueue()
 job = workshop.submit(len, "abc")
 while job.state in ("waiting", "running"):
     job.poll()

@@ -16,11 +16,11 @@ from wires import SITE, FakeTable, order, server
 from calstation.cli.app import run_app
 from calstation.config.request import RunRequest
 from calstation.connection import port_lock
-from calstation.connection.link_test import Order, try_imu, try_table
+from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
 from calstation.connection.port_lock import owned
 from calstation.connection.table_reset import read_table, reset_table
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.registers.manual import read_unit
+from calstation.registers.unit_registers import read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
@@ -66,7 +66,7 @@ class Hall:
         self.folder = folder
         self.address = address
         number = address.rpartition(":")[2]
-        self.order: Order = order(table={"port": f"tcp://localhost:{number}"})
+        self.order: LinkTestRequest = order(table={"port": f"tcp://localhost:{number}"})
         self.station = folder / "station.toml"
         table = {"profile": "bench", "port": f"tcp://{address}"}
         station = {"name": "hall", "site": SITE, "table": table, "imu": {"port": "/dev/ttyNONE9"}}
@@ -98,8 +98,8 @@ def opened(tmp_path: Path) -> Iterator[tuple[Hall, list[bytes]]]:
 
 USERS: dict[str, Callable[[Hall], object]] = {
     "run": Hall.run,
-    "table's link tested": lambda hall: try_table(tell, hall.order),
-    "unit's link tested": lambda hall: try_imu(tell, hall.order),
+    "table's link tested": lambda hall: check_table_link(tell, hall.order),
+    "unit's link tested": lambda hall: check_imu_link(tell, hall.order),
     "table looked at": lambda hall: read_table(tell, hall.order),
     "table reset": lambda hall: reset_table(tell, hall.order),
     "registers read": lambda hall: read_unit(tell, hall.request, hall.folder),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.physics.parameters import NAMES
-from calstation.registers.comparison import Registers, compare
+from calstation.registers.verification import AppliedRegisters, compare
 from tests.station.proof_scene import GRADES, Looks, profile, profile_data, truth
 
 UNITS = {
@@ -167,5 +167,5 @@ def test_the_proof_resolves_what_its_decision_says() -> None:
             continue
         for sign in (1.0, -1.0):
             meant = {**values, name: values[name] + sign * resolved[group]}
-            checks = compare(own, reference, Registers(meant), looks.context, np.deg2rad(0.0005))
+            checks = compare(own, reference, AppliedRegisters(meant), looks.context, np.deg2rad(0.0005))
             assert not all(check.passed for check in checks), name

@@ -17,7 +17,7 @@ from calstation.config import library
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.registers import journal as register_journal
 from calstation.registers import operation as register_errand
-from calstation.registers.manual import UnitRegisters
+from calstation.registers.unit_registers import UnitRegisters
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Message, StateChanged, StepStarted
 from tests.station.conftest import STATION, Place

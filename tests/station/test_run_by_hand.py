@@ -12,14 +12,13 @@ from calstation.config.resolved import prepare_run
 from calstation.config.schedules import offer
 from calstation.config.station import load_station, rails_by_hand
 from calstation.config.summary import run_summary
-from calstation.connection.link_test import Order, try_table
+from calstation.connection.link_test import LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
 from calstation.physics.parameters import PARAMETERS
 from calstation.physics.rotation import rotation_matrix
 from calstation.records.log import open_log
-from calstation.registers.comparison import Registers
-from calstation.registers.verification import prove
+from calstation.registers.verification import AppliedRegisters, verify_output
 from calstation.results.preview import forecast
 from calstation.results.resolve import resolve
 from calstation.sequencer.capture import VerificationData
@@ -125,7 +124,7 @@ def test_rails_need_no_port_and_have_no_link_to_test(tmp_path: Path) -> None:
     path.write_text(tomli_w.dumps(file), encoding="utf-8")
     _, station = load_station(path)
     product = library.find("products", "mems_hand")
-    report = try_table(no_tell, Order(station, product))
+    report = check_table_link(no_tell, LinkTestRequest(station, product))
     assert [(f.id, f.state) for f in report.findings] == [("by_hand", "ok")]
     path.write_text(tomli_w.dumps({**file, "imu": {}}), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"imu\.port is missing"):
@@ -168,7 +167,7 @@ def test_a_carried_turn_shows_gyros_that_are_wrong(wrong: np.ndarray, passed: bo
     first, second = np.r_[0.0, 0.0, 0.0, 0.0, 0.0, 9.8], np.r_[np.zeros(3), 9.8 * C[2]]
     seen = np.hstack([omega @ wrong.T, np.zeros((300, 3))])
     fresh = VerificationData((first, second), 10.0, carried=seen, period=0.01, corrected=True)
-    checks = prove(fresh, Registers({}), covariance, context, 1e-5)
+    checks = verify_output(fresh, AppliedRegisters({}), covariance, context, 1e-5)
     (turn,) = [check for check in checks if check.name == "carried_turn"]
     assert turn.passed is passed
     assert turn.expected == 0.0

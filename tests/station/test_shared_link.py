@@ -10,7 +10,7 @@ from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration, prepare_run
 from calstation.config.station import StationConfig
 from calstation.connection.devices import endpoints
-from calstation.connection.link_test import Order, try_imu, try_table
+from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
 from calstation.errors import ConfigurationError
 from tests.station.conftest import STATION, Place
 
@@ -31,8 +31,8 @@ def test_a_stage_runs_on_a_system_with_its_own_axes(place: Place) -> None:
 
 def test_table_and_imu_of_such_a_system_are_tested_one_by_one() -> None:
     data = {**STATION, "table": {"profile": "indexing_unit"}, "bench": {"seed": 5}}
-    order = Order(StationConfig.model_validate(data))
-    for test in (try_table, try_imu):
+    order = LinkTestRequest(StationConfig.model_validate(data))
+    for test in (check_table_link, check_imu_link):
         report = test(lambda *told, **more: None, order)
         assert "identified" in [finding.id for finding in report.findings]
         assert not [finding for finding in report.findings if finding.state == "wrong"]

@@ -16,8 +16,8 @@ from calstation.connection.bench_process import BenchHost
 from calstation.devices.imu.transfer import Closing, Step
 from calstation.errors import ConfigurationError, InputError
 from calstation.registers import journal as register_journal
-from calstation.registers.journal import site_of
-from calstation.registers.manual import read_unit
+from calstation.registers.journal import journal_folder
+from calstation.registers.unit_registers import read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Message, Verdict
@@ -73,7 +73,7 @@ def test_who_changes_the_folder_of_the_runs_sees_the_same_journal(
         by=None,
         why="run",
         source="",
-        site=site_of(resolve_configuration(hardware).station),
+        site=journal_folder(resolve_configuration(hardware).station),
     )
     events: list[Event] = []
     execute(replace(hardware, out=tuesday, stages=("rate",)), events.append, Control())

@@ -13,7 +13,7 @@ from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
 from calstation.physics.parameters import NAMES, group_matrix, group_vector
-from calstation.registers.compose import compose
+from calstation.registers.unit_registers import compose
 from calstation.results.solver_chain import solve
 from tests.station.conftest import Place
 

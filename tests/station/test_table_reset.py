@@ -14,8 +14,8 @@ from calstation.connection import table_reset
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import open_table
-from calstation.connection.link_test import Order, setup_of
-from calstation.connection.table_reset import TableReset, TableStanding, read_table, reset_table
+from calstation.connection.link_test import LinkTestRequest, link_test_configuration
+from calstation.connection.table_reset import TableReset, TableState, read_table, reset_table
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.guard import check_power
 
@@ -32,7 +32,9 @@ class Bench:
     def __init__(self, host: BenchHost) -> None:
         place, _, port = host.endpoints["clock"].rpartition(":")
         self.clock = BenchClock((place, int(port)), 0.0)
-        self.order: Order = order(table={"port": f"tcp://{host.endpoints['table']}", "timeout_s": 5.0})
+        self.order: LinkTestRequest = order(
+            table={"port": f"tcp://{host.endpoints['table']}", "timeout_s": 5.0}
+        )
 
     def obey(self, kind: str, value: float = 0.0) -> None:
         """Have something go wrong, or right again."""
@@ -42,13 +44,13 @@ class Bench:
         """The reset under test."""
         return reset_table(tell, self.order)
 
-    def standing(self) -> TableStanding:
+    def standing(self) -> TableState:
         """How the table stands."""
         return read_table(tell, self.order)
 
     def check_power(self) -> None:
         """The check of a run before it switches the axes on."""
-        setup = setup_of(self.order)
+        setup = link_test_configuration(self.order)
         assert self.order.station.table.port is not None
         table = open_table(setup, self.order.station.table.port)
         try:

@@ -15,7 +15,7 @@ from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import transfer
 from calstation.errors import DeviceFaultError, InputError
 from calstation.registers import journal as register_journal
-from calstation.registers.manual import UnitRegisters, read_unit
+from calstation.registers.unit_registers import UnitRegisters, read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict

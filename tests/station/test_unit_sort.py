@@ -16,11 +16,10 @@ from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError, InputError
 from calstation.registers import journal as register_journal
-from calstation.registers.journal import Transfer
+from calstation.registers.journal import Transfer, UnitType, map_digest
 from calstation.registers.listing import largest_change
-from calstation.registers.manual import wanted_registers
-from calstation.registers.operation import turning
-from calstation.registers.unit_type import UnitSort, map_digest
+from calstation.registers.operation import moves_table
+from calstation.registers.unit_registers import wanted_registers
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from tests.station.conftest import Place
@@ -45,10 +44,10 @@ class Known:
     def __init__(self, place: Place) -> None:
         self.place = place
         self.runs = place.folder / "runs"
-        self.own = UnitSort.of(resolve_configuration(place.request()), "bench-imu")
+        self.own = UnitType.of(resolve_configuration(place.request()), "bench-imu")
 
     def transfer(
-        self, sort: UnitSort | None, old: Mapping[str, float] | None = None, *, open_: bool = False
+        self, sort: UnitType | None, old: Mapping[str, float] | None = None, *, open_: bool = False
     ) -> Transfer:
         names = RegisterMap(tuple(registers())).parameters
         old = dict.fromkeys(names, 1e-6) if old is None else old
@@ -62,7 +61,7 @@ class Known:
 
     def restores(self) -> bool:
         """Whether the latest set may be put back, as the command line asks before it opens anything."""
-        return turning(RegisterOperation(self.place.request(), "restore"))
+        return moves_table(RegisterOperation(self.place.request(), "restore"))
 
 
 @pytest.fixture
@@ -73,7 +72,7 @@ def known(place: Place) -> Known:
 def test_a_set_says_what_sort_of_unit_it_is_of(known: Known) -> None:
     settled = Errands(known.place.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
     (entry,) = register_journal.history(known.runs, SERIAL)
-    assert entry.sort == UnitSort(settled.unit["model"], NAV, "short", known.own.map)
+    assert entry.sort == UnitType(settled.unit["model"], NAV, "short", known.own.map)
     assert known.restores()
 
 
@@ -88,13 +87,13 @@ def test_a_run_says_what_sort_of_unit_it_wrote(known: Known) -> None:
 @pytest.mark.parametrize(
     ("sort", "words"),
     [
-        (UnitSort("bench-imu", MEMS, "MEMS grade C", map_digest(registers())), f"by IMU profile '{MEMS}'"),
-        (UnitSort("bench-imu", NAV, "short", "0123456789abcdef"), "mean something else now than then"),
+        (UnitType("bench-imu", MEMS, "MEMS grade C", map_digest(registers())), f"by IMU profile '{MEMS}'"),
+        (UnitType("bench-imu", NAV, "short", "0123456789abcdef"), "mean something else now than then"),
     ],
 )
 @pytest.mark.parametrize("open_", [False, True])
 def test_a_set_of_another_register_map_is_refused_before_anything_is_opened(
-    known: Known, sort: UnitSort, words: str, open_: bool
+    known: Known, sort: UnitType, words: str, open_: bool
 ) -> None:
     known.transfer(sort, open_=open_)
     with pytest.raises(InputError, match=words):
@@ -110,7 +109,7 @@ def test_a_set_of_another_register_map_is_refused_before_anything_is_opened(
 
 @pytest.mark.parametrize("open_", [False, True])
 def test_a_set_of_another_model_is_not_written(known: Known, open_: bool) -> None:
-    known.transfer(UnitSort("other-imu", NAV, "short", known.own.map), open_=open_)
+    known.transfer(UnitType("other-imu", NAV, "short", known.own.map), open_=open_)
     with pytest.raises(DeviceFaultError, match=r"was to a 'other-imu' .* but a 'bench-imu.*' answers"):
         Errands(known.place.request()).do("restore", at_rest=True)
     assert len(register_journal.history(known.runs, SERIAL)) == 1
@@ -149,7 +148,7 @@ def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known
 
     def largest(profile: str) -> str | None:
         made = register_journal.begin(
-            known.runs, SERIAL, old, new, by=None, why="run", source="", sort=UnitSort("", profile)
+            known.runs, SERIAL, old, new, by=None, why="run", source="", sort=UnitType("", profile)
         )
         return largest_change(made)
 
@@ -168,7 +167,7 @@ def test_units_of_hardware_and_bench_are_listed_apart(
 ) -> None:
     home = tmp_path / "home"
     monkeypatch.setenv("CALSTATION_HOME", str(home))
-    known.transfer(UnitSort("bench-imu", MEMS, "MEMS grade C"))
+    known.transfer(UnitType("bench-imu", MEMS, "MEMS grade C"))
     for _ in range(2):
         made = register_journal.begin(
             known.runs, SERIAL, {}, {}, by=None, why="run", source="", site=home, sort=known.own

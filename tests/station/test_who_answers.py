@@ -13,7 +13,7 @@ from wires import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, termi
 
 from calstation.config.request import RunRequest
 from calstation.connection import table_reset
-from calstation.connection.link_test import try_imu, try_table
+from calstation.connection.link_test import check_imu_link, check_table_link
 from calstation.connection.table_reset import read_table, reset_table
 from calstation.devices.links.serial_link import SerialLink, SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
@@ -210,9 +210,9 @@ def test_the_tests_of_exchanged_links_say_so(imu: str) -> None:
             "table": {"port": imu},
             "imu": {"port": line},
         }
-        table = try_table(tell, order(**crossed))
+        table = check_table_link(tell, order(**crossed))
         assert (table.state, table.findings[-1].id) == ("wrong", "imus_line")
-        found = try_imu(tell, order(**crossed))
+        found = check_imu_link(tell, order(**crossed))
     assert (found.state, found.findings[-1].id) == ("wrong", "tables_line")
 
 
@@ -220,11 +220,11 @@ def test_the_tests_of_exchanged_links_say_so(imu: str) -> None:
 def test_the_test_of_a_table_tells_the_number_that_answers() -> None:
     bus = Bus(unit=3)
     with terminal(bus.answer) as line:
-        report = try_table(tell, order(table={"port": line, "unit": 7}))
+        report = check_table_link(tell, order(table={"port": line, "unit": 7}))
     assert [f.id for f in report.findings] == ["opened", "silent_rtu", "unit_heard"]
     assert report.findings[-1].values == {"found": 3, "model": "bench-table", "unit": 7}
     with server(lambda heard: tcp_pdu(heard, bytes([0x83, 4]))) as address:
-        report = try_table(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
+        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
     assert [f.id for f in report.findings] == ["connected", "exception"]
 
 
@@ -235,11 +235,11 @@ def test_a_table_of_another_profile_is_named_with_it() -> None:
         return bench.answer(heard) if heard[6] == 1 else tcp_pdu(heard, bytes([0x83, 4]))
 
     with server(answer) as address:
-        report = try_table(tell, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"}))
+        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"}))
         assert [f.id for f in report.findings] == ["connected", "exception", "profile_heard"]
         assert report.findings[-1].values == {"found": 1, "model": "bench-table", "profile": "bench"}
         bench.words[0:8] = [0x4C41, 0x5448, 0x4500] + [0] * 5
-        report = try_table(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
+        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
     assert report.findings[-1].values == {"units": "1 (“LATHE”)"}
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from calstation.bench.links.pseudo_terminal import open_raw
 from calstation.config.station import StationConfig
-from calstation.connection.link_test import Order
+from calstation.connection.link_test import LinkTestRequest
 from calstation.devices.codecs.frame_checks import check_bytes
 from calstation.schema import validate
 
@@ -24,7 +24,7 @@ SITE = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0}
 Answer = Callable[[bytes], bytes]
 
 
-def order(product: Path | None = None, **sections: dict[str, Any]) -> Order:
+def order(product: Path | None = None, **sections: dict[str, Any]) -> LinkTestRequest:
     """A station to be tested; unnamed ports lead nowhere, and nobody waits long."""
     table = {"profile": "bench", "port": NOBODY, "timeout_s": 0.1}
     imu = {"port": "/dev/ttyNONE9", "timeout_s": 0.15}
@@ -33,7 +33,7 @@ def order(product: Path | None = None, **sections: dict[str, Any]) -> Order:
         data |= {"table": {"profile": "bench"}, "bench": sections["bench"]}
     else:
         data |= {"table": table | sections.get("table", {}), "imu": imu | sections.get("imu", {})}
-    return Order(validate(StationConfig, data, "test"), product)
+    return LinkTestRequest(validate(StationConfig, data, "test"), product)
 
 
 def silent(_: bytes) -> bytes:

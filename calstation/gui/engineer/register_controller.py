@@ -11,7 +11,7 @@ from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text.messages import event_sentence, step_sentence
 from calstation.gui.widgets.jobs import JobWatch
-from calstation.registers.manual import UnitRegisters, Wanted, read_unit, wanted_registers
+from calstation.registers.unit_registers import TargetRegisters, UnitRegisters, read_unit, wanted_registers
 from calstation.results.finished_run import Finished
 from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
 
@@ -75,7 +75,7 @@ class RegisterController(QObject):
                 )
         return "" if view.changes else self.tr("The unit holds these values already.")
 
-    def _show_wanted(self, wanted: Wanted) -> None:
+    def _show_wanted(self, wanted: TargetRegisters) -> None:
         self.view.show_wanted(wanted)
         self.changed.emit()
 

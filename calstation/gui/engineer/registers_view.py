@@ -14,7 +14,7 @@ from calstation.gui.widgets.labels import EmptyState
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.units import aligned, display
-from calstation.registers.manual import Register, UnitRegisters, Wanted
+from calstation.registers.unit_registers import Register, TargetRegisters, UnitRegisters
 
 _NONE = "–"
 
@@ -31,7 +31,7 @@ class RegistersView(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.unit: UnitRegisters | None = None
-        self.wanted: Wanted | None = None
+        self.wanted: TargetRegisters | None = None
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
         self._cells: dict[str, dict[str, str]] = {}
@@ -99,7 +99,7 @@ class RegistersView(QWidget):
         """Parameters whose register would hold something else."""
         return [n for n, new in self._new.items() if n in self._old and self._old[n].raw != new.raw]
 
-    def show_wanted(self, wanted: Wanted | None) -> None:
+    def show_wanted(self, wanted: TargetRegisters | None) -> None:
         """What the loaded result asks for."""
         self.wanted = wanted
         self._written = False

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config.station import load_station
-from calstation.connection.link_test import Order
+from calstation.connection.link_test import LinkTestRequest
 from calstation.gui.operator import advice
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.reset_bar import ResetBar
@@ -206,10 +206,10 @@ class VerdictPanel(QFrame):
             self._head.dress()
         super().changeEvent(event)
 
-    def _order(self) -> Order | None:
+    def _order(self) -> LinkTestRequest | None:
         """The table of the run that ended so. Raises ConfigurationError where its file cannot be read any more."""
         request = self._app.engine_link.request
-        return None if request is None else Order(load_station(request.station)[1], request.product)
+        return None if request is None else LinkTestRequest(load_station(request.station)[1], request.product)
 
     def _say_facts(self) -> None:
         self._facts.setVisible(self._verdict is not None)

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from calstation.config.link_defaults import LinkDefaults, imu_defaults, table_defaults
 from calstation.config.station import StationConfig
-from calstation.connection.serial_ports import FoundPort, discover
+from calstation.connection.link_test import FoundPort, discover_ports
 from calstation.gui.settings.draft import Draft
 from calstation.gui.settings.fields import EDITOR, LABEL, Field, Form, Row, tab_through
 from calstation.gui.settings.inputs import ChoiceBox, NumberBox, NumberEdit
@@ -162,7 +162,7 @@ class LinkSection(QWidget):
         """Look for ports, beside the window."""
         if not self.searching.busy:
             self.search_button.setEnabled(False)
-            self.searching.watch(self._app.job_queue.submit(discover))
+            self.searching.watch(self._app.job_queue.submit(discover_ports))
 
     def refresh(self) -> None:
         """Show what the draft says."""

@@ -6,7 +6,7 @@ from typing import Any
 from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QLineEdit, QSizePolicy, QWidget
 
-from calstation.connection.serial_ports import FoundPort
+from calstation.connection.link_test import FoundPort
 from calstation.gui.settings.inputs import StillBox, line_of
 from calstation.gui.widgets import theme
 

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 
 from calstation.config import library
 from calstation.config.station import DEFAULT_PRODUCT, StationConfig
-from calstation.connection.link_test import Order, try_imu, try_table
+from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
 from calstation.gui.settings.finding_wording import word_finding, word_note
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.shell.context import AppContext
@@ -167,15 +167,15 @@ class TestPanel(QFrame):
         if station is None or self._app.engine_link.running or self.watch.busy or self.reset.watch.busy:
             return
         self._clear()
-        work = try_table if self._device == "table" else try_imu
+        work = check_table_link if self._device == "table" else check_imu_link
         self._tested = self._setting(station)
-        self.watch.watch(self._app.job_queue.submit(work, Order(station, self.product)))
+        self.watch.watch(self._app.job_queue.submit(work, LinkTestRequest(station, self.product)))
         self._show_running(True)
 
-    def _order(self) -> Order | None:
+    def _order(self) -> LinkTestRequest | None:
         """What a press on the reset is for: what was tested, as typed."""
         station = self._station()
-        return None if station is None else Order(station, self.product)
+        return None if station is None else LinkTestRequest(station, self.product)
 
     def refresh(self) -> None:
         """Enable the button where a test may be made, and say why where not; forget what another setting gave."""

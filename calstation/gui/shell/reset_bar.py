@@ -5,7 +5,7 @@ from collections.abc import Callable
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
-from calstation.connection.link_test import Order
+from calstation.connection.link_test import LinkTestRequest
 from calstation.connection.table_reset import TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
@@ -29,7 +29,7 @@ class ResetBar(QWidget):
     changed = Signal()
     ended = Signal(object)
 
-    def __init__(self, app: AppContext, order: Callable[[], Order | None], name: str) -> None:
+    def __init__(self, app: AppContext, order: Callable[[], LinkTestRequest | None], name: str) -> None:
         super().__init__()
         self._app, self._order = app, order
         self._offered = False

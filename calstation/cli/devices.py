@@ -7,19 +7,25 @@ from pathlib import Path
 from rich.console import Console
 
 from calstation.cli.show import check_json, emit_json
-from calstation.cli.typed import as_typed
+from calstation.cli.usage import as_typed
+from calstation.cli.wording import RESETS
 from calstation.config import library
 from calstation.config.editing import check, kind_of, read_text
 from calstation.config.request import RunRequest
 from calstation.config.station import load_station
-from calstation.connection.compatibility import incompatibilities
-from calstation.connection.link_test import Order, setup_of, try_imu, try_table
-from calstation.connection.station_rules import contradictions
+from calstation.connection.compatibility import incompatibilities, station_conflicts
+from calstation.connection.link_test import (
+    LinkTestRequest,
+    check_imu_link,
+    check_table_link,
+    link_test_configuration,
+)
+from calstation.connection.table_reset import TableState, read_table, reset_table
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages.finding import Finding, Report
 from calstation.messages.finding_words import word_finding, word_note
 
-_DEVICES = {"table": try_table, "imu": try_imu}
+_DEVICES = {"table": check_table_link, "imu": check_imu_link}
 _STATES = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
 _VERDICTS = {
     "ok": "The link works.",
@@ -52,10 +58,12 @@ def try_command(device: str, station: Path | None, product: Path | None, json: s
             told.append(note)
             console.print(word_note(note), highlight=False, markup=False, style="dim")
 
-    order = Order(load_station(station)[1], product)
+    order = LinkTestRequest(load_station(station)[1], product)
     report = _DEVICES[device](tell, order)
     if device == "table" and product is not None and report.state != "wrong":
-        report = replace(report, findings=(*report.findings, *incompatibilities(setup_of(order))))
+        report = replace(
+            report, findings=(*report.findings, *incompatibilities(link_test_configuration(order)))
+        )
     where = RunRequest("", station, product)
     emit_json(_plain(report, where), json)
     if json != "-":
@@ -75,7 +83,7 @@ def check_command(path: Path, json: str | None) -> int:
     kind = kind_of(path, text)
     problems = check(kind, text)
     if kind == "stations" and not problems:
-        problems = contradictions(text)
+        problems = station_conflicts(text)
     found = {
         "file": str(path),
         "kind": kind,
@@ -107,3 +115,53 @@ def _plain(report: Report, where: RunRequest) -> dict[str, object]:
         text, mend = _words(finding, where)
         findings.append({**asdict(finding), "text": text, "mend": mend})
     return {"device": report.device, "state": report.state, "findings": findings}
+
+
+def status_command(station: Path | None, product: Path | None, json: str | None) -> int:
+    """Show how the table stands; the code of a device fault where one is latched."""
+    check_json(json)
+    order = _order(station, product)
+    standing = read_table(_tell, order)
+    emit_json({"station": order.station.name, **asdict(standing)}, json)
+    if json != "-":
+        _say("\n".join([f"station    {order.station.name}", *_state_lines(standing)]))
+    return 0 if standing.fault is None else DeviceFaultError.exit_code
+
+
+def reset_command(station: Path | None, product: Path | None, json: str | None) -> int:
+    """Reset what the table has latched; the code of a device fault where it stays."""
+    check_json(json)
+    order = _order(station, product)
+    result = reset_table(_tell, order)
+    emit_json({"station": order.station.name, **asdict(result)}, json)
+    if json != "-":
+        said = RESETS[result.outcome].format(latched=result.latched, left=result.left, words=result.words)
+        _say(f"Table of '{order.station.name}': {said}")
+    return 0 if result.clear else DeviceFaultError.exit_code
+
+
+def _order(station: Path | None, product: Path | None) -> LinkTestRequest:
+    return LinkTestRequest(load_station(station)[1], product)
+
+
+def _state_lines(standing: TableState) -> list[str]:
+    watchdog = {None: "none", 0.0: "OFF"}.get(standing.watchdog_s, f"{standing.watchdog_s} s")
+    lines = [
+        f"{standing.model}, serial number {standing.serial}",
+        f"fault      {standing.fault or 'none'}",
+        f"interlock  {'closed' if standing.interlock_closed else 'OPEN'}",
+        f"axes       {'on' if standing.enabled else 'off'}, {'homed' if standing.homed else 'not homed'},"
+        f" {'moving' if standing.moving else 'at rest'}",
+        f"watchdog   {watchdog}",
+    ]
+    if standing.outer_deg is not None and standing.inner_deg is not None:
+        lines.append(f"angles     outer {standing.outer_deg:.3f}°, inner {standing.inner_deg:.3f}°")
+    return lines
+
+
+def _say(text: str) -> None:
+    Console(file=sys.stdout, soft_wrap=True).print(text, highlight=False, markup=False)
+
+
+def _tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nothing is shown of works that take seconds."""

@@ -1,9 +1,11 @@
-"""Registers by hand: read from the unit, set beside what a result wants; `register_errand` writes them."""
+"""Puts what was found behind the unit's own registers together with them into one set of registers."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
@@ -11,11 +13,43 @@ from calstation.connection.imu_session import open_imu_session
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.interfaces import ImuIdentity
 from calstation.errors import InputError
-from calstation.jobs.worker import ProgressCallback
+from calstation.jobs.queue import ProgressCallback
+from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import NAMES, PARAMETERS, group_matrix, group_vector
 from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
-from calstation.registers.compose import compose
-from calstation.registers.journal import site_of
+from calstation.registers.journal import journal_folder
+
+
+def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
+    """Registers that correct the raw output as `old` and, behind it, `found` do one after the other.
+
+    With raw = (I + M_old) y + b_old and y = (I + M) ω + b the raw output is
+    (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the
+    specific force itself, add to first order. The accelerometer matrix stays lower triangular because
+    the product of two is.
+
+    Parameters
+    ----------
+    old, found : parameters by contract name, SI; a name that is missing is 0
+    """
+    was, now = _vector(old), _vector(found)
+    result = was + now
+    for sensor in ("gyro", "accel"):
+        groups = (f"{sensor}_scale", f"{sensor}_misalign")
+        before = np.eye(3) + group_matrix(was, *groups)
+        matrix = before @ (np.eye(3) + group_matrix(now, *groups)) - np.eye(3)
+        bias = before @ group_vector(now, f"{sensor}_bias") + group_vector(was, f"{sensor}_bias")
+        for i, parameter in enumerate(PARAMETERS):
+            if parameter.group in groups:
+                result[i] = matrix[parameter.row, parameter.column]
+            elif parameter.group == f"{sensor}_bias":
+                result[i] = bias[parameter.row]
+    return dict(zip(NAMES, result.tolist(), strict=True))
+
+
+def _vector(values: Mapping[str, float]) -> FloatArray:
+    return np.array([values.get(name, 0.0) for name in NAMES])
 
 
 @dataclass(frozen=True)
@@ -66,7 +100,7 @@ class UnitRegisters:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TargetRegisters:
     """The registers that a result asks for, of the unit it was found on.
 
     before : those that its run found and replaced; empty where it wrote none
@@ -97,7 +131,9 @@ def read_unit(tell: ProgressCallback, request: RunRequest, runs: Path) -> UnitRe
     return held(setup, unit.identity, values, runs)
 
 
-def wanted_registers(tell: ProgressCallback, request: RunRequest, result: Mapping[str, Any]) -> Wanted:
+def wanted_registers(
+    tell: ProgressCallback, request: RunRequest, result: Mapping[str, Any]
+) -> TargetRegisters:
     """Work for the workshop: what a result wants in the unit's registers, as its product's profile holds them.
 
     Where its run has written them that is what it wrote; registers that it kept are left aside. A result found
@@ -122,7 +158,7 @@ def wanted_registers(tell: ProgressCallback, request: RunRequest, result: Mappin
     named = [name for name in entries.parameters if name in found and name not in kept]
     complete = dict.fromkeys(entries.parameters, 0.0) | {name: found[name] for name in named}
     rounded = written or entries.rounded(complete)
-    return Wanted(
+    return TargetRegisters(
         str(result["unit"]["serial"]),
         _rows(entries, {name: rounded[name] for name in named}),
         _rows(entries, registers.get("old") or {}),
@@ -140,7 +176,7 @@ def held(
         identity.model,
         identity.firmware,
         _rows(_map(setup), values),
-        register_journal.cycles(runs, identity.serial, site_of(setup.station)),
+        register_journal.cycles(runs, identity.serial, journal_folder(setup.station)),
         setup.station.bench is not None,
     )
 
