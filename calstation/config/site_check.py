@@ -113,8 +113,7 @@ def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check
         return []
     latitude = context_from_meta(meta).site.latitude
     limit = (latitude - seen.tolerance, latitude + seen.tolerance)
-    passed = limit[0] <= seen.value <= limit[1]
-    return [Check(LATITUDE, seen.value, limit, "rad", passed)]
+    return [Check.compare("latitude", seen.value, limit, "rad")]
 
 
 def refuse_other_place(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
@@ -155,7 +154,7 @@ def latitude_untold(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str,
 
 def there(checks: Iterable[Check]) -> bool:
     """Whether no check found the station elsewhere: what a run measured there is of no use to another."""
-    return all(check.passed for check in checks if check.name == LATITUDE)
+    return all(check.passed for check in checks if check.kind == "latitude")
 
 
 def _seen(solutions: tuple[Solution, ...]) -> LatitudeEstimate | None:

@@ -1,12 +1,12 @@
-"""A product's acceptance checks, which read as sentences, and what they find in the evidence of a calibration.
+"""A product's acceptance checks and their evaluation on the evidence of a calibration.
 
-[checks.gravity_at_rest]      after compensation the force at every rest is as long as gravity: within 0.002 m/s²
-[checks.improvement_at_rest]  what is left of it there is below 0.5 times what it was
-[checks.level]                at the level position: horizontal_within, vertical_within m/s²
-[checks.motion_angle]         motions turn by the angle of the reference: within 0.001 rad, below 0.5 times before
-[checks.offline_online]       a log solved again gives the run's answer: within_sigmas 0.001
+[checks.gravity_at_rest]      the compensated force at every rest equals gravity in magnitude: within 0.002 m/s²
+[checks.improvement_at_rest]  the remaining error there is below 0.5 times the uncompensated one
+[checks.level]                components at the level position: horizontal_within, vertical_within m/s²
+[checks.motion_angle]         motions turn by the reference angle: within 0.001 rad, below 0.5 times the error before
+[checks.offline_online]       solving the log again reproduces the run's result: within_sigmas 0.001
 [checks.previous]             no group has changed since the last calibration by more than change_within
-[checks.excitation]           every sigma is below 0.5 times what it was before
+[checks.excitation]           every sigma is below 0.5 times its prior
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,30 +17,40 @@ from pydantic import Field, field_validator
 
 from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.method import Solution
-from calstation.estimation.positions.evidence import Evidence, MotionEvidence, gravity_misses, turned_angle
+from calstation.estimation.positions.evidence import (
+    Evidence,
+    MotionEvidence,
+    RestEvidence,
+    gravity_misses,
+    turned_angle,
+)
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import normal_gravity
 from calstation.physics.parameters import GROUPS, INDEX, NAMES, PARAMETERS
 from calstation.physics.table import TableGeometry
-from calstation.records.limits import NEAR, Check, estimated_stage
-from calstation.schema import StrictModel, suggestion
+from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
+from calstation.schema import EntryError, StrictModel, suggestion
 
-#: A motion that turns less proves nothing of a scale factor.
+#: Motions that turn less do not reveal a scale factor error, rad.
 LEAST_TURN = np.deg2rad(10.0)
 
 
 class GravityAtRest(StrictModel):
-    """Largest difference between force and gravity, m/s², at rests of at least so many s."""
+    """Largest difference between force and gravity, m/s², at rests of at least `shortest_rest_s`."""
 
     within: float = Field(gt=0)
     shortest_rest_s: float = Field(default=2.0, ge=1.0)
 
 
 class ImprovementAtRest(StrictModel):
-    """What is left of the difference, as a part of what it was; what noise leaves is no failure.
+    """Largest remaining share of the difference between force and gravity.
 
-    positions : rests of the stage by number from 0, all where absent; stage : the last that rests where absent
+    Attributes
+    ----------
+    below : largest share
     or_within : an error this small, m/s², needs no improvement
+    positions : numbers of the rests from 0; all by default
+    stage : whose rests; by default the last stage with rests
     """
 
     below: float = Field(gt=0)
@@ -50,7 +60,7 @@ class ImprovementAtRest(StrictModel):
 
 
 class Level(StrictModel):
-    """Components at the level position: the first rest, or `position` of `stage`; m/s²."""
+    """Force components at the level position, m/s²: the first rest, or number `position` of `stage`."""
 
     horizontal_within: float | None = Field(default=None, gt=0)
     vertical_within: float | None = Field(default=None, gt=0)
@@ -59,9 +69,14 @@ class Level(StrictModel):
 
 
 class MotionAngle(StrictModel):
-    """Angle of motions by calibrated gyros against the encoders', or against gravity where there are none.
+    """Angle of motions by the calibrated gyros against the encoders', or against gravity without encoders.
 
-    within : rad; below : as a part of the error before; or_within : an error this small, rad, needs no improvement
+    Attributes
+    ----------
+    within : largest error, rad
+    below : largest remaining share of the error before
+    or_within : an error this small, rad, needs no improvement
+    stage : whose motions; by default those of all stages
     """
 
     within: float | None = Field(default=None, gt=0)
@@ -71,7 +86,7 @@ class MotionAngle(StrictModel):
 
 
 class OfflineOnline(StrictModel):
-    """Largest difference of a parameter from the run's own answer, in its sigmas."""
+    """Largest difference of a parameter from the run's own result, in its sigmas."""
 
     within_sigmas: float = Field(ge=0)
 
@@ -86,20 +101,20 @@ class Previous(StrictModel):
     def _known(cls, limits: dict[str, float]) -> dict[str, float]:
         for name, limit in limits.items():
             if name not in NAMES and name not in GROUPS:
-                raise ValueError(f"'{name}' is no parameter or group{suggestion(name, NAMES + GROUPS)}")
+                raise EntryError("limits.unknown", name, name=name, near=suggestion(name, NAMES + GROUPS))
             if not limit > 0:
-                raise ValueError(f"change_within.{name} = {limit} must be positive")
+                raise EntryError("limits.not_positive", name, value=limit)
         return limits
 
 
 class Excitation(StrictModel):
-    """Largest part of a sigma before that may be left of it."""
+    """Largest share of its prior sigma that a posterior sigma may keep."""
 
     sigma_ratio_below: float = Field(gt=0, le=1)
 
 
 class ChecksSection(StrictModel):
-    """`[checks]` of a product; near_miss_beyond : a value that takes more of its limit than this is marked."""
+    """`[checks]` of a product; a value above the share `near_miss_beyond` of its limit is a near-miss."""
 
     near_miss_beyond: float = Field(default=NEAR, gt=0, lt=1)
     gravity_at_rest: GravityAtRest | None = None
@@ -112,9 +127,9 @@ class ChecksSection(StrictModel):
 
     @property
     def need_samples(self) -> bool:
-        """Whether the stages' rests and motions are asked for."""
-        asked = (self.gravity_at_rest, self.improvement_at_rest, self.level, self.motion_angle)
-        return any(check is not None for check in asked)
+        """Whether a check needs the stages' rests and motions."""
+        needed = (self.gravity_at_rest, self.improvement_at_rest, self.level, self.motion_angle)
+        return any(check is not None for check in needed)
 
 
 def acceptance(
@@ -124,9 +139,15 @@ def acceptance(
     solutions: Sequence[Solution],
     previous: Mapping[str, float],
 ) -> list[Check]:
-    """The checks that a product asks for, of a chain's answer.
+    """Evaluate a product's acceptance checks on the result of a chain of stages.
 
-    prior : before the first stage; previous : values of the last calibration of the same unit by parameter, SI
+    Parameters
+    ----------
+    section : the product's checks
+    context : of the solvers
+    prior : before the first stage
+    solutions : of the stages, in order
+    previous : values of the last calibration of the same unit by parameter, SI
     """
     if not solutions:
         return []
@@ -136,7 +157,13 @@ def acceptance(
 def offline_online(
     section: ChecksSection, offline: Mapping[str, Any], online: Mapping[str, Any]
 ) -> list[Check]:
-    """A log's parameters solved again against those its run found, both as a result JSON holds them."""
+    """Compare the parameters of a log solved again with those its run found.
+
+    Parameters
+    ----------
+    section : the product's checks
+    offline, online : parameters as the result JSON holds them
+    """
     rule = section.offline_online
     shared = [n for n, row in offline.items() if n in online and online[n]["stage"] == row["stage"]]
     if rule is None or not shared:
@@ -145,11 +172,21 @@ def offline_online(
         n: abs(offline[n]["value"] - online[n]["value"]) / max(offline[n]["sigma"], 1e-300) for n in shared
     }
     worst = max(apart, key=lambda n: apart[n])
-    value, limit = float(apart[worst]), rule.within_sigmas
-    return [Check("offline_online", value, limit, "sigma", value <= limit, section.near_miss_beyond, worst)]
+    return [
+        Check.compare(
+            "offline_online",
+            float(apart[worst]),
+            rule.within_sigmas,
+            "sigma",
+            near=section.near_miss_beyond,
+            where=Where(worst),
+        )
+    ]
 
 
 class _Acceptance:
+    """A chain's solutions and the evidence to judge them by."""
+
     def __init__(
         self, section: ChecksSection, context: SolveContext, prior: Belief, solutions: Sequence[Solution]
     ) -> None:
@@ -160,7 +197,7 @@ class _Acceptance:
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
 
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
-        """All that are asked for and can be told."""
+        """All checks that the product asks for and the evidence allows."""
         s = self._section
         if s.gravity_at_rest is not None:
             yield from self._gravity_at_rest(s.gravity_at_rest)
@@ -175,51 +212,51 @@ class _Acceptance:
         if s.excitation is not None:
             yield from self._excitation(s.excitation)
 
-    def _check(self, name: str, value: float, limit: float, unit: str, where: str) -> Check:
-        return Check(name, value, limit, unit, bool(value <= limit), self._section.near_miss_beyond, where)
+    def _check(
+        self, kind: CheckKind, value: float, limit: float, unit: str, where: Where, subject: str = ""
+    ) -> Check:
+        near = self._section.near_miss_beyond
+        return Check.compare(kind, value, limit, unit, subject=subject, near=near, where=where)
 
-    def _of(self, stage: str | None) -> Evidence | None:
-        chosen = [e for e in self._evidence if e.rests and stage in (None, e.stage)]
-        return chosen[-1] if chosen else None
-
-    def _length(self, force: FloatArray) -> float:
-        return abs(float(np.linalg.norm(force)) - self._gravity)
+    def _force_error(self, rest: RestEvidence, parameters: FloatArray) -> float:
+        """Difference between the compensated force and gravity in magnitude, m/s²."""
+        return abs(float(np.linalg.norm(rest.compensated(parameters)[1])) - self._gravity)
 
     def _gravity_at_rest(self, rule: GravityAtRest) -> Iterator[Check]:
         errors = [
-            (self._length(rest.compensated(self._found.mean)[1]), f"{e.stage} rest {k}")
+            (self._force_error(rest, self._found.mean), Where(stage=e.stage, rest=k))
             for e in self._evidence
             for k, rest in enumerate(e.rests)
             if rest.duration >= rule.shortest_rest_s
         ]
         if errors:
-            value, where = max(errors)
+            value, where = max(errors, key=_value_then_place)
             yield self._check("gravity_at_rest", value, rule.within, "m/s²", where)
 
     def _improvement(self, rule: ImprovementAtRest) -> Iterator[Check]:
-        evidence = self._of(rule.stage)
-        if evidence is None:
+        chosen = [e for e in self._evidence if e.rests and rule.stage in (None, e.stage)]
+        if not chosen:
             return
-        places = range(len(evidence.rests)) if rule.positions is None else rule.positions
+        evidence = chosen[-1]
         rows = []
-        for k in places:
+        for k in range(len(evidence.rests)) if rule.positions is None else rule.positions:
             if k >= len(evidence.rests):
                 continue
             before, after = (
-                self._length(evidence.rests[k].compensated(p)[1])
-                for p in (self._prior.mean, self._found.mean)
+                self._force_error(evidence.rests[k], p) for p in (self._prior.mean, self._found.mean)
             )
             limit = max(rule.below * before, rule.or_within)
-            rows.append((after / max(limit, 1e-300), after, limit, f"{evidence.stage} rest {k}"))
+            where = Where(stage=evidence.stage, rest=k)
+            rows.append((after / max(limit, 1e-300), after, limit, where))
         if rows:
-            _, value, limit, where = max(rows)
+            _, value, limit, where = max(rows, key=_value_then_place)
             yield self._check("improvement_at_rest", value, limit, "m/s²", where)
 
     def _level(self, rule: Level) -> Iterator[Check]:
         chosen = [e for e in self._evidence if len(e.rests) > rule.position and rule.stage in (None, e.stage)]
         if not chosen:
             return
-        where = f"{chosen[0].stage} rest {rule.position}"
+        where = Where(stage=chosen[0].stage, rest=rule.position)
         _, force = chosen[0].rests[rule.position].compensated(self._found.mean)
         if rule.horizontal_within is not None:
             value = float(np.abs(force[:2]).max())
@@ -238,22 +275,24 @@ class _Acceptance:
                     continue
                 errors = self._motion_errors(evidence, motion)
                 if errors is not None:
-                    rows.append(
-                        (*errors, f"{evidence.stage} samples {motion.first_seq} to {motion.last_seq}")
-                    )
+                    where = Where(stage=evidence.stage, samples=(motion.first_seq, motion.last_seq))
+                    rows.append((*errors, where))
         if rows and rule.within is not None:
-            _, value, where = max((after, after, where) for _, after, where in rows)
+            value, where = max(((after, where) for _, after, where in rows), key=_value_then_place)
             yield self._check("motion_angle", value, rule.within, "rad", where)
         if rows and rule.below is not None:
             below, least = rule.below, rule.or_within
             _, value, limit, where = max(
-                (after / max(below * before, least, 1e-300), after, max(below * before, least), where)
-                for before, after, where in rows
+                (
+                    (after / max(below * before, least, 1e-300), after, max(below * before, least), where)
+                    for before, after, where in rows
+                ),
+                key=_value_then_place,
             )
             yield self._check("motion_improvement", value, limit, "rad", where)
 
     def _motion_errors(self, evidence: Evidence, motion: MotionEvidence) -> tuple[float, float] | None:
-        """Error of a motion's angle with the parameters before and with the answer, rad; None without reference."""
+        """Error of a motion's angle with the prior and with the found parameters, rad; None without a reference."""
         first, second = evidence.rests[motion.before], evidence.rests[motion.after]
         found, table = self._found.mean, self._context.table
         earth, _ = first.compensated(found)
@@ -280,7 +319,7 @@ class _Acceptance:
             if changes:
                 worst = max(changes, key=lambda name: changes[name])
                 unit = PARAMETERS[INDEX[worst]].unit
-                yield self._check(f"previous {limited}", changes[worst], limit, unit, worst)
+                yield self._check("previous", changes[worst], limit, unit, Where(worst), limited)
 
     def _excitation(self, rule: Excitation) -> Iterator[Check]:
         before, after = self._prior.sigma, self._found.sigma
@@ -291,4 +330,9 @@ class _Acceptance:
         }
         if ratios:
             worst = max(ratios, key=lambda name: ratios[name])
-            yield self._check("excitation", ratios[worst], rule.sigma_ratio_below, "1", worst)
+            yield self._check("excitation", ratios[worst], rule.sigma_ratio_below, "1", Where(worst))
+
+
+def _value_then_place(row: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Sort key of rows that end with a `Where`; equal values are ordered by its text."""
+    return (*row[:-1], str(row[-1]))

@@ -1,10 +1,10 @@
-"""A product's limits, which read as a sentence (value within, sigma below), and the checks they lead to."""
+"""A product's limits, which read as a sentence (value within, sigma below), and the checks against them."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
-import numpy as np
 from pydantic import Field, field_validator
 
 from calstation.estimation.common.context import Belief
@@ -17,10 +17,10 @@ from calstation.physics.parameters import (
     PARAMETERS,
     pair_parameter,
 )
-from calstation.schema import StrictModel, suggestion
+from calstation.schema import EntryError, StrictModel, suggestion
 
 PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
-#: A value that takes more than this share of its limit is a near-miss, where the product says nothing else.
+#: A value that uses more than this share of its limit is a near-miss, unless the product sets another share.
 NEAR = 0.8
 #: A posterior sigma above this share of the prior's means that the data did not determine the parameter.
 OBSERVABLE_RATIO = 0.9
@@ -29,9 +29,12 @@ OBSERVABLE_RATIO = 0.9
 class Limit(StrictModel):
     """Limits of one parameter or group, SI.
 
-    within : largest magnitude, or [low, high]; sigma_below : largest standard deviation
-    sigma_below_after : the same where the named stage was the last to estimate the parameter, so that part of a
-        calibration is judged by what that part can do
+    Attributes
+    ----------
+    within : largest magnitude, or [low, high]
+    sigma_below : largest standard deviation
+    sigma_below_after : the same by stage, for a parameter that this stage was the last to estimate, so that a partial
+        run is judged by what it can achieve
     """
 
     within: float | list[float] | None = None
@@ -43,9 +46,9 @@ class Limit(StrictModel):
     def _ordered(cls, within: float | list[float] | None) -> float | list[float] | None:
         if isinstance(within, list):
             if len(within) != 2 or within[0] >= within[1]:
-                raise ValueError(f"within = {within} must be [low, high] with low below high")
+                raise EntryError("limits.interval", value=str(within))
         elif within is not None and within <= 0:
-            raise ValueError(f"within = {within} must be positive or a list [low, high]")
+            raise EntryError("limits.magnitude", value=within)
         return within
 
     @field_validator("sigma_below_after")
@@ -53,16 +56,16 @@ class Limit(StrictModel):
     def _positive(cls, limits: dict[str, float]) -> dict[str, float]:
         for stage, limit in limits.items():
             if not limit > 0:
-                raise ValueError(f"sigma_below_after.{stage} = {limit} must be positive")
+                raise EntryError("limits.not_positive", stage, value=limit)
         return limits
 
     def sigma_limit(self, stage: str) -> float | None:
-        """Largest standard deviation of a parameter that `stage` estimated last, or None where it is free."""
+        """Largest standard deviation of a parameter that `stage` estimated last, or None without a limit."""
         return self.sigma_below_after.get(stage, self.sigma_below)
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Lowest and highest value allowed, or None where the value is free."""
+        """Lowest and highest allowed value, or None without a limit."""
         if self.within is None:
             return None
         if isinstance(self.within, list):
@@ -71,57 +74,187 @@ class Limit(StrictModel):
 
 
 def check_limit_names(limits: Mapping[str, Limit]) -> None:
-    """Raise ValueError for a key that is neither a parameter nor a group."""
+    """Raise EntryError for a key that is neither a parameter nor a group."""
     known = (*NAMES, *GROUPS, *(p.name for p in PAIR_PARAMETERS), *PAIR_GROUPS)
     for name in limits:
         if name not in known and pair_parameter(name) is None:
-            raise ValueError(
-                f"limits.{name} is no parameter or group{suggestion(name, known) or '; remove it'}"
-            )
+            raise EntryError("limits.unknown", name, name=name, near=suggestion(name, known))
+
+
+#: What a check compares. ``within`` and ``sigma_below`` concern a parameter, ``consistency`` a stage, ``previous`` a
+#: parameter or group, ``other`` is a check of another version of the program; the rest concern the whole answer.
+CheckKind = Literal[
+    "within",
+    "sigma_below",
+    "consistency",
+    "unobservable",
+    "latitude",
+    "gravity_at_rest",
+    "improvement_at_rest",
+    "level_horizontal",
+    "level_vertical",
+    "motion_angle",
+    "motion_improvement",
+    "offline_online",
+    "previous",
+    "excitation",
+    "other",
+]
+
+#: Names in the result JSON that are not simply the kind; the braces stand for the subject.
+_NAMES: dict[CheckKind, str] = {
+    "within": "{} within",
+    "sigma_below": "{} sigma below",
+    "consistency": "{} consistency",
+    "unobservable": "unobservable parameters",
+    "previous": "previous {}",
+    "other": "{}",
+}
+
+
+@dataclass(frozen=True)
+class Where:
+    """What a check's worst value belongs to: a parameter, or a rest or motion of a stage.
+
+    Attributes
+    ----------
+    parameter : its name, or ""
+    stage : of the rest or motion, or ""
+    rest : number of the rest, from 0
+    samples : first and last sequence number of the motion
+    """
+
+    parameter: str = ""
+    stage: str = ""
+    rest: int | None = None
+    samples: tuple[int, int] | None = None
+
+    def __str__(self) -> str:
+        """As the result JSON holds it."""
+        if self.rest is not None:
+            return f"{self.stage} rest {self.rest}"
+        if self.samples is not None:
+            return f"{self.stage} samples {self.samples[0]} to {self.samples[1]}"
+        return self.parameter
+
+    @classmethod
+    def from_json(cls, text: str) -> "Where":
+        """Read back what `str` wrote."""
+        match text.split(" "):
+            case [stage, "rest", rest] if rest.isdecimal():
+                return cls(stage=stage, rest=int(rest))
+            case [stage, "samples", first, "to", last] if (first + last).isdecimal():
+                return cls(stage=stage, samples=(int(first), int(last)))
+        return cls(text)
 
 
 @dataclass(frozen=True)
 class Check:
-    """One comparison with a limit; `limit` is a number or (low, high).
+    """One comparison with a limit.
 
-    near : a value inside that takes more than this share of its limit is marked; where : what the value is of
+    Attributes
+    ----------
+    kind : what is compared
+    subject : the parameter, group or stage that the check concerns; "" for a check of the whole answer
+    value : what was found, in `unit`; NaN if unknown
+    limit : largest value, or (lowest, highest); infinite if unknown
+    passed : whether the value is inside
+    near_miss : inside, but with little margin
+    where : what the value belongs to
     """
 
-    name: str
+    kind: CheckKind
+    subject: str
     value: float
     limit: float | tuple[float, float]
     unit: str
     passed: bool
-    near: float = NEAR
-    where: str = ""
+    near_miss: bool = False
+    where: Where = Where()
+
+    @classmethod
+    def compare(
+        cls,
+        kind: CheckKind,
+        value: float,
+        limit: float | tuple[float, float],
+        unit: str,
+        *,
+        subject: str = "",
+        near: float = NEAR,
+        where: Where | None = None,
+    ) -> "Check":
+        """Compare a value with its limit.
+
+        Parameters
+        ----------
+        kind, subject, unit, where : see the class
+        value : what was found
+        limit : largest value, or (lowest, highest)
+        near : share of the limit beyond which a value inside is a near-miss
+        """
+        low, high = limit if isinstance(limit, tuple) else (-math.inf, limit)
+        passed = bool(low <= value <= high)
+        room = 0.5 * (high - low) if isinstance(limit, tuple) else abs(limit)
+        near_miss = bool(passed and 0.0 < room < math.inf and _margin(value, limit) < (1.0 - near) * room)
+        return cls(kind, subject, value, limit, unit, passed, near_miss, where or Where())
+
+    @property
+    def name(self) -> str:
+        """Name in the result JSON."""
+        return _NAMES.get(self.kind, self.kind).format(self.subject)
 
     @property
     def margin(self) -> float:
-        """How far the value is from its limit, in its unit; negative outside."""
-        if isinstance(self.limit, tuple):
-            return min(self.value - self.limit[0], self.limit[1] - self.value)
-        return self.limit - self.value
-
-    @property
-    def near_miss(self) -> bool:
-        """Inside, but not by much."""
-        low, high = self.limit if isinstance(self.limit, tuple) else (-abs(self.limit), abs(self.limit))
-        room = 0.5 * (high - low)
-        return self.passed and 0.0 < room < np.inf and self.margin < (1.0 - self.near) * room
+        """Distance between value and limit, in `unit`; negative outside."""
+        return _margin(self.value, self.limit)
 
     def to_json(self) -> dict[str, Any]:
         """The check as the result JSON holds it."""
-        limit = list(self.limit) if isinstance(self.limit, tuple) else self.limit
-        told = {
+        row = {
             "name": self.name,
             "value": self.value,
-            "limit": limit,
+            "limit": list(self.limit) if isinstance(self.limit, tuple) else self.limit,
             "unit": self.unit,
             "passed": self.passed,
             "margin": self.margin,
-            "near_miss": bool(self.near_miss),
+            "near_miss": self.near_miss,
         }
-        return {**told, "where": self.where} if self.where else told
+        where = str(self.where)
+        return {**row, "where": where} if where else row
+
+    @classmethod
+    def from_json(cls, row: Mapping[str, Any]) -> "Check":
+        """A check of a result JSON, of any version of the program."""
+        kind, subject = _kind_and_subject(row["name"])
+        limit = row["limit"]
+        return cls(
+            kind,
+            subject,
+            math.nan if row["value"] is None else row["value"],
+            (limit[0], limit[1]) if isinstance(limit, list) else math.inf if limit is None else limit,
+            row["unit"],
+            bool(row["passed"]),
+            bool(row.get("near_miss")),
+            Where.from_json(row.get("where", "")),
+        )
+
+
+def _margin(value: float, limit: float | tuple[float, float]) -> float:
+    if isinstance(limit, tuple):
+        return min(value - limit[0], limit[1] - value)
+    return limit - value
+
+
+def _kind_and_subject(name: str) -> tuple[CheckKind, str]:
+    """What `Check.name` was made of."""
+    for kind in get_args(CheckKind):
+        before, braces, after = _NAMES.get(kind, kind).partition("{}")
+        if braces and name.startswith(before) and name.endswith(after):
+            return kind, name.removeprefix(before).removesuffix(after)
+        if name == before:
+            return kind, ""
+    return "other", name
 
 
 def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
@@ -131,7 +264,7 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
 
 
 def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
-    """Parameters that a stage was asked for and the data did not determine: sigma over 0.9 of its prior's."""
+    """Parameters that a stage should estimate and the data did not determine: sigma over 0.9 of its prior's."""
     if not solutions:
         return []
     before, after = prior.sigma, solutions[-1].belief.sigma
@@ -144,7 +277,7 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
 
 
 def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> list[str]:
-    """Parameters with a limit that no stage estimated: part of a calibration is judged by that part alone."""
+    """Parameters with a limit that no stage estimated: a partial run is judged by its own stages alone."""
     estimated = estimated_stage(solutions)
     return [p.name for p in PARAMETERS if (p.name in limits or p.group in limits) and p.name not in estimated]
 
@@ -154,9 +287,16 @@ def check_limits(
 ) -> list[Check]:
     """Compare a chain's answer with its product's limits.
 
-    A limit of a parameter's own name goes before its group's. Only parameters that a stage estimated are
-    compared; the innovations of every stage and the absence of unobservable parameters are checked besides. A value
-    that takes more than `near` of its limit is marked; a mean of innovations varies within its band and never is.
+    A parameter's own limit takes precedence over its group's. Only parameters that a stage estimated are compared.
+    The innovations of every stage and the absence of unobservable parameters are checked as well; they are never
+    near-misses.
+
+    Parameters
+    ----------
+    limits : by parameter or group
+    prior : before the first stage
+    solutions : of the stages, in order
+    near : share of its limit beyond which a value is a near-miss
     """
     if not solutions:
         return []
@@ -166,39 +306,33 @@ def check_limits(
     for name, stage in estimated_stage(solutions).items():
         i = INDEX[name]
         limit = limits.get(name, limits.get(PARAMETERS[i].group))
-        if limit is None:
-            continue
-        value, unit = float(belief.mean[i]), PARAMETERS[i].unit
-        if limit.interval is not None:
-            low, high = limit.interval
-            checks.append(Check(f"{name} within", value, (low, high), unit, bool(low <= value <= high), near))
-        largest = limit.sigma_limit(stage)
-        if largest is not None:
-            within = bool(sigma[i] <= largest and np.isfinite(sigma[i]))
-            checks.append(Check(f"{name} sigma below", float(sigma[i]), largest, unit, within, near))
+        if limit is not None:
+            estimate = Estimate(float(belief.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
+            checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near)
     for s in solutions:
         for name, estimate in s.found.items():
-            checks += _of_pair(name, estimate, limits, near)
+            parameter = pair_parameter(name)
+            limit = limits.get(name, limits.get(parameter.group if parameter else ""))
+            if limit is not None:
+                checks += _check_estimate(name, estimate, limit, limit.sigma_below, near)
     for s in solutions:
         c = s.consistency
-        checks.append(Check(f"{s.stage} consistency", c.nis_mean, c.nis_high, "1", bool(c.passed), 1.0))
+        checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
     lost = unobservable(prior, solutions)
-    checks.append(Check("unobservable parameters", float(len(lost)), 0.0, "1", not lost))
+    checks.append(Check("unobservable", "", float(len(lost)), 0.0, "1", not lost))
     return checks
 
 
-def _of_pair(name: str, estimate: Estimate, limits: Mapping[str, Limit], near: float) -> list[Check]:
-    """Checks of a pair parameter; a limit of its own name goes before that of its group."""
-    parameter = pair_parameter(name)
-    limit = limits.get(name, limits.get(parameter.group if parameter else ""))
+def _check_estimate(
+    name: str, estimate: Estimate, limit: Limit, sigma_limit: float | None, near: float
+) -> list[Check]:
     checks = []
-    if limit is not None and limit.interval is not None:
-        low, high = limit.interval
-        inside = bool(low <= estimate.value <= high)
-        checks.append(Check(f"{name} within", estimate.value, (low, high), estimate.unit, inside, near))
-    if limit is not None and limit.sigma_below is not None:
-        below = bool(estimate.sigma <= limit.sigma_below)
+    if limit.interval is not None:
         checks.append(
-            Check(f"{name} sigma below", estimate.sigma, limit.sigma_below, estimate.unit, below, near)
+            Check.compare("within", estimate.value, limit.interval, estimate.unit, subject=name, near=near)
+        )
+    if sigma_limit is not None:
+        checks.append(
+            Check.compare("sigma_below", estimate.sigma, sigma_limit, estimate.unit, subject=name, near=near)
         )
     return checks

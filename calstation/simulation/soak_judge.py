@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from calstation.config.resolved import ResolvedConfiguration, resolve_configurat
 from calstation.devices.profiles.table import TableProfile
 from calstation.errors import CalstationError
 from calstation.physics.parameters import INDEX
+from calstation.records.limits import Check
 from calstation.records.log import open_log
 from calstation.runs.incomplete import finish_incomplete
 from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
@@ -203,12 +204,20 @@ def _wrong(
 
 def _near_limit(check: dict[str, Any], result: dict[str, Any], truth: np.ndarray) -> bool:
     """Whether the truth is outside its limit, or so near that noise may take the estimate there."""
-    name, _, kind = check["name"].rpartition(" ")
-    if kind != "within" or name not in result["parameters"]:
+    interval = _interval(check, result)
+    if interval is None:
         return False
-    low, high = check["limit"]
-    room = SIGMAS * result["parameters"][name]["sigma"]
+    name, low, high, room = interval
     return not low + room <= truth[INDEX[name]] <= high - room
+
+
+def _interval(row: Mapping[str, Any], result: dict[str, Any]) -> tuple[str, float, float, float] | None:
+    """Parameter, limits and `SIGMAS` sigmas of a check of a value; None for other checks."""
+    check = Check.from_json(row)
+    if check.kind != "within" or not isinstance(check.limit, tuple):
+        return None
+    parameter = result["parameters"].get(check.subject)
+    return None if parameter is None else (check.subject, *check.limit, SIGMAS * parameter["sigma"])
 
 
 def _off(result: dict[str, Any], truth: np.ndarray) -> list[str]:
@@ -224,10 +233,9 @@ def _outside(setup: ResolvedConfiguration, result: dict[str, Any], truth: np.nda
     """Parameters that were found and judged inside their limits, and truly are not by more than their sigma allows."""
     found = []
     for check in result["checks"]:
-        name, _, kind = check["name"].rpartition(" ")
-        if kind == "within" and name in result["parameters"]:
-            low, high = check["limit"]
-            room = SIGMAS * result["parameters"][name]["sigma"]
+        interval = _interval(check, result)
+        if interval is not None:
+            name, low, high, room = interval
             if not low - room <= truth[INDEX[name]] <= high + room:
                 found.append(f"passed with {name} outside its limits")
     return found

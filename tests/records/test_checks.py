@@ -13,7 +13,7 @@ from calstation.estimation.positions.evidence import Evidence, MotionEvidence, R
 from calstation.physics.parameters import COUNT, INDEX, NAMES
 from calstation.physics.rotation import axis_rotation
 from calstation.records.checks import ChecksSection, acceptance, offline_online
-from calstation.records.limits import Check
+from calstation.records.limits import Check, Where
 from calstation.schema import validate
 
 G = 9.8
@@ -66,7 +66,7 @@ def test_gravity_at_rest_is_the_worst_rest_after_compensation():
     check = checked({"gravity_at_rest": {"within": 5e-3}}, solution(evidence, accel_bias_z=0.03))
     told = check["gravity_at_rest"]
     assert told.value == pytest.approx(0.004, abs=1e-6)
-    assert told.where == "multi_position rest 2"
+    assert str(told.where) == "multi_position rest 2"
     assert told.passed
     assert not told.near_miss
     assert told.margin == pytest.approx(0.001, abs=1e-6)
@@ -90,7 +90,7 @@ def test_improvement_is_proven_at_the_positions_chosen():
     # 0.03 became 0.01 at both z rests; at the third nothing was wrong, and the bias now shows by 2e-5
     told = checked(rule, better)["improvement_at_rest"]
     assert not told.passed
-    assert told.where == "multi_position rest 2"
+    assert told.where == Where(stage="multi_position", rest=2)
     chosen = checked({"improvement_at_rest": {"below": 0.5, "positions": [0, 1]}}, better)[
         "improvement_at_rest"
     ]
@@ -161,7 +161,7 @@ def test_a_change_since_the_last_calibration_is_told_by_its_worst_parameter():
     found = solution(gyro_bias_x=1e-6, gyro_bias_y=-3e-6, accel_scale_z=1e-5)
     told = checked(rule, found, {"gyro_bias_x": 9e-7, "gyro_bias_y": -1e-6, "accel_scale_z": 8e-6})
     assert told["previous gyro_bias"].value == pytest.approx(2e-6)
-    assert told["previous gyro_bias"].where == "gyro_bias_y"
+    assert told["previous gyro_bias"].where == Where("gyro_bias_y")
     assert not told["previous gyro_bias"].passed
     assert told["previous accel_scale_z"].passed
     assert checked(rule, found) == {}
@@ -180,7 +180,7 @@ def test_offline_must_be_online():
     assert offline_online(section, {"a": row}, {"a": row})[0].passed
     (told,) = offline_online(section, {"a": row, "b": row}, {"a": {**row, "value": 1.05}, "b": row})
     assert told.value == pytest.approx(0.5)
-    assert (told.passed, told.where) == (False, "a")
+    assert (told.passed, told.where) == (False, Where("a"))
     assert offline_online(section, {"a": row}, {"a": {**row, "stage": "excitation"}}) == []
 
 
@@ -206,10 +206,44 @@ def test_a_misspelt_rule_is_refused():
             validate(ChecksSection, wrong, Path("unit.toml"))
 
 
-def test_a_check_tells_margin_and_near_miss():
-    inside = Check("a", 0.9, (-1.0, 1.0), "m", True)
+def test_a_check_knows_margin_and_near_miss():
+    def check(value, limit, **more):
+        return Check.compare("within", value, limit, "m", subject="accel_bias_x", **more)
+
+    inside = check(0.9, (-1.0, 1.0))
     assert inside.to_json()["margin"] == pytest.approx(0.1)
     assert inside.to_json()["near_miss"] is True
-    assert Check("a", 0.9, (-1.0, 1.0), "m", True, near=0.95).near_miss is False
-    assert Check("a", -1.5, (-1.0, 1.0), "m", False).margin == pytest.approx(-0.5)
-    assert Check("a", 0.0, 0.0, "1", True).near_miss is False
+    assert check(0.9, (-1.0, 1.0), near=0.95).near_miss is False
+    assert check(-1.5, (-1.0, 1.0)).margin == pytest.approx(-0.5)
+    assert not check(-1.5, (-1.0, 1.0)).passed
+    assert check(0.0, 0.0).near_miss is False
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "subject"),
+    [
+        ("gyro_scale_x within", "within", "gyro_scale_x"),
+        ("gyro_scale_x sigma below", "sigma_below", "gyro_scale_x"),
+        ("rate consistency", "consistency", "rate"),
+        ("unobservable parameters", "unobservable", ""),
+        ("latitude", "latitude", ""),
+        ("level_vertical", "level_vertical", ""),
+        ("previous accel_bias", "previous", "accel_bias"),
+        ("a check of the future", "other", "a check of the future"),
+    ],
+)
+def test_a_check_is_read_back_from_the_result_json(name, kind, subject):
+    row = {"name": name, "value": 1.0, "limit": [0.0, 2.0], "unit": "1", "passed": True, "margin": 1.0}
+    row |= {"near_miss": False, "where": "rate samples 3 to 17"}
+    check = Check.from_json(row)
+    assert (check.kind, check.subject, check.name) == (kind, subject, name)
+    assert check.where == Where(stage="rate", samples=(3, 17))
+    assert check.to_json() == row
+
+
+def test_a_check_of_a_result_without_numbers_is_read():
+    row = {"name": "rate consistency", "value": None, "limit": None, "unit": "1", "passed": False}
+    check = Check.from_json(row)
+    assert np.isnan(check.value)
+    assert np.isinf(check.limit)
+    assert check.where == Where()
