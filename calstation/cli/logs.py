@@ -45,19 +45,19 @@ def resolve_command(
         )
     for key, values in resolved.messages:
         console.print(word(key, values), highlight=False, markup=False)
-    emit_json(resolved.result, json)
+    emit_json(resolved.result_json, json)
     if json != "-":
         out = Console(file=sys.stdout)
-        result_table(out, resolved.result)
-        passed = resolved.result["passed"]
+        result_table(out, resolved.result_json)
+        passed = resolved.result.passed
         verdict = NOT_ALL if resolved.lacking and passed is None else RESOLVED[passed]
         out.print(verdict, highlight=False)
     if resolved.lacking:
-        named = ",".join(resolved.result["stages"])
+        named = ",".join(resolved.result.stages)
         raise InsufficientDataError(
             f"{log}: {'; '.join(resolved.lacking)}; solved without it, as --stages {named} does"
         )
-    return 1 if resolved.result["passed"] is False else 0
+    return 1 if resolved.result.passed is False else 0
 
 
 def import_command(source: Path, target: Path, meta: Path | None) -> int:

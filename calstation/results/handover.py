@@ -1,7 +1,7 @@
 """Hands every run's result to the factory's own system: a JSON file and a CSV line each, once, sooner or later.
 
 A run is put down as waiting when it begins, so that whatever ends it, its result is not forgotten. What cannot be
-handed over waits beside the runs and goes with the next one. Columns and files: docs/how-to/hand-over.md.
+handed over waits beside the runs and goes with the next one. Columns and files: docs/handover.md.
 """
 
 import csv
@@ -9,7 +9,7 @@ import io
 import json
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ from calstation.jobs.queue import ProgressCallback
 from calstation.records.atomic import sync_folder, write_atomic
 from calstation.records.locked import locked
 from calstation.records.raw_log import SUFFIX
+from calstation.results.result import Result
 from calstation.sequencer.events import Message
 from calstation.sequencer.ports import Emit
 
@@ -36,23 +37,23 @@ _LOCKED_WITHIN = 5.0
 _TAIL = 65_536
 
 #: Columns of the CSV before the last, `result`, which names the JSON file beside it.
-COLUMNS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
-    "started_utc": lambda r: r["started_utc"],
-    "serial": lambda r: r["unit"]["serial"],
-    "outcome": lambda r: r["outcome"],
-    "attempt": lambda r: r["attempt"],
-    "product": lambda r: r["product"],
-    "station": lambda r: r["station"],
-    "operator": lambda r: r["operator"],
-    "stages": lambda r: " ".join(r.get("finished_stages") or r["stages"]),
-    "duration_s": lambda r: f"{r['duration_s']:.1f}",
-    "advice": lambda r: r.get("advice"),
-    "failed_checks": lambda r: "; ".join(c["name"] for c in r["checks"] if not c["passed"]),
-    "error": lambda r: r.get("error") or r.get("stop_reason"),
-    "registers_written": lambda r: int(bool((r["registers"] or {}).get("verified"))),
-    "configuration_sha256": lambda r: r["configuration_sha256"],
-    "log_sha256": lambda r: r["log"]["sha256"],
-    "log": lambda r: r["log"]["file"],
+COLUMNS: dict[str, Callable[[Result], Any]] = {
+    "started_utc": lambda r: r.started_utc,
+    "serial": lambda r: r.serial,
+    "outcome": lambda r: r.outcome,
+    "attempt": lambda r: r.attempt,
+    "product": lambda r: r.product,
+    "station": lambda r: r.station,
+    "operator": lambda r: r.operator,
+    "stages": lambda r: " ".join(r.solved_stages),
+    "duration_s": lambda r: f"{r.duration_s:.1f}",
+    "advice": lambda r: r.advice,
+    "failed_checks": lambda r: "; ".join(check.name for check in r.failed_checks),
+    "error": lambda r: r.end_reason,
+    "registers_written": lambda r: int(r.verified),
+    "configuration_sha256": lambda r: r.configuration_sha256,
+    "log_sha256": lambda r: r.log.sha256,
+    "log": lambda r: r.log.file,
 }
 
 
@@ -166,14 +167,12 @@ def _why(error: OSError) -> str:
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
     content = (runs / f"{name}.json").read_bytes()
     write_atomic(folder / f"{name}.json", content)
-    with suppress(
-        ValueError, KeyError, TypeError, AttributeError
-    ):  # no line can be made of another program's JSON
-        _append(folder, name, json.loads(content))
+    with suppress(ValueError):  # another program's JSON has no line
+        _append(folder, name, Result.from_json(json.loads(content)))
     (runs / WAITING / name).unlink(missing_ok=True)
 
 
-def _append(folder: Path, name: str, result: Mapping[str, Any]) -> None:
+def _append(folder: Path, name: str, result: Result) -> None:
     """Add the run's line in one write, the header before the first; not where it is there already."""
     cells = [*(_cell(column(result)) for column in COLUMNS.values()), f"{name}.json"]
     with ExitStack() as stack:

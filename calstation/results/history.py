@@ -5,7 +5,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from calstation.errors import InputError
 from calstation.jobs.queue import ProgressCallback
@@ -13,7 +13,7 @@ from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import RawLogContents, being_written, read_contents, solved_stages
 from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
 from calstation.results.merge_previous import InForce
-from calstation.results.result import SCHEMA
+from calstation.results.result import Result
 
 #: Runs read between two words of progress.
 _AT_ONCE = 100
@@ -165,79 +165,66 @@ def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
 def _found(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     beside = folder / f"{name}.json"
     if not stamp.startswith("log "):
-        result = json.loads(beside.read_text(encoding="utf-8"))
+        result = Result.from_json(json.loads(beside.read_text(encoding="utf-8")))
         return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
     contents = read_contents(folder / f"{name}{SUFFIX}")
     if contents.outcome is None:
         return _from_log(folder, name, stamp, contents)
-    for result in reversed(contents.results):
+    for stored in reversed(contents.results):
+        result = Result.from_json(stored)
         if _is_run(result, name):
             return _from_result(folder, name, stamp, result, None)
     return None
 
 
-def _is_run(result: Any, name: str) -> bool:
-    """Whether a JSON is the result of the run of this name, and not a copy or another log's solution."""
-    return (
-        isinstance(result, dict)
-        and result.get("schema") == SCHEMA
-        and result.get("outcome") != "resolved"
-        and Path(str(result["log"]["file"]).replace("\\", "/")).stem == name
-    )
+def _is_run(result: Result, name: str) -> bool:
+    """Whether a result is the run's of this name, and not a copy or another log's solution."""
+    return result.outcome != "resolved" and Path(result.log.file.replace("\\", "/")).stem == name
 
 
-def _from_result(
-    folder: Path, name: str, stamp: str, result: Mapping[str, Any], beside: Path | None
-) -> IndexedRun:
+def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Path | None) -> IndexedRun:
     record = RunRecord(
-        serial=_words(result["unit"]["serial"]) or "",
-        started_utc=_words(result.get("started_utc")) or "",
-        outcome=_words(result["outcome"]) or "",
-        attempt=min(int(result.get("attempt") or 1), _MOST_ATTEMPTS),
-        product=_words(result.get("product")),
-        station=_words(result.get("station")),
-        operator=_words(result.get("operator")),
-        stages=tuple(_words(stage) or "" for stage in result.get("finished_stages") or result["stages"]),
+        serial=result.serial,
+        started_utc=result.started_utc or "",
+        outcome=result.outcome,
+        attempt=min(result.attempt, _MOST_ATTEMPTS),
+        product=result.product,
+        station=result.station,
+        operator=result.operator,
+        stages=tuple(result.solved_stages),
         log=folder / f"{name}{SUFFIX}",
         result=beside,
-        duration=_finite(result.get("duration_s")),
-        error=_words(result.get("error") or result.get("stop_reason")),
-        resumed_from=_words(result.get("resumed_from")),
-        closed="closed_utc" in result,
+        duration=result.duration_s if math.isfinite(result.duration_s) else 0.0,
+        error=result.end_reason,
+        resumed_from=result.resumed_from,
+        closed=result.closed_utc is not None,
     )
-    values = {_words(parameter) or "": float(row["value"]) for parameter, row in result["parameters"].items()}
-    finite = {parameter: value for parameter, value in values.items() if math.isfinite(value)}
-    return IndexedRun(name, stamp, record, finite, _written(result))
+    texts = (
+        record.serial,
+        record.started_utc,
+        record.outcome,
+        *record.stages,
+        record.product,
+        record.station,
+    )
+    "".join(
+        filter(None, (*texts, record.operator, record.error))
+    ).encode()  # a lone surrogate cannot be stored
+    values = {name: row.value for name, row in result.parameters.items() if math.isfinite(row.value)}
+    return IndexedRun(name, stamp, record, values, _written(result))
 
 
-def _written(result: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Value and sigma of each register that a run wrote from its own answer and proved, SI."""
-    registers = result.get("registers") or {}
-    if result["outcome"] != "passed" or not registers.get("verified"):
+def _written(result: Result) -> dict[str, tuple[float, float]]:
+    """Value and sigma of each register that a run wrote from its own answer and verified, SI."""
+    registers = result.registers
+    if result.outcome != "passed" or registers is None or not registers.verified:
         return {}
-    kept, parameters = registers.get("kept") or {}, result["parameters"]
     pairs = {
-        name: (float(value), float(parameters[name]["sigma"]))
-        for name, value in registers["new"].items()
-        if name in parameters and name not in kept
+        name: (value, result.parameters[name].sigma)
+        for name, value in (registers.new or {}).items()
+        if name in result.parameters and name not in registers.kept
     }
     return {name: pair for name, pair in pairs.items() if all(map(math.isfinite, pair))}
-
-
-def _finite(value: Any) -> float:
-    """A number, 0 where there is none. Raises TypeError or ValueError where it is something else."""
-    number = float(value or 0.0)
-    return number if math.isfinite(number) else 0.0
-
-
-def _words(value: Any) -> str | None:
-    """A text that can be stored, or None. Raises TypeError or ValueError for anything else."""
-    if value is None:
-        return None
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is no text")
-    value.encode()  # half of a character pair is no character
-    return value
 
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:

@@ -10,7 +10,8 @@ from calstation.records.checks import offline_online
 from calstation.records.damaged_rows import told
 from calstation.records.log import Log, open_log
 from calstation.records.raw_read import solved_stages
-from calstation.results.result import Ending, build_result, judge, parameters_json
+from calstation.results.judge import Ending, build_result, judge, solved_parameters
+from calstation.results.result import DamagedRange, Result
 from calstation.results.solver_chain import Watch, solve
 
 
@@ -21,9 +22,14 @@ class Resolved:
     lacking : what stages that could not be solved lack, a sentence with the mend each
     """
 
-    result: dict[str, Any]
+    result: Result
     messages: tuple[tuple[str, dict[str, Any]], ...]
     lacking: tuple[str, ...] = ()
+
+    @property
+    def result_json(self) -> dict[str, Any]:
+        """The result JSON."""
+        return self.result.to_json()
 
 
 def resolve(
@@ -58,7 +64,8 @@ def resolve(
     section = log.meta.product.checks if log.meta.product is not None else None
     if section is not None and log.results:
         online = log.results[-1].get("parameters", {})
-        judgement = judgement.with_more(offline_online(section, parameters_json(solutions), online))
+        solved = {name: row.model_dump() for name, row in solved_parameters(solutions).items()}
+        judgement = judgement.with_more(offline_online(section, solved, online))
     if chain.lacking and judgement.passed:
         judgement = replace(judgement, passed=None)
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
@@ -67,10 +74,11 @@ def resolve(
     if untold is not None:
         messages.append(("latitude_untold", untold))
     if log.holes:
-        result["log"]["damaged"] = [{"rows": hole.count, "seq": hole.missing} for hole in log.holes]
+        damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.holes]
+        result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
         messages.insert(0, ("log_damaged", {"file": path.name, **told(log.holes)}))
     if chain.lacking:
-        result["lacking"] = dict(chain.lacking)
+        result = result.model_copy(update={"missing_data": dict(chain.lacking)})
     return Resolved(result, tuple(messages), tuple(chain.lacking.values()))
 
 

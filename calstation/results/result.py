@@ -1,212 +1,269 @@
-"""The result JSON of the contract, the same for a run and for a log solved again."""
+"""The result of a run or of a log solved again: typed values, read from and written to the contract's result JSON."""
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, PlainSerializer
 
-from calstation import __version__
-from calstation.config.site_check import check_latitude, latitude_untold
-from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import Belief
-from calstation.estimation.common.least_squares import Consistency
-from calstation.estimation.method import Solution
-from calstation.physics.parameters import INDEX, PARAMETERS
+from calstation.errors import ConfigurationError, InputError
 from calstation.records.atomic import write_atomic
-from calstation.records.checks import acceptance
-from calstation.records.facts import LogFacts
-from calstation.records.limits import NEAR, Check, check_limits, estimated_stage, not_compared, unobservable
-from calstation.records.meta import LogMeta, context_from_meta
-from calstation.results.partial import is_part
+from calstation.records.limits import Check
+from calstation.records.meta import FileSection
 
 SCHEMA = "calstation.result/1"
 
+#: A number; ``null`` in JSON stands for one that is not finite.
+Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 
-@dataclass(frozen=True)
-class Judgement:
-    """Checks of a chain's answer against its product's limits; `passed` is None where there are no limits.
+#: A check, in the form that the result JSON gives it.
+CheckField = Annotated[
+    Check,
+    BeforeValidator(lambda value: value if isinstance(value, Check) else Check.from_json(value)),
+    PlainSerializer(Check.to_json),
+]
 
-    not_compared : parameters that have a limit and were not estimated; they do not fail the unit
+
+class _Section(BaseModel):
+    """A part of a result. Keys of other versions of the program are kept."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True, arbitrary_types_allowed=True)
+
+
+class Parameter(_Section):
+    """A solved parameter, SI, and the stage that was the last to estimate it."""
+
+    value: Number
+    sigma: Number
+    unit: str = ""
+    stage: str = ""
+
+
+class StageConsistency(_Section):
+    """Innovation test of a stage: the mean normalised innovation squared and its band."""
+
+    nis_mean: Number
+    nis_low: Number
+    nis_high: Number
+    passed: bool
+    warning: bool
+
+
+class Temperature(_Section):
+    """Temperature of the unit during the run, °C."""
+
+    mean: float
+    min: float
+    max: float
+
+
+class KeptRegister(_Section):
+    """A register that was left as it was, because an earlier run had found it better; SI."""
+
+    sigma: Number = math.nan
+    sigma_now: Number = math.nan
+    value_now: Number = math.nan
+    found_utc: str = Field(default="", alias="from")
+
+
+class Verification(_Section):
+    """One comparison of the unit's output after the transfer with what its registers let expect."""
+
+    name: str
+    value: Number
+    expected: Number
+    tolerance: Number
+    unit: str
+    passed: bool
+
+
+class Registers(_Section):
+    """The unit's registers before and after the run, by parameter, SI.
+
+    Attributes
+    ----------
+    new : None where nothing was written
+    verified : the unit's output was compared and agrees
+    kept : registers that were left as they were
+    proof : the comparisons
+    proved_on : what was compared: ``turn``, ``rest`` or ``read_back``
     """
 
-    checks: tuple[Check, ...]
-    passed: bool | None
-    not_compared: tuple[str, ...] = ()
-
-    def with_more(self, checks: list[Check]) -> "Judgement":
-        """The same with further checks, which fail it where they are not passed."""
-        if not checks:
-            return self
-        passed = (self.passed is not False) and all(check.passed for check in checks)
-        return replace(self, checks=(*self.checks, *checks), passed=passed)
+    old: dict[str, Number] = Field(default_factory=dict)
+    new: dict[str, Number] | None = None
+    verified: bool = False
+    kept: dict[str, KeptRegister] = Field(default_factory=dict)
+    proof: list[Verification] = Field(default_factory=list)
+    proved_on: str | None = None
+    written_utc: str | None = None
 
 
-def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
-    """Compare what was solved with the limits in the log's meta; a run without a solved stage fails the unit."""
-    limits = meta.product.limits if meta.product is not None else {}
-    section = meta.product.checks if meta.product is not None else None
-    near = section.near_miss_beyond if section is not None else NEAR
-    found = check_limits(limits, prior, solutions, near)
-    if section is not None:
-        found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
-    there = check_latitude(meta, solutions)
-    checks = (*found, *there)
-    if not limits and section is None:
-        return Judgement(checks, None)
-    passed = bool(found) and all(check.passed for check in checks)
-    return Judgement(checks, passed, tuple(not_compared(limits, solutions)))
+class DamagedRange(_Section):
+    """Rows of the log that could not be read: their number, and the first and last missing sequence number."""
+
+    rows: int
+    seq: str
 
 
-@dataclass(frozen=True)
-class Ending:
-    """What a result says about how it came to be: `outcome`, log and registers.
+class LogSection(_Section):
+    """The log that was solved, and the range of sequence numbers."""
 
-    log_file : path as text; first_seq, last_seq : range solved, None for all of the log
-    stop_reason : who or what stopped a stopped run; advice : what to do next, see `station.advice`
+    file: str
+    sha256: str = ""
+    first_seq: int = 0
+    last_seq: int = -1
+    gaps: int = 0
+    damaged: list[DamagedRange] = Field(default_factory=list)
+
+
+class LatitudeUnknown(_Section):
+    """An inconsistent stage and the latitude, degrees, that it assumed and no rest confirmed."""
+
+    stage: str
+    latitude: float
+
+
+class Unit(_Section):
+    """The calibrated unit."""
+
+    serial: str
+
+
+class Software(_Section):
+    """The program that solved."""
+
+    version: str
+
+
+class Result(_Section):
+    """A result, see the contract. Sections that the JSON leaves out have their defaults.
+
+    Attributes
+    ----------
+    stages : those that were solved
+    partial : the run left out stages of the product
+    passed : None without limits
+    unobservable : parameters that the data did not determine
+    not_compared : parameters with a limit that no stage estimated
+    observability, details : of each stage, as its method reports them
+    advice : what to do next: reseat, repeat, set_aside or resume
+    configuration : the files used, by kind
+    error : the fault that ended the run, in English; error_code : its code in the message catalogue
     finished_stages : of an incomplete run, those that were solved before it died
+    missing_data : why a stage could not be solved, by stage
+    closed_utc, closed_by : when and by whom it was decided not to resume an incomplete run
     """
 
+    schema_name: Literal["calstation.result/1"] = Field(alias="schema")
+    unit: Unit
+    stages: list[str]
+    partial: bool = Field(default=False, alias="part")
+    passed: bool | None = None
+    parameters: dict[str, Parameter]
+    unobservable: list[str] = Field(default_factory=list)
+    checks: list[CheckField] = Field(default_factory=list)
+    not_compared: list[str] = Field(default_factory=list)
+    consistency: dict[str, StageConsistency] = Field(default_factory=dict)
+    observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
+    details: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     outcome: str
-    log_file: str
-    facts: LogFacts
-    first_seq: int | None = None
-    last_seq: int | None = None
-    registers: Mapping[str, Any] | None = None
-    error: str | None = None
-    stop_reason: str | None = None
     advice: str | None = None
-    finished_stages: tuple[str, ...] | None = None
+    attempt: int = 1
+    operator: str | None = None
+    station: str | None = None
+    product: str | None = None
+    configuration_sha256: str = ""
+    configuration: dict[str, FileSection] = Field(default_factory=dict)
+    temperature_c: Temperature | None = None
+    registers: Registers | None = None
+    log: LogSection
+    software: Software | None = None
+    started_utc: str | None = None
+    duration_s: Number = 0.0
+    error: str | None = None
+    error_code: str | None = None
+    stop_reason: str | None = None
+    finished_stages: list[str] | None = None
+    latitude_untold: LatitudeUnknown | None = None
+    resumed_from: str | None = None
+    missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
+    closed_utc: str | None = None
+    closed_by: str | None = None
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "Result":
+        """Read a result JSON. Raises ValueError for anything else."""
+        return cls.model_validate(data)
+
+    def to_json(self) -> dict[str, Any]:
+        """The contract's result JSON, with the keys that were given."""
+        rows: dict[str, Any] = plain(self.model_dump(by_alias=True, exclude_unset=True))
+        return rows
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the unit."""
+        return self.unit.serial
+
+    @property
+    def solved_stages(self) -> list[str]:
+        """Stages that were solved, those of a run that died included."""
+        return self.finished_stages or self.stages
+
+    @property
+    def failed_checks(self) -> list[Check]:
+        """The checks that were not passed."""
+        return [check for check in self.checks if not check.passed]
+
+    @property
+    def end_reason(self) -> str | None:
+        """What ended a faulty or stopped run, in English."""
+        return self.error or self.stop_reason
+
+    @property
+    def verified(self) -> bool:
+        """Whether registers were written and the unit's output agrees with them."""
+        return self.registers is not None and self.registers.verified
 
 
-def build_result(
-    meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
-) -> dict[str, Any]:
-    """The contract's result, JSON-ready; every value SI. Its duration is that of the log's samples."""
-    run, facts = meta.run, ending.facts
-    result: dict[str, Any] = {
-        "schema": SCHEMA,
-        "unit": {"serial": meta.imu.serial},
-        "stages": [solution.stage for solution in solutions],
-        "part": is_part(meta),
-        "passed": judgement.passed,
-        "parameters": parameters_json(solutions),
-        "unobservable": unobservable(prior, solutions),
-        "checks": [check.to_json() for check in judgement.checks],
-        "not_compared": list(judgement.not_compared),
-        "consistency": {s.stage: consistency_json(s.consistency) for s in solutions},
-        "observability": {s.stage: dict(s.observability) for s in solutions if s.observability},
-        "details": {s.stage: dict(s.details) for s in solutions if s.details},
-        "outcome": ending.outcome,
-        "advice": ending.advice,
-        "attempt": run.attempt if run else 1,
-        "operator": run.operator if run else None,
-        "station": run.station if run else None,
-        "product": meta.product.name if meta.product else None,
-        "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
-        "configuration": _files(meta),
-        "temperature_c": _temperature(facts),
-        "registers": ending.registers,
-        "log": {
-            "file": ending.log_file,
-            "sha256": facts.sha256,
-            "first_seq": facts.first_seq
-            if ending.first_seq is None
-            else max(ending.first_seq, facts.first_seq),
-            "last_seq": facts.last_seq if ending.last_seq is None else min(ending.last_seq, facts.last_seq),
-            "gaps": facts.gaps,
-        },
-        "software": {"version": __version__},
-        "started_utc": run.started_utc if run else None,
-        "duration_s": facts.samples / meta.imu.sample_rate_hz,
-    }
-    more = {
-        "error": ending.error,
-        "stop_reason": ending.stop_reason,
-        "finished_stages": ending.finished_stages,
-        "latitude_untold": latitude_untold(meta, solutions),
-        "resumed_from": run.resumed_from if run else None,
-    }
-    result.update({key: value for key, value in more.items() if value is not None})
-    plain: dict[str, Any] = _plain(result)
-    return plain
+def load_result(path: Path) -> Result:
+    """Read a result file. Raises InputError."""
+    try:
+        return Result.from_json(json.loads(path.read_text(encoding="utf-8")))
+    except OSError as exc:
+        raise InputError(f"{path}: cannot be read ({exc.strerror or exc}); give an existing file") from exc
+    except json.JSONDecodeError as exc:
+        raise InputError(f"{path}: no JSON ({exc}); give the result of a run") from exc
+    except ValueError as exc:
+        raise InputError(
+            f"{path}: no result of a run (its schema is not {SCHEMA}); give another file"
+        ) from exc
 
 
-def _files(meta: LogMeta) -> dict[str, dict[str, Any]]:
-    """Name, version and digest of each file that the run used, by kind."""
-    files = (meta.run.files if meta.run else None) or {}
-    return {kind: file.model_dump() for kind, file in files.items()}
-
-
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Numbers and containers as JSON knows them; what is not finite becomes null."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
 
 
-def consistency_json(consistency: Consistency) -> dict[str, Any]:
-    """A stage's innovation test as the result holds it."""
-    return {
-        "nis_mean": consistency.nis_mean,
-        "nis_low": consistency.nis_low,
-        "nis_high": consistency.nis_high,
-        "passed": consistency.passed,
-        "warning": consistency.warning,
-    }
-
-
-def parameters_json(solutions: tuple[Solution, ...]) -> dict[str, dict[str, Any]]:
-    """The values found, by contract name, as the result holds them."""
-    if not solutions:
-        return {}
-    belief = solutions[-1].belief
-    sigma = belief.sigma
-    parameters: dict[str, dict[str, Any]] = {
-        name: {
-            "value": float(belief.mean[INDEX[name]]),
-            "sigma": float(sigma[INDEX[name]]),
-            "unit": PARAMETERS[INDEX[name]].unit,
-            "stage": stage,
-        }
-        for name, stage in estimated_stage(solutions).items()
-    }
-    for solution in solutions:
-        for name, found in solution.found.items():
-            parameters[name] = {
-                "value": found.value,
-                "sigma": found.sigma,
-                "unit": found.unit,
-                "stage": solution.stage,
-            }
-    return parameters
-
-
-def _temperature(facts: LogFacts) -> dict[str, float] | None:
-    if facts.temperature is None:
-        return None
-    mean, low, high = facts.temperature
-    return {"mean": mean, "min": low, "max": high}
-
-
-def write_json(path: Path, result: Mapping[str, Any]) -> None:
-    """Write a result file, whole or not at all. Raises ConfigurationError where the place cannot be written."""
-    text = json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write a JSON file, whole or not at all. Raises ConfigurationError where it cannot be written."""
+    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     try:
         if path.exists() and not path.is_file():
-            path.write_text(text, encoding="utf-8")  # a pipe or a device, which cannot be replaced
+            path.write_text(text, encoding="utf-8")  # a pipe or a device cannot be replaced
         else:
             write_atomic(path, text)
     except OSError as exc:

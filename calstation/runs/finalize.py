@@ -28,9 +28,8 @@ from calstation.registers.verification import (
     verify_output,
     without_register,
 )
+from calstation.results.judge import is_partial, judge
 from calstation.results.merge_previous import InForce, PreviousValue, found_better, given
-from calstation.results.partial import is_part
-from calstation.results.result import judge
 from calstation.results.solver_chain import StageChain
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.control import StopRequested
@@ -133,7 +132,7 @@ class Finalization:
         belief, estimated = solutions[-1].belief, estimated_stage(solutions)
         behind = self.setup.after_registers
         better: tuple[PreviousValue, ...] = ()
-        if is_part(self.meta):
+        if is_partial(self.meta):
             better = found_better(old, belief, estimated, self.in_force, behind=behind)
         kept = [parameter for parameter in better if not parameter.contradicted]
         for parameter in better:

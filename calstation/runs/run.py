@@ -24,7 +24,8 @@ from calstation.registers.interrupted import UnverifiedTransfer, check_interrupt
 from calstation.registers.preconditions import check_flash
 from calstation.results.handover import HandOver, expect
 from calstation.results.history import History
-from calstation.results.result import Ending, build_result, judge, write_json
+from calstation.results.judge import Ending, build_result, judge
+from calstation.results.result import write_json
 from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.runs.advice import advice, check_attempts
 from calstation.runs.finalize import Finalization
@@ -288,12 +289,12 @@ def _close(run: _Run, ended: Ended) -> None:
         str(log.path),
         log.facts(),
         registers=run.registers or None,
-        error=None if ended.error is None else str(ended.error),
+        error=ended.error,
         stop_reason=place.control.stop_reason if outcome == "stopped" else None,
         advice=advice(place.setup.product, outcome, failures, finished),
     )
-    result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending)
-    result["passed"] = ended.state is State.PASSED
+    judgement = replace(judgement, passed=ended.state is State.PASSED)
+    result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()
     log.add_result(result)
     log.close(outcome)
     beside = log.path.with_suffix(".json")

@@ -68,7 +68,7 @@ def _unit(stage: str, grade: GradeName, seed: int, nis: list[float]) -> dict[str
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "recording.h5"
         _, truth = make_recording(KIND_OF[stage], log, grade, seed)
-        result = resolve(log, (stage,)).result
+        result = resolve(log, (stage,)).result_json
     nis.append(result["consistency"][stage]["nis_mean"])
     found: dict[str, list[tuple[float, float]]] = {}
     for name, row in result["parameters"].items():

@@ -88,7 +88,7 @@ class Engineer(Operator):
         self.until_ended()
         assert self.run.fault is None, self.run.fault
         assert self.page.look.result.shown is not None
-        return dict(self.page.look.result.shown.result)
+        return dict(self.page.look.result.shown.result_json)
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
         """A parameter table as it stands: texts by row and heading."""

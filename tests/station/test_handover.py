@@ -15,6 +15,9 @@ from calstation.results.handover import COLUMNS, CSV_NAME, WAITING, HandOver, de
 from calstation.sequencer.events import Event, Message
 from tests.station.conftest import STATION
 
+#: A check as a result holds it.
+CHECK = {"name": "gyro_bias_x within", "value": 2.0, "limit": [-1.0, 1.0], "unit": "rad/s"}
+
 
 class Factory:
     """A folder of runs, a station file, and where its results go."""
@@ -33,6 +36,8 @@ class Factory:
     def result(self, name: str, outcome: str = "passed", **more: Any) -> dict[str, Any]:
         """What a run leaves."""
         result = {
+            "schema": "calstation.result/1",
+            "parameters": {},
             "started_utc": "2026-11-21T10:00:00+00:00",
             "unit": {"serial": name.partition("_")[0]},
             "outcome": outcome,
@@ -43,7 +48,7 @@ class Factory:
             "stages": ["rate", "six_position"],
             "duration_s": 12.34,
             "advice": None,
-            "checks": [{"name": "gyro_bias_x within", "passed": outcome == "passed"}],
+            "checks": [{**CHECK, "passed": outcome == "passed"}],
             "registers": {"verified": True} if outcome == "passed" else None,
             "configuration_sha256": "c0",
             "log": {"sha256": "1f", "file": f"{name}.h5"},
@@ -97,7 +102,7 @@ def test_a_run_that_did_not_reach_its_end_says_how_far_it_came_and_who_stopped_i
 
 
 def test_every_line_of_the_document_is_a_column() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "how-to" / "hand-over.md").read_text("utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "handover.md").read_text("utf-8")
     for column in [*COLUMNS, "result"]:
         assert f"`{column}`" in text
 

@@ -40,7 +40,7 @@ def test_a_range_is_solved_as_the_command_line_does(tmp_path: Path) -> None:
     spans = log_index(Told(), log, tmp_path / "picture").spans
     told = Told()
     solved = offline_solve(told, log, None, 10, 2390, spans)
-    assert solved.result == resolve(log, None, 10, 2390).result
+    assert solved.result_json == resolve(log, None, 10, 2390).result_json
     assert told.fractions == sorted(told.fractions)
     assert told.fractions[-1] > 0.4
     assert set(told.notes) == {"six_position"}

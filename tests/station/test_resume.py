@@ -104,7 +104,7 @@ def test_a_stopped_run_is_resumed_at_its_last_finished_stage(place: Place, befor
 
     assert Path(verdict.log).parent == Path(before.log).parent
     Path(before.log).unlink()
-    again = resolve(Path(verdict.log)).result
+    again = resolve(Path(verdict.log)).result_json
     for key in ("parameters", "consistency", "unobservable", "details"):
         assert again[key] == result[key]
     assert resumable(place.folder / "runs") == []
@@ -133,7 +133,7 @@ def test_a_resumed_run_can_be_resumed_again(place: Place, before: Verdict) -> No
     place.events, place.control = [], Control()
     verdict = resumed(place, third.log)
     assert verdict.outcome == "passed"
-    assert resolve(Path(verdict.log)).result["parameters"] == verdict.result["parameters"]
+    assert resolve(Path(verdict.log)).result_json["parameters"] == verdict.result["parameters"]
 
 
 @pytest.mark.long
@@ -168,7 +168,7 @@ def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(place: 
     assert incomplete["finished_stages"] == ["rate", "six_position"]
     for told, path in ((incomplete, log), (result, Path(verdict.log))):
         assert told["duration_s"] == open_log(path).facts().samples / 200.0, "the same thing of every run"
-    again = resolve(Path(verdict.log)).result
+    again = resolve(Path(verdict.log)).result_json
     assert again["parameters"] == result["parameters"]
     assert again["consistency"] == result["consistency"]
     assert again["log"]["sha256"] == result["log"]["sha256"]

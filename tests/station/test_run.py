@@ -38,7 +38,7 @@ def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(place: Place)
     assert log.results == [result]
     assert any(event["event"] == "OldRegisters" for event in log.events)
 
-    again = resolve(Path(verdict.log)).result
+    again = resolve(Path(verdict.log)).result_json
     assert again["parameters"] == result["parameters"]
     assert again["consistency"] == result["consistency"]
     assert again["log"]["sha256"] == result["log"]["sha256"]
@@ -49,7 +49,7 @@ def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(place: Place)
     export_csv(Path(verdict.log), csv)
     import_csv(csv, back)
     for path in (csv, back):
-        assert resolve(path).result["parameters"] == result["parameters"]
+        assert resolve(path).result_json["parameters"] == result["parameters"]
 
 
 @pytest.mark.long
@@ -89,7 +89,7 @@ def test_pause_and_resume(place: Place) -> None:
     assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
     assert [e.state for e in place.told(StateChanged)].count("paused") == 1
     assert len(place.told(StageSolved)[0].parameters) == 3
-    assert resolve(Path(verdict.log)).result["parameters"] == verdict.result["parameters"]
+    assert resolve(Path(verdict.log)).result_json["parameters"] == verdict.result["parameters"]
 
 
 @pytest.mark.parametrize("moment", [StateChanged, StepStarted])

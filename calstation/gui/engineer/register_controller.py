@@ -51,8 +51,8 @@ class RegisterController(QObject):
         """Another run is looked at: find what it wants in the registers."""
         self._run = run
         self.view.show_wanted(None)
-        if run.result["parameters"]:
-            job = self._app.job_queue.submit(wanted_registers, self._request(), dict(run.result))
+        if run.result_json["parameters"]:
+            job = self._app.job_queue.submit(wanted_registers, self._request(), dict(run.result_json))
             self._wanting.watch(job)
 
     def _take_again(self) -> None:
@@ -96,7 +96,7 @@ class RegisterController(QObject):
                 lambda: self.tr("Another page is talking to a device; try again in some seconds.")
             )
             return
-        result = self._run.result
+        result = self._run.result_json
         self._errand = RegisterOperation(
             replace(self._request(), serial=str(result["unit"]["serial"])),
             "write",
@@ -111,7 +111,7 @@ class RegisterController(QObject):
 
     def _hear(self, event: Event) -> None:
         """How the write in hand gets on, and how it ended."""
-        if self._errand is None or self._app.engine_link.operation is not self._errand:
+        if self._errand is None or self._app.engine_link.errand is not self._errand:
             return
         if isinstance(event, Message):
             key, values = event.id, event.values

@@ -72,11 +72,11 @@ class ResultAnalysis(QObject):
             return
         if run.log is None:
             self._not_diagnosed(self.tr("Its log is not there any more."))
-        elif not run.result["stages"]:
+        elif not run.result_json["stages"]:
             self._not_diagnosed(self._why_no_answer(run))
         else:
             self._looked = run.log
-            log, stages = run.result["log"], tuple(run.result["stages"])
+            log, stages = run.result_json["log"], tuple(run.result_json["stages"])
             job = self._app.job_queue.submit(diagnose, run.log, stages, log["first_seq"], log["last_seq"])
             self.diagnosing.watch(job)
             for lazy in self._deep:
@@ -88,19 +88,19 @@ class ResultAnalysis(QObject):
             return self.tr("Opening {0}").format(self._path.name)
         if self.run is None:
             return ""
-        result = self.run.result
+        result = self.run.result_json
         started = str(result.get("started_utc") or "").replace("T", " ")[:16]
         parts = (str(result["unit"]["serial"]), started, word_verdict(result, stages=False))
         return "  ·  ".join(part for part in parts if part)
 
     def _loaded(self, run: Finished) -> None:
         self.run, self._looked = run, None
-        if run.result["parameters"]:
+        if run.result_json["parameters"]:
             self.result.show_run(run)
             self._result.show_view()
         else:
             self._result.show_empty(self._why_no_answer(run))
-        self.observability.show_stages(run.result.get("observability") or {})
+        self.observability.show_stages(run.result_json.get("observability") or {})
         self._observability.show_view()
         for lazy in self._deep:
             lazy.show_empty()
@@ -125,7 +125,7 @@ class ResultAnalysis(QObject):
 
     def _why_no_answer(self, run: Finished) -> str:
         said = self.tr("The run ended without an answer: {0}").format(
-            term("badge", str(run.result["outcome"]))
+            term("badge", str(run.result_json["outcome"]))
         )
-        error = run.result.get("error")
+        error = run.result_json.get("error")
         return f"{said}. {one_line(str(error))}" if error else said

@@ -76,7 +76,7 @@ class ResultView(QWidget):
     def show_run(self, finished: Finished) -> None:
         """Show this run."""
         self.shown = finished
-        result = finished.result
+        result = finished.result_json
         parameters = result["parameters"]
         names = [name for name in NAMES if name in parameters]
         names += [name for name in parameters if name not in NAMES]
@@ -125,7 +125,7 @@ class ResultView(QWidget):
     def _say(self) -> None:
         if self.shown is None:
             return
-        result = self.shown.result
+        result = self.shown.result_json
         outcome = str(result["outcome"])
         checks: Sequence[Mapping[str, Any]] = result["checks"]
         if outcome == "resolved":

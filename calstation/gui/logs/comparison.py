@@ -123,7 +123,7 @@ class Comparison(QWidget):
     def _parameters(self) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         stored = self._log_index.stored if self._log_index is not None else None
         online = {} if stored is None else stored["parameters"]
-        return online, {} if self._solved is None else self._solved.result["parameters"]
+        return online, {} if self._solved is None else self._solved.result_json["parameters"]
 
     def _fill(self) -> None:
         online, offline = self._parameters()
@@ -131,11 +131,11 @@ class Comparison(QWidget):
         names = [*(n for n in NAMES if n in found), *(n for n in found if n not in INDEX)]
         self._cells = {name: _row(name, online.get(name), offline.get(name)) for name in names}
         self._marks = {n: in_sigma(offline[n], online[n]) for n in names if n in online and n in offline}
-        checks = [] if self._solved is None else self._solved.result["checks"]
+        checks = [] if self._solved is None else self._solved.result_json["checks"]
         failed = [c["name"].partition(" ") for c in checks if not c["passed"]]
         self._outside = frozenset(name for name, _, kind in failed if kind != "sigma below")
         self._coarse = frozenset(name for name, _, kind in failed if kind == "sigma below")
-        self._lost = frozenset([] if self._solved is None else self._solved.result["unobservable"])
+        self._lost = frozenset([] if self._solved is None else self._solved.result_json["unobservable"])
         for column in ("online", "online_sigma", "offline", "offline_sigma", "difference"):
             there = [name for name in names if column in self._cells[name]]
             texts = aligned([self._cells[name][column] for name in there])
@@ -178,7 +178,7 @@ class Comparison(QWidget):
             self.offline_badge.show_state("none", self.tr("Not solved yet"))
             self.note_label.setText("")
         else:
-            self.offline_badge.show_state(*self._verdict(self._solved.result))
+            self.offline_badge.show_state(*self._verdict(self._solved.result_json))
             self.note_label.setText("\n".join(self._notes()))
         self.note_label.setVisible(bool(self.note_label.text()))
         for widget in (self._heads[-1], self.difference_badge):
@@ -209,7 +209,7 @@ class Comparison(QWidget):
     def _notes(self) -> list[str]:
         assert self._solved is not None
         assert self._log_index is not None
-        result, facts = self._solved.result, self._log_index.facts
+        result, facts = self._solved.result_json, self._log_index.facts
         notes = []
         log = result["log"]
         if (log["first_seq"], log["last_seq"]) != (facts.first_seq, facts.last_seq):

@@ -1,14 +1,14 @@
-"""The role of the user: operator or engineer."""
+"""Operator or engineer: who uses the window now."""
 
 from PySide6.QtCore import QObject, Signal
 
-from calstation.config import access
+from calstation.config import access as pins
 
 
 class RoleLock(QObject):
-    """The current role, at first the operator.
+    """The role in force; `changed` tells every page what it may enable.
 
-    `changed(role)` : the role has changed; `wanted()` : the user wants to enter the engineer's PIN.
+    A window starts with the operator. `wanted` asks the main window to let the user enter the PIN.
     """
 
     changed = Signal(str)
@@ -16,44 +16,49 @@ class RoleLock(QObject):
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self.role = "operator"
+        self._role = "operator"
+
+    @property
+    def role(self) -> str:
+        """``operator`` or ``engineer``."""
+        return self._role
 
     @property
     def engineer(self) -> bool:
-        """Whether settings that change results may be edited."""
-        return self.role == "engineer"
+        """Whether what changes results may be touched."""
+        return self._role == "engineer"
 
     @property
     def new(self) -> bool:
-        """Whether no PIN has been set yet: the first user sets it."""
-        return not access.has_pin()
+        """Whether no PIN has been set yet: the first to come sets it."""
+        return not pins.has_pin()
 
     @property
     def wait(self) -> float:
         """Seconds until a PIN may be tried again."""
-        return access.wait()
+        return pins.wait()
 
     def ask(self) -> None:
         """Let the user enter the PIN."""
         self.wanted.emit()
 
     def unlock(self, pin: str) -> bool:
-        """Switch to the engineer if `pin` is right. Raises ConfigurationError if it cannot be checked."""
-        if not access.check(pin):
+        """Take the engineer's role where `pin` is right. Raises ConfigurationError where it cannot be checked."""
+        if not pins.check(pin):
             return False
         self._set("engineer")
         return True
 
     def set_first_pin(self, pin: str) -> None:
-        """Set the first PIN and switch to the engineer. Raises ConfigurationError if the PIN cannot be used."""
-        access.set_pin("", pin)
+        """Set the PIN of a new place and take the engineer's role. Raises ConfigurationError with the reason."""
+        pins.set_pin("", pin)
         self._set("engineer")
 
     def lock(self) -> None:
-        """Switch to the operator."""
+        """Back to the operator's role."""
         self._set("operator")
 
     def _set(self, role: str) -> None:
-        if role != self.role:
-            self.role = role
+        if role != self._role:
+            self._role = role
             self.changed.emit(role)

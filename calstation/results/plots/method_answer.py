@@ -23,6 +23,7 @@ from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
 from calstation.results.plots.positions import PositionPicture, position_picture
 from calstation.results.resolve import Resolved, resolve
+from calstation.results.result import Result
 from calstation.schema import validate
 from calstation.simulation.recordings import read_truth
 from procedures import method
@@ -66,8 +67,8 @@ class MethodAnswer:
 
     @property
     def parameters(self) -> Mapping[str, Any]:
-        """The result's parameters."""
-        found: Mapping[str, Any] = self.resolved.result["parameters"]
+        """The result's parameters, as the result JSON holds them."""
+        found: Mapping[str, Any] = self.resolved.result_json["parameters"]
         return found
 
 
@@ -113,16 +114,16 @@ def found_vector(meta: LogMeta, parameters: Mapping[str, Any]) -> FloatArray:
 
 
 def _picture(
-    log: Log, stage: str, result: Mapping[str, Any], schedule: Mapping[str, Any]
+    log: Log, stage: str, result: Result, schedule: Mapping[str, Any]
 ) -> PositionPicture | GimbalPlotData | PairPlotData:
-    details = result["details"].get(stage, {})
+    details = result.details.get(stage, {})
     if stage == "gimbal":
         return gimbal_plot_data(details, schedule)
     context = context_from_meta(log.meta)
     data = data_of(log, stage)
     if stage == "cross_calibration":
         return pair_plot_data(data, context, prior_from_meta(log.meta), details)
-    found = found_vector(log.meta, result["parameters"])
+    found = found_vector(log.meta, {name: row.model_dump() for name, row in result.parameters.items()})
     return position_picture(data, context, prior_from_meta(log.meta).mean, found, log.meta.product)
 
 
@@ -143,6 +144,6 @@ def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
 
 def _recording(log: Log, resolved: Resolved) -> Recording:
     rate = log.meta.imu.sample_rate_hz
-    found = resolved.result["log"]
-    duration = (found["last_seq"] - found["first_seq"] + 1) / rate
+    solved = resolved.result.log
+    duration = (solved.last_seq - solved.first_seq + 1) / rate
     return Recording(log.path, log.meta.imu.serial, rate, duration, read_truth(log.path))

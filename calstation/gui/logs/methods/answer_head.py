@@ -44,7 +44,7 @@ class AnswerHead(QWidget):
         self._remarks.setText(remarks)
         self._remarks.setVisible(bool(remarks))
         self.badge.show_state(*self._verdict(answer))
-        result, recording = answer.resolved.result, answer.recording
+        result, recording = answer.resolved.result_json, answer.recording
         about = [
             recording.serial,
             self.tr("{0} at {1:g} Hz").format(duration_text(recording.duration), recording.rate),
@@ -62,7 +62,7 @@ class AnswerHead(QWidget):
 
     def _verdict(self, answer: MethodAnswer) -> tuple[str, str]:
         """Shape and words of what the checks say."""
-        result = answer.resolved.result
+        result = answer.resolved.result_json
         failed = sum(not check["passed"] for check in result["checks"])
         near = sum(bool(check.get("near_miss")) for check in result["checks"])
         if failed:

@@ -56,7 +56,7 @@ class AnswerTable(QWidget):
             texts = aligned([self._cells[name][column] for name in there])
             for name, text in zip(there, texts, strict=True):
                 self._cells[name][column] = text
-        result = answer.resolved.result
+        result = answer.resolved.result_json
         self._lost = frozenset(result["unobservable"])
         self._outside = frozenset(c["name"].partition(" ")[0] for c in result["checks"] if not c["passed"])
         self.model.set_columns(self._columns(answer, bool(other), bool(truth)))

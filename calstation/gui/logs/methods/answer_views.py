@@ -64,4 +64,4 @@ class AnswerViews:
             self.check.show_answer(answer)
             self.left.show_answer(answer)
         self.table.show_answer(answer)
-        self.checks.show_checks(answer.resolved.result["checks"])
+        self.checks.show_checks(answer.resolved.result_json["checks"])

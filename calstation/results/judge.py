@@ -1,0 +1,205 @@
+"""Judges the solutions of a run against the product's limits, and builds its result."""
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from calstation import __version__
+from calstation.config.site_check import check_latitude, latitude_untold
+from calstation.errors import CalstationError
+from calstation.estimation.common.context import Belief
+from calstation.estimation.method import Solution
+from calstation.physics.parameters import INDEX, PARAMETERS
+from calstation.records.checks import acceptance
+from calstation.records.facts import LogFacts
+from calstation.records.limits import NEAR, Check, check_limits, estimated_stage, not_compared, unobservable
+from calstation.records.meta import LogMeta, context_from_meta
+from calstation.results.result import (
+    SCHEMA,
+    LogSection,
+    Parameter,
+    Result,
+    StageConsistency,
+    Temperature,
+    plain,
+)
+from procedures import DEFAULT_STAGES
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Checks of the solutions against the product's limits.
+
+    Attributes
+    ----------
+    passed : None without limits
+    not_compared : parameters with a limit that no stage estimated; they do not fail the unit
+    """
+
+    checks: tuple[Check, ...]
+    passed: bool | None
+    not_compared: tuple[str, ...] = ()
+
+    def with_more(self, checks: list[Check]) -> "Judgement":
+        """Add checks; one that is not passed fails the judgement."""
+        if not checks:
+            return self
+        passed = (self.passed is not False) and all(check.passed for check in checks)
+        return replace(self, checks=(*self.checks, *checks), passed=passed)
+
+
+def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judgement:
+    """Compare the solutions with the limits in the log's configuration; without a solution the unit fails."""
+    limits = meta.product.limits if meta.product is not None else {}
+    section = meta.product.checks if meta.product is not None else None
+    near = section.near_miss_beyond if section is not None else NEAR
+    found = check_limits(limits, prior, solutions, near)
+    if section is not None:
+        found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
+    checks = (*found, *check_latitude(meta, solutions))
+    if not limits and section is None:
+        return Judgement(checks, None)
+    passed = bool(found) and all(check.passed for check in checks)
+    return Judgement(checks, passed, tuple(not_compared(limits, solutions)))
+
+
+def is_partial(meta: LogMeta) -> bool:
+    """Whether the run left out stages of its product; a foreign log is never partial."""
+    text = meta.profiles.get("product")
+    if meta.run is None or text is None:
+        return False
+    stages = tomllib.loads(text).get("stages", DEFAULT_STAGES)
+    return not set(stages) <= set(meta.run.stages)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended, or that a log was solved again.
+
+    Attributes
+    ----------
+    outcome : as in the result JSON
+    log_file : path as text
+    first_seq, last_seq : range solved; None for all of the log
+    registers : as in the result JSON
+    stop_reason : who or what stopped a stopped run
+    advice : what to do next, see `calstation.runs.advice`
+    finished_stages : of an incomplete run, those that were solved before it died
+    """
+
+    outcome: str
+    log_file: str
+    facts: LogFacts
+    first_seq: int | None = None
+    last_seq: int | None = None
+    registers: Mapping[str, Any] | None = None
+    error: CalstationError | None = None
+    stop_reason: str | None = None
+    advice: str | None = None
+    finished_stages: tuple[str, ...] | None = None
+
+
+def build_result(
+    meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
+) -> Result:
+    """Build the result of a run.
+
+    Parameters
+    ----------
+    meta : configuration of the log
+    prior : before the first stage
+    solutions : of the stages, in order
+    judgement : of the solutions
+    ending : how the run ended
+    """
+    run, facts = meta.run, ending.facts
+    first, last = ending.first_seq, ending.last_seq
+    files = (run.files if run else None) or {}
+    more = {
+        "error": None if ending.error is None else str(ending.error),
+        "error_code": None if ending.error is None else ending.error.code or None,
+        "stop_reason": ending.stop_reason,
+        "finished_stages": ending.finished_stages,
+        "latitude_untold": latitude_untold(meta, solutions),
+        "resumed_from": run.resumed_from if run else None,
+    }
+    return Result.model_validate(
+        {
+            "schema": SCHEMA,
+            "unit": {"serial": meta.imu.serial},
+            "stages": [solution.stage for solution in solutions],
+            "part": is_partial(meta),
+            "passed": judgement.passed,
+            "parameters": solved_parameters(solutions),
+            "unobservable": unobservable(prior, solutions),
+            "checks": judgement.checks,
+            "not_compared": judgement.not_compared,
+            "consistency": {s.stage: _consistency(s) for s in solutions},
+            "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
+            "details": {s.stage: plain(s.details) for s in solutions if s.details},
+            "outcome": ending.outcome,
+            "advice": ending.advice,
+            "attempt": run.attempt if run else 1,
+            "operator": run.operator if run else None,
+            "station": run.station if run else None,
+            "product": meta.product.name if meta.product else None,
+            "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
+            "configuration": {kind: file.model_dump() for kind, file in files.items()},
+            "temperature_c": _temperature(facts),
+            "registers": ending.registers,
+            "log": LogSection(
+                file=ending.log_file,
+                sha256=facts.sha256,
+                first_seq=facts.first_seq if first is None else max(first, facts.first_seq),
+                last_seq=facts.last_seq if last is None else min(last, facts.last_seq),
+                gaps=facts.gaps,
+            ),
+            "software": {"version": __version__},
+            "started_utc": run.started_utc if run else None,
+            "duration_s": facts.samples / meta.imu.sample_rate_hz,
+            **{key: value for key, value in more.items() if value is not None},
+        }
+    )
+
+
+def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
+    """The solved parameters by contract name."""
+    if not solutions:
+        return {}
+    belief = solutions[-1].belief
+    sigma = belief.sigma
+    parameters = {
+        name: Parameter(
+            value=float(belief.mean[INDEX[name]]),
+            sigma=float(sigma[INDEX[name]]),
+            unit=PARAMETERS[INDEX[name]].unit,
+            stage=stage,
+        )
+        for name, stage in estimated_stage(solutions).items()
+    }
+    for solution in solutions:
+        for name, found in solution.found.items():
+            parameters[name] = Parameter(
+                value=found.value, sigma=found.sigma, unit=found.unit, stage=solution.stage
+            )
+    return parameters
+
+
+def _consistency(solution: Solution) -> StageConsistency:
+    c = solution.consistency
+    return StageConsistency(
+        nis_mean=c.nis_mean,
+        nis_low=c.nis_low,
+        nis_high=c.nis_high,
+        passed=bool(c.passed),
+        warning=bool(c.warning),
+    )
+
+
+def _temperature(facts: LogFacts) -> Temperature | None:
+    if facts.temperature is None:
+        return None
+    mean, low, high = facts.temperature
+    return Temperature(mean=mean, min=low, max=high)
