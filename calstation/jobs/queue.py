@@ -60,22 +60,23 @@ def _warm() -> None:
 
 
 def _do(connection: "Connection[Any, Any]", job: bytes) -> None:
-    """Do one job and answer with its result or one sentence."""
+    """Do one job and answer with its result or its error."""
     try:
         work, args, kwargs = pickle.loads(job)
         result = work(_teller(connection), *args, **kwargs)
         answer = bytes(ForkingPickler.dumps(("done", result)))
     except CalstationError as error:
-        answer = bytes(ForkingPickler.dumps(("failed", str(error))))
+        answer = bytes(ForkingPickler.dumps(("failed", CalstationError(error.args[0], **error.values))))
     except Exception as error:  # noqa: BLE001 - told to the listener, whose process this is not
         answer = bytes(ForkingPickler.dumps(("failed", internal(error))))
     connection.send_bytes(answer)
 
 
-def internal(error: BaseException) -> str:
-    """The one sentence of an error that is a mistake of the program."""
+def internal(error: BaseException) -> CalstationError:
+    """An unexpected exception as an error of the program."""
     text = " ".join(str(error).split())
-    return f"internal error: {type(error).__name__}" + (f": {text}" if text else "")
+    detail = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    return CalstationError("program.internal", detail=detail)
 
 
 def _teller(connection: "Connection[Any, Any]") -> Callable[..., None]:
@@ -114,7 +115,7 @@ class Job:
     ----------
     state : waiting, running, done, failed or cancelled
     fraction : 0..1 done; note : what is being done, as the work says
-    result : what the work returned, once done; error : one clear sentence, once failed
+    result : what the work returned, once done; error : what went wrong, once failed
     cancellable : False for work that talks to a device
     """
 
@@ -128,7 +129,7 @@ class Job:
         self.fraction = 0.0
         self.note = ""
         self.result: Any = None
-        self.error = ""
+        self.error: CalstationError | None = None
 
     @property
     def ended(self) -> bool:
@@ -166,7 +167,7 @@ class Job:
         self._told_remaining, self._told_at = remaining, time.monotonic()
         self.note = note
 
-    def _end(self, state: State, result: Any = None, error: str = "") -> None:
+    def _end(self, state: State, result: Any = None, error: CalstationError | None = None) -> None:
         self.state, self.result, self.error = state, result, error
         if state == "done":
             self.fraction = 1.0
@@ -313,8 +314,7 @@ class JobQueue:
             job = self._waiting.popleft()
         self._kill()
         if job is not None:
-            why = "" if code is None else f" (exit code {code})"
-            job._end("failed", error=f"internal error: the worker process ended unexpectedly{why}; try again")
+            job._end("failed", error=CalstationError("program.worker_ended", exit_code=code))
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")

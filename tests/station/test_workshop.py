@@ -48,9 +48,12 @@ def test_an_error_is_one_clear_sentence(job_queue: JobQueue) -> None:
     jobs = [job_queue.submit(work) for work in (works.complain, works.blunder, works.unpicklable)]
     clear, mistake, lost = (ended(job) for job in jobs)
     assert [job.state for job in jobs] == ["failed"] * 3
-    assert clear.error == "log.h5: no such file; give the path of an existing log"
-    assert mistake.error == "internal error: ZeroDivisionError: division by zero"
-    assert lost.error.startswith("internal error: ")
+    assert str(clear.error) == "log.h5: no such file; give the path of an existing log"
+    for job in (mistake, lost):
+        assert job.error is not None
+        assert job.error.code == "program.internal"
+    assert mistake.error is not None
+    assert mistake.error.values == {"detail": "ZeroDivisionError: division by zero"}
     assert ended(job_queue.submit(works.add, 1)).result == 1
 
 
@@ -103,7 +106,8 @@ def test_a_dying_worker_fails_its_job_only(job_queue: JobQueue) -> None:
     dead, alive = job_queue.submit(works.die), job_queue.submit(works.add, 2)
     assert ended(alive).result == 2
     assert dead.state == "failed"
-    assert "ended unexpectedly" in dead.error
+    assert dead.error is not None
+    assert dead.error.code == "program.worker_ended"
 
 
 def test_a_worker_killed_while_idle_is_replaced(job_queue: JobQueue) -> None:

@@ -5,7 +5,9 @@ from functools import cache
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.errors import CalstationError
 from calstation.gui.text.fault_wording import word_fault
+from calstation.gui.text.messages import error_text
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
 #: What plans say that find no way within the table's limits, or that nobody can foretell.
@@ -27,8 +29,11 @@ _PLANS = (
 )
 
 
-def one_line(text: str) -> str:
+def one_line(error: CalstationError | str) -> str:
     """Cause, what is wrong and the mend of an error's own words."""
+    if isinstance(error, CalstationError) and error.code:
+        return error_text(error).sentences
+    text = str(error)
     for pattern, sentence in _patterns():
         if found := pattern.fullmatch(text):
             values = [_word_joint(value) for value in found.groups()]

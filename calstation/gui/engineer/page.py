@@ -228,7 +228,7 @@ class EngineerPage(Page):
         else:
             self.app.set_product(path)
 
-    def _not_saved(self, error: str) -> None:
+    def _not_saved(self, error: CalstationError) -> None:
         self.notice.ask("bad", lambda: self.tr("The product was not saved"), lambda: one_line(error))
         self._allow()
 
@@ -291,7 +291,7 @@ class EngineerPage(Page):
         self.look.look(self.views.currentWidget())
         self._allow()
 
-    def _not_loaded(self, path: Path | None, error: str) -> None:
+    def _not_loaded(self, path: Path | None, error: CalstationError) -> None:
         self.notice.ask(
             "bad", lambda: self.tr("This file cannot be opened"), lambda: word_log_error(error, path)
         )

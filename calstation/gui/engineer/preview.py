@@ -12,6 +12,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from calstation.errors import CalstationError
 from calstation.gui.engineer import forecast_table
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.motion_plot import MotionPlot
@@ -36,7 +37,7 @@ class PreviewView(QWidget):
         super().__init__(parent)
         self.forecast: Preview | None = None
         self._stale = False
-        self._error = ""
+        self._error: CalstationError | None = None
         self.watch = JobWatch(self)
         self._row = JobRow(self.watch)
         self._row.setVisible(False)
@@ -94,7 +95,7 @@ class PreviewView(QWidget):
 
     def begin(self) -> None:
         """A preview is being made."""
-        self._error = ""
+        self._error = None
         self._row.setVisible(True)
         self._say()
 
@@ -132,7 +133,7 @@ class PreviewView(QWidget):
         self._stack.setCurrentIndex(1)
         self._ended()
 
-    def _failed(self, error: str) -> None:
+    def _failed(self, error: CalstationError) -> None:
         self._error = error
         self._ended()
 

@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Signal
 from calstation.config.request import RegisterOperation, RunRequest
 from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.messages import event_sentence, step_sentence
+from calstation.gui.text.messages import event_sentence, fault_text, step_sentence
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.registers.unit_registers import TargetRegisters, UnitRegisters, read_unit, wanted_registers
 from calstation.results.finished_run import Finished
@@ -131,7 +131,7 @@ class RegisterController(QObject):
             self.changed.emit()
         elif isinstance(event, Fault):
             self._errand = None
-            self.view.complain(event.text)
+            self.view.regret(lambda: fault_text(event).sentences)
             self.changed.emit()
 
     def _word_stopped(self, left: str) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from calstation.errors import CalstationError
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.history.run_table import local_time
 from calstation.gui.widgets import theme
@@ -212,7 +213,7 @@ class RegistersView(QWidget):
     def _text(self, column: str) -> Callable[[str], str]:
         return lambda name: self._cells[name].get(column, _NONE)
 
-    def complain(self, error: str) -> None:
+    def complain(self, error: CalstationError) -> None:
         """Say what could not be done, in an error's own words."""
         self.regret(lambda: one_line(error))
 

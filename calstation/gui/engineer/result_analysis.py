@@ -5,6 +5,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QWidget
 
+from calstation.errors import CalstationError
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.innovations_view import InnovationsView
 from calstation.gui.engineer.lazy import LazyView
@@ -24,12 +25,12 @@ from calstation.results.preview import Preview
 class ResultAnalysis(QObject):
     """The four views of a result and the jobs that fill them.
 
-    `changed` when another run is opened or could not be; `loaded` once it is there; `failed(path, sentence)`
+    `changed` when another run is opened or could not be; `loaded` once it is there; `failed(path, error)`
     """
 
     changed = Signal()
     loaded = Signal(object)
-    failed = Signal(object, str)
+    failed = Signal(object, object)
 
     def __init__(self, app: AppContext, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -46,7 +47,7 @@ class ResultAnalysis(QObject):
         self.loading.failed.connect(self._not_loaded)
         self.diagnosing.done.connect(self._diagnosed)
         self.diagnosing.failed.connect(self._not_diagnosed)
-        self.diagnosing.cancelled.connect(lambda: self._not_diagnosed(""))
+        self.diagnosing.cancelled.connect(lambda: self._not_diagnosed(None))
 
     @property
     def views(self) -> tuple[LazyView, ...]:
@@ -107,7 +108,7 @@ class ResultAnalysis(QObject):
         self.changed.emit()
         self.loaded.emit(run)
 
-    def _not_loaded(self, error: str) -> None:
+    def _not_loaded(self, error: CalstationError) -> None:
         path, self._path = self._path, None
         self.changed.emit()
         self.failed.emit(path, error)
@@ -118,7 +119,7 @@ class ResultAnalysis(QObject):
         for lazy in self._deep:
             lazy.show_view()
 
-    def _not_diagnosed(self, error: str) -> None:
+    def _not_diagnosed(self, error: CalstationError | str | None) -> None:
         path, self._looked = self._looked, None
         for lazy in self._deep:
             lazy.show_empty(word_log_error(error, path) if error else "")

@@ -9,6 +9,7 @@ from PySide6.QtCore import Qt, QUrl
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QPushButton, QSplitter, QStackedWidget, QVBoxLayout
 
+from calstation.errors import CalstationError
 from calstation.gui.history.details import RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
@@ -219,12 +220,12 @@ class HistoryPage(Page):
         self._allow()
         self.refresh()
 
-    def _not_closed(self, error: str) -> None:
+    def _not_closed(self, error: CalstationError) -> None:
         self._allow()
         self._complain(error)
         self.refresh()
 
-    def _complain(self, error: str) -> None:
+    def _complain(self, error: CalstationError) -> None:
         close = Choice("history_notice_close", lambda: self.tr("Close"), self.table.setFocus)
         path = self.table.run.log if self.table.run is not None else None
         self.notice.ask(

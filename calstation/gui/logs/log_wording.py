@@ -9,9 +9,10 @@ from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication
 
+from calstation.errors import CalstationError
 from calstation.gui.logs.recording_wording import RECORDINGS, word_value
 from calstation.gui.text import language
-from calstation.gui.text.messages import term
+from calstation.gui.text.messages import error_text, term
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
 _SAME: tuple[str, ...] = (
@@ -126,9 +127,11 @@ _INSTEAD: tuple[tuple[str, str], ...] = (
 _STAGE = "(?:stage '[a-z_]+': )?"
 
 
-def word_log_error(text: str, path: Path | None = None) -> str:
+def word_log_error(error: CalstationError | str, path: Path | None = None) -> str:
     """An error of a log or a solution as a sentence; the log's own path is left off, the page shows it."""
-    said = text.removeprefix(f"{path}: ")
+    if isinstance(error, CalstationError) and error.code:
+        return error_text(error).sentences
+    said = str(error).removeprefix(f"{path}: ")
     head = ""
     for pattern, sentence in _patterns():
         found = pattern.fullmatch(said)

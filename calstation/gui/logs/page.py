@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from calstation.errors import CalstationError
 from calstation.gui.logs.comparison import Comparison
 from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.log_columns import Wanted
@@ -252,7 +253,7 @@ class OfflinePage(Page):
         self._allow()
         self.plot.setFocus()
 
-    def _unreadable(self, error: str) -> None:
+    def _unreadable(self, error: CalstationError) -> None:
         self._unread()
         path = Path(self.source.log_edit.text())
         self._complain(lambda: self.tr("This log cannot be opened"), error, path)
@@ -266,7 +267,7 @@ class OfflinePage(Page):
         self.comparison.show_solved(solved)
         self._allow()
 
-    def _unsolved(self, error: str) -> None:
+    def _unsolved(self, error: CalstationError) -> None:
         self._allow()
         self._complain(
             lambda: self.tr("This range cannot be solved"), error, self.log.path if self.log else None
@@ -289,7 +290,7 @@ class OfflinePage(Page):
         self._allow()
         self._tell("good", lambda: self.tr("Written"), lambda: str(target))
 
-    def _not_exported(self, error: str) -> None:
+    def _not_exported(self, error: CalstationError) -> None:
         self._allow()
         self._complain(lambda: self.tr("The export failed"), error, self.exports.target)
 
@@ -378,7 +379,7 @@ class OfflinePage(Page):
         self.result_button.setText(self.tr("Export result…"))
         self._allow()
 
-    def _complain(self, title: Callable[[], str], error: str, path: Path | None) -> None:
+    def _complain(self, title: Callable[[], str], error: CalstationError, path: Path | None) -> None:
         self._tell("bad", title, lambda: word_log_error(error, path))
 
     def _tell(self, kind: str, title: Callable[[], str], text: Callable[[], str]) -> None:

@@ -11,7 +11,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.starting import Starting
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.messages import term
+from calstation.gui.text.messages import error_text, term
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.runs.close_incomplete import close_run
@@ -29,7 +29,7 @@ class Resuming(QObject):
         self._serial: str | None = None
         self._search, self._closing, self._tidying = JobWatch(self), JobWatch(self), JobWatch(self)
         self._search.done.connect(self._found)
-        self._closing.failed.connect(self._complain)
+        self._closing.failed.connect(lambda error: self._complain(error_text(error).sentences))
         app.resume_run.connect(self._look_for_log)
 
     def open_up(self) -> None:

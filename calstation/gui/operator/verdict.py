@@ -194,7 +194,6 @@ class VerdictPanel(QFrame):
         self.action_label.setVisible(bool(self.action_label.text()))
         self._notes.setText("\n".join(dict.fromkeys(event_sentence(*remark) for remark in self._remarks)))
         self._notes.setVisible(bool(self._remarks))
-        self.reset.retranslate()
         self._say_facts()
         self._fill_figures()
 

@@ -9,12 +9,14 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 from calstation.config.link_defaults import LinkDefaults, imu_defaults, table_defaults
 from calstation.config.station import StationConfig
 from calstation.connection.link_test import FoundPort, discover_ports
+from calstation.errors import CalstationError
 from calstation.gui.settings.draft import Draft
 from calstation.gui.settings.fields import EDITOR, LABEL, Field, Form, Row, tab_through
 from calstation.gui.settings.inputs import ChoiceBox, NumberBox, NumberEdit
 from calstation.gui.settings.port_box import AddressEdit, PortBox
 from calstation.gui.settings.test_panel import TestPanel
 from calstation.gui.shell.context import AppContext
+from calstation.gui.text.messages import error_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobWatch
 
@@ -255,9 +257,9 @@ class LinkSection(QWidget):
         self.port_box.offer(ports)
         self._port_fields[_SERIAL].refresh()
 
-    def _not_found(self, sentence: str) -> None:
+    def _not_found(self, error: CalstationError) -> None:
         self.search_button.setEnabled(True)
-        self.search_button.setToolTip(sentence)
+        self.search_button.setToolTip(error_text(error).sentences)
 
     def _about(self) -> str:
         """What is known of the port chosen."""

@@ -18,10 +18,12 @@ from PySide6.QtWidgets import (
 from calstation.config import library
 from calstation.config.station import DEFAULT_PRODUCT, StationConfig
 from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
+from calstation.errors import CalstationError
 from calstation.gui.settings.finding_wording import word_finding, word_note
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.reset_bar import ResetBar
+from calstation.gui.text.messages import error_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge, StateIcon
 from calstation.gui.widgets.jobs import JobRow, JobWatch
@@ -209,7 +211,6 @@ class TestPanel(QFrame):
         self.button.setText(self.tr("Test the table") if self._device == "table" else self.tr("Test the IMU"))
         for line in self._lines.findChildren(_Line):
             line.retranslate()
-        self.reset.retranslate()
         self._nothing.setText(self.tr("Not tested as it is set now. What a test finds will stand here."))
         self._say_verdict()
         self.refresh()
@@ -241,8 +242,8 @@ class TestPanel(QFrame):
         # Last: the focus that the row of the job gives up must not land on it.
         self.reset.offer(self._device == "table" and any(map(report.find, _LATCHED)))
 
-    def _failed(self, sentence: str) -> None:
-        self._error = sentence
+    def _failed(self, error: CalstationError) -> None:
+        self._error = error_text(error).sentences
         self._show_running(False)
 
     def _cancelled(self) -> None:

@@ -28,6 +28,7 @@ from calstation.gui.shell.page import Page
 from calstation.gui.shell.role_panel import RolePanel
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.text import language
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import padlock_icon, theme_icon
 
@@ -39,7 +40,7 @@ _PAGES: tuple[type[Page], ...] = (
     StationPage,
     MethodsPage,
 )
-#: Height of the strip with STOP above every page, px.
+#: Height of the strip with STOP at the top of every page, px.
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
 
 _SMALLEST = QSize(1280, 720)
@@ -70,6 +71,11 @@ class MainWindow(QMainWindow):
         self.stop_button = QPushButton()
         self.stop_button.setObjectName("stop_button")
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
+        bind(self.stop_button, lambda: self.tr("STOP"))
+        bind(
+            self.stop_button.setToolTip,
+            lambda: self.tr("Stops the run safely; Esc does the same. It is no emergency stop."),
+        )
         self.stop_button.clicked.connect(app.run.stop)
         row = QHBoxLayout(self._strip)
         row.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
@@ -82,12 +88,12 @@ class MainWindow(QMainWindow):
         self._role_panel = RolePanel(app.role, self)
         self._order_tabs()
         self.operator_page.header.guard(self.language_combo)
-        self.page_tabs.currentChanged.connect(self._turn)
+        self.page_tabs.currentChanged.connect(self._page_changed)
         QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
         app.station_changed.connect(self._show_station)
-        app.role.changed.connect(self.retranslate)
+        app.role.changed.connect(self._show_role)
         app.role.wanted.connect(self._place_role_panel)
-        app.theme_changed.connect(self._dress)
+        app.theme_changed.connect(self._set_icons)
         app.engine_link.running_changed.connect(self._running_changed)
         operator = self.operator_page
         operator.station_wanted.connect(lambda: self.show_page("station_page"))
@@ -95,8 +101,9 @@ class MainWindow(QMainWindow):
         app.open_log.connect(lambda _: self.show_page("offline_page"))
         app.open_run.connect(lambda _: self.show_page("engineer_page"))
         app.resume_run.connect(lambda _: self.show_page("operator_page"))
-        self.retranslate()
-        self._dress()
+        self.setWindowTitle("calstation")
+        for show in (self._show_titles, self._show_role, self._show_station):
+            on_language_change(self, show)
         self.setMinimumSize(_SMALLEST)
         self.resize(1366, 768)
         geometry = app.settings.value("geometry")
@@ -118,53 +125,40 @@ class MainWindow(QMainWindow):
         return page
 
     def show_page(self, name: str) -> None:
-        """Turn to a page by its object name."""
+        """Show a page by its object name."""
         for page in self.pages:
             if page.objectName() == name:
                 self.page_tabs.setCurrentWidget(page)
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self.setWindowTitle("calstation")
-        self.stop_button.setText(self.tr("STOP"))
-        self.stop_button.setToolTip(
-            self.tr("Stops the run safely; Esc does the same. It is no emergency stop.")
-        )
-        self._theme_button.setToolTip(self.tr("Light or dark"))
-        self._theme_button.setAccessibleName(self.tr("Light or dark"))
-        engineer = self.app.role.engineer
-        self._lock_button.setText(self.tr("Engineer") if engineer else self.tr("Operator"))
-        self._lock_button.setToolTip(
-            self.tr("Lock: back to the operator's role")
-            if engineer
-            else self.tr("Unlock with the engineer's PIN")
-        )
+    def _show_titles(self) -> None:
         for index, page in enumerate(self.pages):
             self.page_tabs.setTabText(index, page.title())
         with QSignalBlocker(self.language_combo):
             self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
-        self._dress()
-        self._show_station()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
+    def _show_role(self) -> None:
+        engineer = self.app.role.engineer
+        self._role_button.setText(self.tr("Engineer") if engineer else self.tr("Operator"))
+        self._role_button.setToolTip(
+            self.tr("Lock: back to the operator's role")
+            if engineer
+            else self.tr("Unlock with the engineer's PIN")
+        )
+        self._set_icons()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Keep the strip at the top of whatever page is shown."""
+        """Keep the strip at the top of the page shown."""
         if event.type() in (QEvent.Type.Resize, QEvent.Type.Move, QEvent.Type.Show):
             self._place_strip()
         return super().eventFilter(watched, event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """What no widget has taken may be a scan."""
+        """Take a key that no widget has used as the start of a scan."""
         if self._role_panel.isVisible() or not self.operator_page.header.take_key(event):
             super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """Ask while a run is going on; otherwise end what runs beside the window."""
+        """Ask while a run is in progress; otherwise end the processes beside the window."""
         if self.app.engine_link.running and not self._closing:
             event.ignore()
             self.show_page("operator_page")
@@ -178,7 +172,7 @@ class MainWindow(QMainWindow):
         super().closeEvent(event)
 
     def stop_and_close(self) -> None:
-        """Stop a run that is going on, and close when it has ended."""
+        """Stop a run in progress and close when it has ended."""
         self._closing = True
         self.app.run.stop()
         self._running_changed(self.app.engine_link.running)
@@ -208,11 +202,13 @@ class MainWindow(QMainWindow):
         self._theme_button = QPushButton()
         self._theme_button.setObjectName("theme_button")
         self._theme_button.setFixedWidth(theme.BUTTON)
+        bind(self._theme_button.setToolTip, lambda: self.tr("Light or dark"))
+        bind(self._theme_button.setAccessibleName, lambda: self.tr("Light or dark"))
         self._theme_button.clicked.connect(self._other_theme)
-        self._lock_button = QPushButton()
-        self._lock_button.setObjectName("role_button")
-        self._lock_button.clicked.connect(self._lock_pressed)
-        for widget in (self._station, self.language_combo, self._theme_button, self._lock_button):
+        self._role_button = QPushButton()
+        self._role_button.setObjectName("role_button")
+        self._role_button.clicked.connect(self._role_pressed)
+        for widget in (self._station, self.language_combo, self._theme_button, self._role_button):
             row.addWidget(widget, 0, Qt.AlignmentFlag.AlignVCenter)
         return corner
 
@@ -224,13 +220,13 @@ class MainWindow(QMainWindow):
         self._headers.addWidget(page.header or RunStrip(self.app.run))
 
     def _order_tabs(self) -> None:
-        """Tab goes as the eye reads: the top bar, the header, STOP, the page."""
+        """Tab order as read: the top bar, the header, STOP, the page."""
         header = self.operator_page.header
         chain = (
             self.page_tabs.tabBar(),
             self.language_combo,
             self._theme_button,
-            self._lock_button,
+            self._role_button,
             header.operator_edit,
             header.serial_edit,
             header.product_combo,
@@ -241,7 +237,7 @@ class MainWindow(QMainWindow):
         for before, after in pairwise(chain):
             QWidget.setTabOrder(before, after)
 
-    def _turn(self, index: int) -> None:
+    def _page_changed(self, index: int) -> None:
         left = self.pages[self._shown]
         if index != self._shown and not left.may_leave(partial(self.page_tabs.setCurrentIndex, index)):
             self.page_tabs.setCurrentIndex(self._shown)
@@ -258,11 +254,11 @@ class MainWindow(QMainWindow):
             self._strip.raise_()
 
     def _place_role_panel(self) -> None:
-        """Below the padlock, beside STOP: nothing ever covers STOP."""
+        """Below the padlock and beside STOP, which nothing may cover."""
         stop = self.stop_button.mapTo(self, QPoint(0, 0))
         self._role_panel.move(stop.x() - self._role_panel.width() - theme.GRID, stop.y() - theme.GRID // 2)
 
-    def _lock_pressed(self) -> None:
+    def _role_pressed(self) -> None:
         if self.app.role.engineer:
             self.app.role.lock()
         elif self._role_panel.isVisible():
@@ -278,18 +274,18 @@ class MainWindow(QMainWindow):
         self.app.set_theme("light" if theme.current() == "dark" else "dark")
         self.operator_page.await_scan()
 
-    def _dress(self) -> None:
+    def _set_icons(self) -> None:
         self._theme_button.setIcon(theme_icon())
         self._theme_button.setIconSize(QSize(24, 24))
-        self._lock_button.setIcon(padlock_icon(closed=not self.app.role.engineer))
-        self._lock_button.setIconSize(QSize(24, 24))
+        self._role_button.setIcon(padlock_icon(closed=not self.app.role.engineer))
+        self._role_button.setIconSize(QSize(24, 24))
 
     def _show_station(self) -> None:
         try:
             _, station = load_station(self.app.station_path)
-        except CalstationError:  # said where it can be mended, on the operator's and the station's page
+        except CalstationError:  # shown where it can be corrected, on the operator and the station page
             self._station.setText(self.tr("no station"))
             return
         virtual = station.bench is not None
         self._station.setText(self.tr("virtual bench") if virtual else station.name)
-        self._station.setToolTip(self.tr("Table and unit are software: nothing moves.") if virtual else "")
+        self._station.setToolTip(self.tr("Table and unit are simulated: nothing moves.") if virtual else "")

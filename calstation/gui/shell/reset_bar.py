@@ -1,4 +1,4 @@
-"""Resets what the table has latched, on an operator's press and never otherwise, and tells what came of it."""
+"""Button that resets the fault latched by the table, with the result beside it."""
 
 from collections.abc import Callable
 
@@ -9,21 +9,24 @@ from calstation.connection.link_test import LinkTestRequest
 from calstation.connection.table_reset import TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.fault_wording import phrase, word_fault
+from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.fault_wording import phrase
+from calstation.gui.text.messages import error_text, legacy_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
 from calstation.gui.widgets.jobs import JobWatch
 
 
 class ResetBar(QWidget):
-    """The button, and the last reset's result beside it. Its owner retranslates it.
+    """The button and the result of the last reset.
+
+    `changed()` : a reset has started or ended; `ended(result)` : with its `TableReset`.
 
     Parameters
     ----------
-    order : the station whose table it is, asked when the button is pressed; None where there is none
+    app : shared state of the window
+    order : gives the station of the table when the button is pressed; None if there is none
     name : object name of the button
-
-    `changed()` : a reset has begun or ended; `ended(result)` with the `TableReset`
     """
 
     changed = Signal()
@@ -34,7 +37,7 @@ class ResetBar(QWidget):
         self._app, self._order = app, order
         self._offered = False
         self.result: TableReset | None = None
-        self._error = ""
+        self._error: CalstationError | None = None
         self.button = QPushButton()
         self.button.setObjectName(name)
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
@@ -45,32 +48,28 @@ class ResetBar(QWidget):
         self.watch = JobWatch(self)
         self.watch.done.connect(self._done)
         self.watch.failed.connect(self._failed)
-        self.watch.cancelled.connect(self._given_up)
-        told = QHBoxLayout()
-        told.setSpacing(theme.GRID)
-        told.addWidget(self._icon)
-        told.addWidget(self.words, 1)
+        self.watch.cancelled.connect(self._cancelled)
+        row = QHBoxLayout()
+        row.setSpacing(theme.GRID)
+        row.addWidget(self._icon)
+        row.addWidget(self.words, 1)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(theme.GRID)
         column.addWidget(self.button)
-        column.addLayout(told)
+        column.addLayout(row)
         app.engine_link.running_changed.connect(self._running_changed)
-        self.retranslate()
+        bind(self.button, lambda: self.tr("Reset the fault"))
+        on_language_change(self, self._show)
 
     def offer(self, offered: bool) -> None:
-        """Offer the reset, or no longer; what the last one said stays."""
+        """Show or hide the button; the result of the last reset stays."""
         self._offered = offered
         self._show()
 
     def forget(self) -> None:
-        """What the last reset said is of no interest any more."""
-        self.result, self._error = None, ""
-        self._show()
-
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self.button.setText(self.tr("Reset the fault"))
+        """Remove the result of the last reset."""
+        self.result = self._error = None
         self._show()
 
     def _start(self) -> None:
@@ -78,7 +77,7 @@ class ResetBar(QWidget):
         try:
             order = self._order()
         except CalstationError as error:
-            self._failed(str(error))
+            self._failed(error)
             return
         if order is None or self._app.engine_link.running or self.watch.busy:
             return
@@ -87,7 +86,7 @@ class ResetBar(QWidget):
         self.changed.emit()
 
     def _running_changed(self, running: bool) -> None:
-        """A reset that still waits in line must not come in the middle of a run."""
+        """Cancel a waiting reset when a run starts."""
         if running:
             self.watch.cancel()
         self._show()
@@ -99,12 +98,12 @@ class ResetBar(QWidget):
         self.changed.emit()
         self.ended.emit(result)
 
-    def _failed(self, sentence: str) -> None:
-        self._error = sentence
+    def _failed(self, error: CalstationError) -> None:
+        self._error = error
         self._show()
         self.changed.emit()
 
-    def _given_up(self) -> None:
+    def _cancelled(self) -> None:
         self._show()
         self.changed.emit()
 
@@ -126,12 +125,11 @@ class ResetBar(QWidget):
         self.setVisible(self._offered or bool(text))
 
     def _words(self) -> tuple[str, str]:
-        """State and sentence of the last reset, or of the one that is going on."""
+        """State and sentence of the last reset, or of the one in progress."""
         if self.watch.busy:
             return "", self.tr("Asking the table.")
-        if self._error:
-            told = word_fault("DeviceFaultError", self._error)
-            return "bad", f"{told.reason} {told.mend}".strip()
+        if self._error is not None:
+            return "bad", error_text(self._error).sentences
         result = self.result
         if result is None:
             return "", ""
@@ -157,6 +155,6 @@ class ResetBar(QWidget):
         values = {
             "latched": phrase(result.latched or ""),
             "left": phrase(result.left or ""),
-            "words": word_fault("DeviceFaultError", result.words).reason,
+            "words": legacy_text(result.words).reason,
         }
         return ("good" if result.clear else "bad"), sentence.format(**values)

@@ -1,6 +1,6 @@
-"""Where the engineer's PIN is entered or first set: a panel below the padlock, with keys for touch."""
+"""Panel below the padlock in which the engineer's PIN is entered or first set, with keys for touch."""
 
-from PySide6.QtCore import QEvent, Qt, QTimer
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import (
     QFrame,
     QGridLayout,
@@ -14,14 +14,16 @@ from PySide6.QtWidgets import (
 
 from calstation.errors import ConfigurationError
 from calstation.gui.shell.role import RoleLock
+from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.messages import error_text
 from calstation.gui.widgets import theme
 
-#: Between two looks at the time to wait, ms.
+#: Interval at which the time to wait is updated, ms.
 _TICK = 250
 
 
 class RolePanel(QFrame):
-    """Hidden until it is wanted; closes by itself once the role is the engineer's."""
+    """Hidden until it is wanted; closes when the engineer is unlocked."""
 
     def __init__(self, role: RoleLock, parent: QWidget) -> None:
         super().__init__(parent)
@@ -42,7 +44,7 @@ class RolePanel(QFrame):
             edit.setFont(theme.font(theme.SECTION))
             edit.setProperty("kind", "tall")
             edit.returnPressed.connect(self._enter)
-            edit.textEdited.connect(lambda _: self._complain(""))
+            edit.textEdited.connect(lambda _: self._show_error(""))
         self._unlock, self._cancel = QPushButton(), QPushButton()
         self._unlock.setObjectName("unlock_button")
         self._unlock.setProperty("kind", "primary")
@@ -63,22 +65,23 @@ class RolePanel(QFrame):
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._count_down)
         role.wanted.connect(self.open)
-        self.retranslate()
+        bind(self._again_edit.setPlaceholderText, lambda: self.tr("the same again"))
+        bind(self._cancel, lambda: self.tr("Cancel"))
+        on_language_change(self, self._refresh)
         self.hide()
 
     def open(self) -> None:
         """Ask for the PIN."""
         self.pin_edit.clear()
         self._again_edit.clear()
-        self._complain("")
-        self.retranslate()
+        self._show_error("")
+        self._refresh()
         self.show()
         self.raise_()
         self.pin_edit.setFocus()
         self._count_down()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
+    def _refresh(self) -> None:
         new = self._role.new
         self._again_edit.setVisible(new)
         self._title.setText(self.tr("Choose the engineer's PIN") if new else self.tr("Engineer"))
@@ -88,22 +91,14 @@ class RolePanel(QFrame):
             else self.tr("The PIN opens settings that change results, and registers.")
         )
         self.pin_edit.setPlaceholderText(self.tr("new PIN") if new else self.tr("PIN"))
-        self._again_edit.setPlaceholderText(self.tr("the same again"))
         self._unlock.setText(self.tr("Set PIN") if new else self.tr("Unlock"))
-        self._cancel.setText(self.tr("Cancel"))
         self.adjustSize()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
     def _keys(self) -> QGridLayout:
         grid = QGridLayout()
         grid.setSpacing(theme.GRID)
-        for place, text in enumerate("123456789"):
-            grid.addWidget(self._key(text), place // 3, place % 3)
+        for index, text in enumerate("123456789"):
+            grid.addWidget(self._key(text), index // 3, index % 3)
         grid.addWidget(self._key("0"), 3, 1)
         back = QPushButton("⌫")
         back.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -118,7 +113,7 @@ class RolePanel(QFrame):
         return key
 
     def _field(self) -> QLineEdit:
-        """The field that the keys write into."""
+        """The field that the keys write to."""
         return self._again_edit if self._again_edit.hasFocus() else self.pin_edit
 
     def _enter(self) -> None:
@@ -128,28 +123,28 @@ class RolePanel(QFrame):
             elif self._role.unlock(self.pin_edit.text()):
                 self.hide()
             else:
-                self._complain(self.tr("The PIN is wrong."))
+                self._show_error(self.tr("The PIN is wrong."))
                 self.pin_edit.selectAll()
         except ConfigurationError as error:
-            self._complain(str(error))
+            self._show_error(error_text(error).sentences)
         self._count_down()
 
     def _set_first(self) -> None:
         if self._again_edit.text() != self.pin_edit.text():
-            self._complain(self.tr("The two are not the same."))
+            self._show_error(self.tr("The two PINs differ."))
             self._again_edit.setFocus()
             return
         self._role.set_first_pin(self.pin_edit.text())
         self.hide()
 
-    def _complain(self, text: str) -> None:
+    def _show_error(self, text: str) -> None:
         self._wrong = text
         self._error.setText(text)
         self._error.setVisible(bool(text))
         self.adjustSize()
 
     def _count_down(self) -> None:
-        """After several wrong PINs the next one has to wait."""
+        """Disable Unlock while the next try has to wait after wrong PINs."""
         wait = 0.0 if self._role.new else self._role.wait
         self._unlock.setEnabled(wait <= 0.0)
         if wait > 0.0:

@@ -15,12 +15,13 @@ _EVERY = 50
 class JobWatch(QObject):
     """Polls one job after another.
 
-    `progress(fraction, remaining)` with seconds left or None; `done(result)`; `failed(sentence)`; `cancelled()`.
+    `progress(fraction, remaining)` with seconds left or None; `done(result)`; `failed(error)` with a
+    `CalstationError`; `cancelled()`.
     """
 
     progress = Signal(float, object)
     done = Signal(object)
-    failed = Signal(str)
+    failed = Signal(object)
     cancelled = Signal()
 
     def __init__(self, parent: QObject | None = None) -> None:

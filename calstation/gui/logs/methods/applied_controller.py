@@ -7,6 +7,7 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
 from calstation.connection.live_imu import apply_to_unit
+from calstation.errors import CalstationError
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.applied_view import AppliedView
@@ -91,11 +92,11 @@ class AppliedController(QObject):
     def _allow(self) -> None:
         self._view.set_at_work(at_device=self._at_device, running=self._app.engine_link.running)
 
-    def _complain(self, error: str) -> None:
+    def _complain(self, error: CalstationError) -> None:
         path = self._path
 
         def say() -> str:
-            return one_line(error) if known(error) else word_log_error(error, path)
+            return one_line(error) if error.code or known(str(error)) else word_log_error(error, path)
 
         self.failed.emit(say)
 

@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config.manual_rig import STATION, guided_product, hand_rig
+from calstation.errors import CalstationError
 from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.answer_head import AnswerHead
@@ -348,7 +349,7 @@ class MethodPanel(QWidget):
             self.retranslate()
         super().changeEvent(event)
 
-    def _complain(self, title: Callable[[], str], error: str, path: Path | None) -> None:
+    def _complain(self, title: Callable[[], str], error: CalstationError, path: Path | None) -> None:
         self._allow()
         self._tell("bad", title, lambda: word_log_error(error, path))
 
