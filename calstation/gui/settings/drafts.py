@@ -1,19 +1,110 @@
-"""All files being edited: one draft per file, so that a form and a text never tell different stories of it."""
+"""The files being edited: saved text, typed text and what is wrong with it, one draft per file."""
 
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from pydantic import BaseModel
 from PySide6.QtCore import QObject, QSettings, Signal
 
-from calstation.config import editing as settings
-from calstation.config import library, versions
+from calstation.config import editing, library, versions
+from calstation.config.editing import Place, Problem
 from calstation.config.user import computer_user
-from calstation.gui.settings.draft import Draft
+from calstation.errors import ConfigurationError
+
+
+class Draft(QObject):
+    """One file of a kind; every change checks it again and emits `changed`.
+
+    A file that is not valid TOML has no data: its fields stay empty until its text is corrected.
+
+    Attributes
+    ----------
+    kind : ``stations``, ``tables``, ``imus`` or ``products``
+    path : the file, None before the first is opened
+    saved : its text as stored
+    text : its text as typed
+    data : `text` parsed
+    problems : what is wrong with it
+    """
+
+    changed = Signal()
+
+    def __init__(self, kind: str, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.kind = kind
+        self.path: Path | None = None
+        self.saved = self.text = ""
+        self.data: Mapping[str, Any] = {}
+        self._stored: Mapping[str, Any] = {}
+        self.problems: list[Problem] = []
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return self.path.stem if self.path is not None else ""
+
+    @property
+    def dirty(self) -> bool:
+        """Whether the text differs from the stored one."""
+        return self.text != self.saved
+
+    @property
+    def model(self) -> BaseModel | None:
+        """The checked model of `text`; None while something is wrong with it."""
+        if self.problems or self.path is None:
+            return None
+        return editing.MODELS[self.kind].model_validate(self.data)
+
+    def open(self, path: Path) -> None:
+        """Read a file, which may be the present one; unsaved changes are lost."""
+        self.path = path
+        try:
+            self.saved = editing.read_text(path)
+        except ConfigurationError as error:
+            self.saved = ""
+            self._show("", [Problem((), "file", str(error), 1)])
+            return
+        self.rewrite(self.saved)
+
+    def rewrite(self, text: str) -> None:
+        """Replace the whole text."""
+        self._show(text, editing.check(self.kind, text))
+
+    def discard(self) -> None:
+        """Go back to the stored text."""
+        if self.path is not None:
+            self.open(self.path)
+
+    def value(self, place: Place) -> Any:
+        """The value at a place, None if there is none."""
+        return _at(self.data, place)
+
+    def differs(self, place: Place) -> bool:
+        """Whether the value at a place differs from the stored one."""
+        return self.dirty and _at(self._stored, place) != self.value(place)
+
+    def set(self, changes: Mapping[Place, Any]) -> None:
+        """Change values; None removes one. Text that is not valid TOML stays as it is."""
+        if any(problem.kind in ("toml", "file") for problem in self.problems):
+            self.changed.emit()
+            return
+        text = editing.edited(self.text, changes)
+        if text != self.text:
+            self.rewrite(text)
+
+    def _show(self, text: str, problems: list[Problem]) -> None:
+        self.text, self.problems = text, problems
+        self.data = _parsed(text)
+        self._stored = self.data if text == self.saved else _parsed(self.saved)
+        self.changed.emit()
 
 
 class Drafts(QObject):
-    """The station's draft, its table's, and those of the files opened as text.
+    """The drafts of the station, of its table and of the files opened as text.
 
-    `changed` is told when any of them changes; `saved(kind)` when a file of a kind has been stored.
+    `changed` is emitted when any of them changes, `saved(kind)` when a file of a kind has been stored.
     """
 
     changed = Signal()
@@ -27,7 +118,7 @@ class Drafts(QObject):
         self._others: list[Draft] = []
 
     def of(self, kind: str, path: Path) -> Draft:
-        """The draft of a file, opened where nobody has yet."""
+        """The draft of a file, opened if there is none yet."""
         for draft in (self.station, self.table, *self._others):
             if draft.kind == kind and draft.path == path:
                 return draft
@@ -38,58 +129,55 @@ class Drafts(QObject):
 
     @property
     def dirty(self) -> list[Draft]:
-        """Those with something typed that is not stored."""
+        """Drafts with unsaved changes."""
         return [draft for draft in (self.station, self.table, *self._others) if draft.dirty]
 
     @property
     def wrong(self) -> list[Draft]:
-        """Those of them that cannot be stored as they are."""
+        """Changed drafts that cannot be saved as they are."""
         return [draft for draft in self.dirty if draft.problems]
 
     def discard(self) -> None:
-        """Back to what is stored, everywhere."""
+        """Discard all unsaved changes."""
         for draft in self.dirty:
             draft.discard()
 
     @property
     def author(self) -> str:
-        """Who stands in the versions: the name given on this page, else the user of this computer."""
+        """The author of new versions: the name given on this page, else the user of this computer."""
         given = str(self._settings.value("author", "")).strip()
-        return given or who_saves()
+        return given or default_author()
 
     def save(self) -> None:
-        """Store all that has been typed as the site's own files, each as a new version.
+        """Store all changes as files of the site, each as a new version.
 
-        Raises ConfigurationError with the first reason why one cannot be stored; those before it are.
+        Raises ConfigurationError for the first draft that cannot be stored; those before it are.
         """
         for draft in self.dirty:
-            name = self.stored_name(draft)
+            name = self._stored_name(draft)
             versions.save(draft.kind, name, draft.text, self.author)
             draft.open(library.find(draft.kind, name))
             self.saved.emit(draft.kind)
 
-    def stored_name(self, draft: Draft) -> str:
-        """The name under which a draft is stored in the site's folder.
+    def create(self, kind: str, name: str, source: Path) -> Path:
+        """Copy a file under a new name and give its path; a new station is also named so.
 
-        A file from elsewhere becomes a file of the site, under a name of its own where its name is taken.
+        Raises ConfigurationError if the name is taken or not allowed.
         """
+        text = editing.read_text(source)
+        if kind == "stations":
+            text = editing.edited(text, {("name",): name})
+        versions.save(kind, editing.new_name(kind, name), text, self.author)
+        self.saved.emit(kind)
+        return library.find(kind, name)
+
+    def _stored_name(self, draft: Draft) -> str:
+        """The name in the site's folder; a file from elsewhere gets a number if its name is taken."""
         name = draft.name
         if name not in library.names(draft.kind) or library.find(draft.kind, name) == draft.path:
             return name
         numbered = (f"{name}-{number}" for number in range(2, 1000))
         return next(free for free in numbered if free not in library.names(draft.kind))
-
-    def create(self, kind: str, name: str, source: Path) -> Path:
-        """A new file from a copy; a new station is called like its file. Gives its path.
-
-        Raises ConfigurationError where the name is taken or no name.
-        """
-        text = settings.read_text(source)
-        if kind == "stations":
-            text = settings.edited(text, {("name",): name})
-        versions.save(kind, settings.new_name(kind, name), text, self.author)
-        self.saved.emit(kind)
-        return library.find(kind, name)
 
     def _new(self, kind: str) -> Draft:
         draft = Draft(kind, self)
@@ -97,6 +185,23 @@ class Drafts(QObject):
         return draft
 
 
-def who_saves() -> str:
-    """The user of this computer, "engineer" where it does not tell."""
+def default_author() -> str:
+    """The user of this computer, "engineer" if unknown."""
     return computer_user() or "engineer"
+
+
+def _parsed(text: str) -> Mapping[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return {}
+
+
+def _at(data: Mapping[str, Any], place: Place) -> Any:
+    found: Any = data
+    for key in place:
+        try:
+            found = found[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return found

@@ -1,37 +1,25 @@
-"""A labelled input bound to one value of a draft: checked as typed, with its message and mend beneath it."""
+"""Labelled inputs bound to values of a draft: checked as typed, with the problem and its remedy beneath."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from PySide6.QtCore import QEvent
-from PySide6.QtWidgets import (
-    QGridLayout,
-    QHBoxLayout,
-    QLabel,
-    QSizePolicy,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QFrame, QGridLayout, QSizePolicy, QWidget
 
-from calstation.config.editing import Place
-from calstation.gui.settings.draft import Draft
-from calstation.gui.settings.inputs import ChoiceBox, NumberBox, NumberEdit, VectorEdit, WordEdit
-from calstation.gui.settings.port_box import AddressEdit, PortBox
-from calstation.gui.settings.problem_wording import word_problem
+from calstation.config.editing import Place, Problem
+from calstation.gui.settings.drafts import Draft
+from calstation.gui.settings.inputs import Editor
+from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.messages import say
 from calstation.gui.widgets import theme
-
-#: Says a text in the language in force, anew whenever asked.
-Words = Callable[[], str]
+from calstation.gui.widgets.layout import Item, Words, column, enable, label, row
+from calstation.messages.catalogue import known
 
 #: Widths of a field's label and of its input, px.
 LABEL, EDITOR = 22 * theme.GRID, 30 * theme.GRID
 
-#: Width kept for a unit behind an input, px.
+#: Width kept for a unit beside an input, px.
 _UNIT = 9 * theme.GRID
-
-
-Editor = NumberEdit | WordEdit | ChoiceBox | NumberBox | VectorEdit | AddressEdit | PortBox
 
 
 class Field(QWidget):
@@ -39,14 +27,16 @@ class Field(QWidget):
 
     Parameters
     ----------
-    place : of the value in the draft
-    words : the label's
-    unit : behind the input
+    draft, place : the value shown
+    editor : its input
+    words : text of the label
+    unit : beside the input
     hint : what the value means, shown while nothing is wrong
-    width : of the input, px
-    bare : without its label, for a table of inputs
-    also : further places whose problems are told here
-    default : what is in force where the file does not say
+    default : shown if the file has no value
+
+    Attributes
+    ----------
+    places : places whose problems are shown here
     """
 
     def __init__(
@@ -58,61 +48,63 @@ class Field(QWidget):
         *,
         unit: str = "",
         hint: Words = str,
-        width: int = EDITOR,
-        bare: bool = False,
-        also: Sequence[Place] = (),
         default: Any = None,
     ) -> None:
         super().__init__()
         self.draft, self.place, self.editor = draft, place, editor
-        self.places = (place, *also)
-        self._words, self._hint, self._default = words, hint, default
+        self.places: tuple[Place, ...] = (place,)
+        self._hint, self._default = hint, default
         self._advice: Words = str
-        editor.setObjectName("_".join(map(str, place)) + "_edit")
-        self.label = QLabel()
+        name = "_".join(map(str, place))
+        editor.setObjectName(f"{name}_edit")
+        self.label = label(words, wrap=True)
         self.label.setBuddy(editor)
         self.label.setFixedWidth(LABEL)
-        self.label.setWordWrap(True)
-        self.message = QLabel()
-        self.message.setObjectName("_".join(map(str, place)) + "_message")
-        self.message.setWordWrap(True)
+        bind(editor.setAccessibleName, words)
+        self.message = label(name=f"{name}_message", wrap=True)
         self.message.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
-        editor.setFixedWidth(width)
+        self._unit = label(lambda: unit, "muted")
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setHorizontalSpacing(2 * theme.GRID)
         grid.setVerticalSpacing(2)
         grid.addWidget(self.label, 0, 0)
-        self.label.setVisible(not bare)
-        if bare:
-            self.setFixedWidth(width + _UNIT)
-        else:
-            self.setMinimumWidth(LABEL + width + _UNIT + 3 * theme.GRID)
         grid.addWidget(editor, 0, 1)
-        self._unit = QLabel(unit)
-        self._unit.setProperty("kind", "muted")
         grid.addWidget(self._unit, 0, 2)
         grid.addWidget(self.message, 1, 1, 1, 2)
         grid.setColumnStretch(2, 1)
-        editor.typed.connect(self._typed)
+        self.set_width(EDITOR)
+        editor.typed.connect(lambda: draft.set({place: editor.value()}))
         draft.changed.connect(self.refresh)
-        self.retranslate()
+        on_language_change(self, self.refresh)
+
+    def set_width(self, width: int) -> "Field":
+        """Give the input a width in px."""
+        self.editor.setFixedWidth(width)
+        self.setMinimumWidth(LABEL + width + _UNIT + 3 * theme.GRID)
+        return self
+
+    def hide_label(self, width: int) -> "Field":
+        """Show only the input, of a width in px, as a cell of a table."""
+        self.editor.setFixedWidth(width)
+        self.label.hide()
+        self.setFixedWidth(width + _UNIT)
+        return self
 
     def lock(self, reason: str) -> None:
-        """Forbid typing, with the reason as the tooltip; "" allows it."""
-        self.editor.setEnabled(not reason)
-        self.editor.setToolTip(reason)
+        """Disable the input with the reason as its tooltip; "" enables it."""
+        enable(self.editor, reason)
 
     def advise(self, advice: Words) -> None:
-        """Say that the value is allowed but hardly meant; `str` takes it back."""
+        """Show a warning about an allowed but unlikely value; `advice` gives "" if there is none."""
         self._advice = advice
         self.refresh()
 
     def refresh(self) -> None:
-        """Show value and message as the draft has them."""
+        """Show value and message of the draft."""
         value = self.draft.value(self.place)
         self.editor.show_value(self._default if value is None else value)
-        problem = next((p for p in self.draft.problems if self._mine(p.place)), None)
+        problem = next((p for p in self.draft.problems if self._is_mine(p.place)), None)
         advice = self._advice()
         kind, text = "muted", self._hint()
         if problem is not None:
@@ -129,43 +121,21 @@ class Field(QWidget):
             self.editor.style().polish(self.editor)
         self.editor.setAccessibleDescription(text)
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self.label.setText(self._words())
-        self.editor.setAccessibleName(self._words())
-        if isinstance(self.editor, ChoiceBox):
-            self.editor.fill()
-        self.refresh()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
-    def _mine(self, place: Place) -> bool:
-        """Whether a problem of this place is told here; one inside a list is the list's."""
+    def _is_mine(self, place: Place) -> bool:
+        """Whether a problem of this place is shown here; a list shows those of its elements."""
         return place in self.places or (place[:-1] == self.place and isinstance(place[-1], int))
-
-    def _typed(self) -> None:
-        self.draft.set({self.place: self.editor.value()})
 
 
 class Form(QWidget):
-    """Fields one below the other, below a heading."""
+    """Fields and rows one below the other."""
 
-    def __init__(self, *fields: QWidget) -> None:
+    def __init__(self, *widgets: QWidget) -> None:
         super().__init__()
-        self.fields = [field for field in fields if isinstance(field, Field)]
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(theme.GRID)
-        for field in fields:
-            column.addWidget(field)
-        column.addStretch(1)
+        self.fields = [widget for widget in widgets if isinstance(widget, Field)]
+        column(*widgets, None, on=self)
 
     def lock(self, reason: str) -> None:
-        """Forbid or allow typing in all fields, see `Field.lock`."""
+        """Disable all fields with the reason as their tooltip; "" enables them."""
         for field in self.fields:
             field.lock(reason)
 
@@ -173,44 +143,57 @@ class Form(QWidget):
 class Row(QWidget):
     """A label and an input that belongs to no single value."""
 
-    def __init__(self, widget: QWidget, words: Words, *, width: int = EDITOR) -> None:
+    def __init__(self, widget: QWidget, words: Words = str) -> None:
         super().__init__()
-        self._words = words
-        self._label = QLabel()
-        self._label.setBuddy(widget)
-        self._label.setFixedWidth(LABEL)
-        self._label.setWordWrap(True)
-        widget.setFixedWidth(width)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(2 * theme.GRID)
-        row.addWidget(self._label)
-        row.addWidget(widget)
-        row.addStretch(1)
-        self.retranslate()
-
-    def retranslate(self) -> None:
-        """Say the label again in the language in force."""
-        self._label.setText(self._words())
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
+        caption = label(words, wrap=True)
+        caption.setBuddy(widget)
+        caption.setFixedWidth(LABEL)
+        widget.setFixedWidth(EDITOR)
+        row(caption, widget, None, on=self, spacing=2 * theme.GRID)
 
 
-def tab_through(*widgets: QWidget) -> None:
-    """Let Tab go through widgets in this order, which is that of reading."""
+def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
+    """Make a framed panel of these items, at the top of its place."""
+    frame = QFrame()
+    frame.setProperty("kind", "panel")
+    wide = 2 * theme.GRID
+    column(*items, None, on=frame, spacing=spacing, margins=(wide, wide, wide, wide))
+    place = QWidget()
+    column(frame, None, on=place)
+    return place
+
+
+def set_tab_order(widgets: Sequence[QWidget]) -> None:
+    """Let Tab follow the order in which the widgets are read."""
     for before, after in pairwise(widgets):
         QWidget.setTabOrder(before, after)
 
 
-def at_top(panel: QWidget) -> QWidget:
-    """A panel that is as high as what it holds, at the top of its place."""
-    place = QWidget()
-    column = QVBoxLayout(place)
-    column.setContentsMargins(0, 0, 0, 0)
-    column.addWidget(panel)
-    column.addStretch(1)
-    return place
+#: Rules over several values, by the entry they are about.
+_RULES: dict[Place, str] = {
+    ("outer",): "field.travel",
+    ("inner",): "field.travel",
+    ("outer_axis",): "field.unit_vector",
+    ("inner_axis",): "field.unit_vector",
+    ("table", "port"): "field.table_port",
+    ("imu", "port"): "field.imu_port",
+    (): "field.axes_parallel",
+}
+
+
+def word_problem(problem: Problem) -> str:
+    """The sentence for a problem beneath its field."""
+    code = f"field.{problem.kind}"
+    if problem.kind == "value_error" and problem.place in _RULES:
+        code = _RULES[problem.place]
+    if known(code):
+        return say(code, **problem.values)
+    text = problem.text.split(": ", 1)[-1] if problem.kind == "value_error" else problem.text
+    return text[:1].upper() + text[1:]
+
+
+def word_problem_with_place(problem: Problem) -> str:
+    """The sentence for a problem away from its field, with the field's name."""
+    if known(f"field.{problem.kind}") and problem.place:
+        return f"{'.'.join(map(str, problem.place))}: {word_problem(problem)}"
+    return problem.text[:1].upper() + problem.text[1:]

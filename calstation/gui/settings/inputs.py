@@ -1,48 +1,16 @@
-"""The inputs of fields: numbers, words, choices and vectors; each tells `typed` and gives and shows its value."""
+"""Inputs for numbers, words, choices, vectors, addresses and ports: each emits `typed` and has a value."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QWheelEvent
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLineEdit, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QSizePolicy, QWidget
 
+from calstation.connection.link_test import FoundPort
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
-
-
-def number_of(text: str) -> int | float | str | None:
-    """What was typed into a number's input: a number, None for nothing, else the text for the check to refuse."""
-    text = text.strip()
-    if not text:
-        return None
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
-
-
-def shown(value: Any) -> str:
-    """A value as it stands in its input."""
-    if value is None:
-        return ""
-    return format(value, ".12g") if isinstance(value, float) else str(value)
-
-
-def line_of(box: QComboBox) -> QLineEdit:
-    """The line of an editable box."""
-    line = box.lineEdit()
-    assert line is not None
-    return line
-
-
-class StillBox(QComboBox):
-    """A box that a turn of the wheel over it scrolls past: settings do not change by the way."""
-
-    def wheelEvent(self, event: QWheelEvent) -> None:
-        """Leave the wheel to the page."""
-        event.ignore()
+from calstation.gui.widgets.layout import row
 
 
 class NumberEdit(QLineEdit):
@@ -56,13 +24,13 @@ class NumberEdit(QLineEdit):
         self.textEdited.connect(self.typed)
 
     def value(self) -> Any:
-        """What was typed."""
-        return number_of(self.text())
+        """The number typed."""
+        return _number(self.text())
 
     def show_value(self, value: Any) -> None:
-        """Show a value, unless the text says it already: 1.50 stays as it was typed."""
-        if not self.hasFocus() or number_of(self.text()) != value:
-            self.setText(shown(value))
+        """Show a value; a focused text of the same value stays as typed, such as 1.50."""
+        if not self.hasFocus() or _number(self.text()) != value:
+            self.setText(_shown(value))
 
 
 class WordEdit(QLineEdit):
@@ -75,76 +43,13 @@ class WordEdit(QLineEdit):
         self.textEdited.connect(self.typed)
 
     def value(self) -> Any:
-        """What was typed."""
+        """The text typed."""
         return self.text() or None
 
     def show_value(self, value: Any) -> None:
         """Show a value."""
-        if self.text() != shown(value):
-            self.setText(shown(value))
-
-
-class ChoiceBox(StillBox):
-    """One of some values, each with words."""
-
-    typed = Signal()
-
-    def __init__(self, choices: Callable[[], Sequence[tuple[Any, str]]]) -> None:
-        super().__init__()
-        self._choices = choices
-        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.activated.connect(self.typed)
-        self.fill()
-
-    def fill(self) -> None:
-        """Offer the choices again, in the language in force."""
-        chosen = self.currentData()
-        with QSignalBlocker(self):
-            self.clear()
-            for value, words in self._choices():
-                self.addItem(words, value)
-            self.show_value(chosen)
-
-    def showPopup(self) -> None:
-        """Offer what there is at this moment: files come and go beside the window."""
-        self.fill()
-        super().showPopup()
-
-    def value(self) -> Any:
-        """What is chosen."""
-        return self.currentData()
-
-    def show_value(self, value: Any) -> None:
-        """Choose a value; one that is not offered is shown as it is."""
-        index = next((i for i in range(self.count()) if self.itemData(i) == value), -1)
-        if index < 0 and value is not None:
-            self.addItem(str(value), value)
-            index = self.count() - 1
-        self.setCurrentIndex(index)
-
-
-class NumberBox(StillBox):
-    """A number, typed or one of the usual ones."""
-
-    typed = Signal()
-
-    def __init__(self, usual: Sequence[int]) -> None:
-        super().__init__()
-        self.setEditable(True)
-        self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        for number in usual:
-            self.addItem(str(number), number)
-        line_of(self).textEdited.connect(self.typed)
-        self.activated.connect(self.typed)
-
-    def value(self) -> Any:
-        """What was typed or chosen."""
-        return number_of(self.currentText())
-
-    def show_value(self, value: Any) -> None:
-        """Show a number, unless the text says it already."""
-        if self.value() != value:
-            self.setEditText(shown(value))
+        if self.text() != _shown(value):
+            self.setText(_shown(value))
 
 
 class VectorEdit(QWidget):
@@ -155,22 +60,217 @@ class VectorEdit(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.edits = [NumberEdit() for _ in range(3)]
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(theme.GRID // 2)
+        row(*((edit, 1) for edit in self.edits), on=self, spacing=theme.GRID // 2)
         for axis, edit in zip("xyz", self.edits, strict=True):
             edit.setAccessibleName(axis)
             edit.typed.connect(self.typed)
-            row.addWidget(edit, 1)
         self.setFocusProxy(self.edits[0])
 
     def value(self) -> Any:
         """The numbers as typed."""
-        return [number_of(edit.text()) if edit.text().strip() else "" for edit in self.edits]
+        return [_number(edit.text()) if edit.text().strip() else "" for edit in self.edits]
 
     def show_value(self, value: Any) -> None:
         """Show a list of three."""
         parts: Sequence[Any] = value if isinstance(value, list) and len(value) == 3 else ("", "", "")
         for edit, part in zip(self.edits, parts, strict=True):
-            if not edit.hasFocus() or number_of(edit.text()) != part:
-                edit.setText(shown(part))
+            edit.show_value(part)
+
+
+class AddressEdit(QWidget):
+    """Host and port number; the value is ``scheme://host:port``."""
+
+    typed = Signal()
+
+    def __init__(self, scheme: str, default_port: int) -> None:
+        super().__init__()
+        self._scheme, self._default_port = scheme, default_port
+        self.host, self.number = QLineEdit(), QLineEdit()
+        self.number.setFixedWidth(9 * theme.GRID)
+        self.number.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self.number.setPlaceholderText(str(default_port))
+        row((self.host, 1), QLabel(":"), self.number, on=self, spacing=theme.GRID // 2)
+        self.setFocusProxy(self.host)
+        for edit in (self.host, self.number):
+            edit.textEdited.connect(self.typed)
+        bind(self.host.setPlaceholderText, lambda: self.tr("name or IP address"))
+        bind(self.host.setAccessibleName, lambda: self.tr("host"))
+        bind(self.number.setAccessibleName, lambda: self.tr("port number"))
+
+    def value(self) -> Any:
+        """The address typed, with the default port number if none is."""
+        host, number = self.host.text().strip(), self.number.text().strip()
+        return f"{self._scheme}://{host}:{number or self._default_port}" if host or number else None
+
+    def show_value(self, value: Any) -> None:
+        """Show an address, unless it is the one typed."""
+        if value == self.value():
+            return
+        host, _, number = str(value or "").partition("://")[2].rpartition(":")
+        self.host.setText(host)
+        self.number.setText(number)
+
+
+class StillBox(QComboBox):
+    """A combo box that ignores the mouse wheel, so that scrolling the page changes no setting."""
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Leave the wheel to the page."""
+        event.ignore()
+
+
+class ChoiceBox(StillBox):
+    """One of several values, each with a text.
+
+    Parameters
+    ----------
+    choices : gives the values and their texts in the current language
+    name : object name
+    """
+
+    typed = Signal()
+
+    def __init__(self, choices: Callable[[], Sequence[tuple[Any, str]]], name: str = "") -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self._choices = choices
+        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.activated.connect(self.typed)
+        on_language_change(self, self.fill)
+
+    def fill(self) -> None:
+        """Offer the present choices."""
+        chosen = self.currentData()
+        with QSignalBlocker(self):
+            self.clear()
+            for value, text in self._choices():
+                self.addItem(text, value)
+            self.show_value(chosen)
+
+    def showPopup(self) -> None:
+        """Offer the present choices: files may have come or gone outside the window."""
+        self.fill()
+        super().showPopup()
+
+    def value(self) -> Any:
+        """The value chosen."""
+        return self.currentData()
+
+    def show_value(self, value: Any) -> None:
+        """Choose a value; one that is not offered is added."""
+        index = next((i for i in range(self.count()) if self.itemData(i) == value), -1)
+        if index < 0 and value is not None:
+            self.addItem(str(value), value)
+            index = self.count() - 1
+        self.setCurrentIndex(index)
+
+
+class NumberBox(StillBox):
+    """A number, typed or chosen among common ones."""
+
+    typed = Signal()
+
+    def __init__(self, common: Sequence[int]) -> None:
+        super().__init__()
+        self.setEditable(True)
+        self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        for number in common:
+            self.addItem(str(number), number)
+        _line_edit(self).textEdited.connect(self.typed)
+        self.activated.connect(self.typed)
+
+    def value(self) -> Any:
+        """The number typed or chosen."""
+        return _number(self.currentText())
+
+    def show_value(self, value: Any) -> None:
+        """Show a number, unless the text has this value."""
+        if self.value() != value:
+            self.setEditText(_shown(value))
+
+
+class PortBox(StillBox):
+    """A serial port, typed or chosen; a USB adapter is chosen by its serial number, whatever socket it is in."""
+
+    typed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setEditable(True)
+        self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        self.setCompleter(None)  # type: ignore[arg-type]  # completion would choose a port that was not meant
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self._ports: Sequence[FoundPort] = ()
+        _line_edit(self).textEdited.connect(self.typed)
+        self.activated.connect(self._chosen)
+        self.view().setMinimumWidth(56 * theme.GRID)
+        bind(_line_edit(self).setPlaceholderText, lambda: self.tr("choose or type a port"))
+
+    def value(self) -> Any:
+        """The port typed or chosen."""
+        return self.currentText().strip() or None
+
+    def show_value(self, value: Any) -> None:
+        """Show a port."""
+        if value != self.value():
+            self.setEditText(str(value or ""))
+
+    def offer(self, ports: Sequence[FoundPort]) -> None:
+        """Offer the ports found."""
+        self._ports = ports
+        typed = self.currentText()
+        with QSignalBlocker(self):
+            self.clear()
+            for port in ports:
+                if port.usb:
+                    self.addItem(f"{port.usb}   {_describe(port)}", port.usb)
+                self.addItem(port.device if port.usb else _describe(port), port.device)
+            self.setCurrentIndex(-1)
+            self.setEditText(typed)
+
+    def description(self) -> str:
+        """The adapter at the port shown, "" if it was not found."""
+        value = self.value()
+        found = next((port for port in self._ports if value in (port.device, port.usb)), None)
+        return _describe(found) if found is not None else ""
+
+    def _chosen(self, index: int) -> None:
+        self.setEditText(str(self.itemData(index)))
+        self.typed.emit()
+
+
+#: Every input that a field may have.
+Editor = NumberEdit | WordEdit | VectorEdit | AddressEdit | ChoiceBox | NumberBox | PortBox
+
+
+def _number(text: str) -> int | float | str | None:
+    """The number typed, None for nothing, or the text itself, which the check refuses."""
+    text = text.strip()
+    if not text:
+        return None
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return ""
+    return format(value, ".12g") if isinstance(value, float) else str(value)
+
+
+def _line_edit(box: QComboBox) -> QLineEdit:
+    """The line edit of an editable box."""
+    line = box.lineEdit()
+    assert line is not None
+    return line
+
+
+def _describe(port: FoundPort) -> str:
+    """The adapter's description and the system's present name of its port."""
+    maker = "" if port.maker in port.description else port.maker
+    about = ", ".join(filter(None, (port.description, maker)))
+    return f"{about} · {port.device}" if about else port.device

@@ -1,35 +1,29 @@
-"""How one device is connected: network or serial line, its settings, and the test beside them."""
+"""The link of one device: network or serial line, its settings, and the test beside them."""
 
 from collections.abc import Sequence
 from typing import Any
 
-from PySide6.QtCore import QEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.config.link_defaults import LinkDefaults, imu_defaults, table_defaults
 from calstation.config.station import StationConfig
 from calstation.connection.link_test import FoundPort, discover_ports
 from calstation.errors import CalstationError
-from calstation.gui.settings.draft import Draft
-from calstation.gui.settings.fields import EDITOR, LABEL, Field, Form, Row, tab_through
-from calstation.gui.settings.inputs import ChoiceBox, NumberBox, NumberEdit
-from calstation.gui.settings.port_box import AddressEdit, PortBox
+from calstation.gui.settings.drafts import Draft
+from calstation.gui.settings.fields import EDITOR, LABEL, Field, Form, Row, set_tab_order
+from calstation.gui.settings.inputs import AddressEdit, ChoiceBox, NumberBox, NumberEdit, PortBox
 from calstation.gui.settings.test_panel import TestPanel
 from calstation.gui.shell.context import AppContext
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import error_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobWatch
+from calstation.gui.widgets.layout import button, column, enable, label, row
 
 _SERIAL, _TCP, _SERVER = "serial", "tcp", "socket"
-#: Usual port numbers of Modbus TCP and of a serial server.
+#: Common port numbers of Modbus TCP and of a serial server.
 _MODBUS_PORT, _SERVER_PORT = 502, 4001
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
-
-
-def _way(port: Any) -> str:
-    """How a port is reached."""
-    text = str(port or "")
-    return next((way for way in (_TCP, _SERVER) if text.startswith(f"{way}://")), _SERIAL)
 
 
 class LinkSection(QWidget):
@@ -38,86 +32,27 @@ class LinkSection(QWidget):
     def __init__(self, app: AppContext, device: str, draft: Draft) -> None:
         super().__init__()
         self._app, self._device, self._draft = app, device, draft
-        self._last: dict[str, str] = {}
         self._table = device == "table"
+        #: The last address typed for each kind of connection.
+        self._last: dict[str, str] = {}
         self._searched = False
-        self._profile: LinkDefaults | None = None
-        self._heading, self._bench = QLabel(), QLabel()
-        self._heading.setProperty("kind", "section")
-        self._bench.setWordWrap(True)
-        self._bench.setMinimumWidth(LABEL + EDITOR + 2 * theme.GRID)
-        self.way_box = ChoiceBox(self._ways)
-        self.way_box.setObjectName(f"{device}_way_combo")
+        self._defaults: LinkDefaults | None = None
+        self._note = label(wrap=True)
+        self._note.setMinimumWidth(LABEL + EDITOR + 2 * theme.GRID)
+        self.way_box = ChoiceBox(self._ways, f"{device}_way_combo")
+        self.own_box = ChoiceBox(self._own_choices, f"{device}_own_serial_combo")
         self.port_box = PortBox()
-        self.search_button = QPushButton()
-        self.search_button.setObjectName(f"{device}_search_button")
-        self.search_button.clicked.connect(self.search)
+        self.search_button = button(
+            f"{device}_search_button", lambda: self.tr("Look for ports again"), self.search
+        )
         self.searching = JobWatch(self)
         self.searching.done.connect(self._found)
         self.searching.failed.connect(self._not_found)
-        self.own_box = ChoiceBox(self._owns)
-        self.own_box.setObjectName(f"{device}_own_serial_combo")
-        self.unit_edit, self.timeout_edit = NumberEdit(), NumberEdit()
         self.test = TestPanel(app, device, self._station)
-        self._build()
-        self.way_box.typed.connect(self._choose_way)
-        self.own_box.typed.connect(self._choose_own)
-        draft.changed.connect(self.refresh)
-        app.product_changed.connect(self.refresh)
-        self.retranslate()
-
-    def _build(self) -> None:
-        place = (self._device, "port")
-        addresses = {_TCP: _MODBUS_PORT, _SERVER: _SERVER_PORT} if self._table else {_SERVER: _SERVER_PORT}
-        self._port_fields = {
-            _SERIAL: Field(self._draft, place, self.port_box, lambda: self.tr("Port"), hint=self._about)
-        }
-        for scheme, number in addresses.items():
-            edit = AddressEdit(scheme, number)
-            self._port_fields[scheme] = Field(
-                self._draft, place, edit, lambda: self.tr("Address and port number")
-            )
-        self._numbers = [
-            Field(
-                self._draft,
-                (self._device, "timeout_s"),
-                self.timeout_edit,
-                lambda: self.tr("Wait for an answer"),
-                unit="s",
-                hint=self._timeout,
-            )
-        ]
-        if self._table:
-            words, hint = lambda: self.tr("Modbus unit number"), self._unit
-            self._numbers.insert(0, Field(self._draft, ("table", "unit"), self.unit_edit, words, hint=hint))
-        serial = (self._device, "serial")
-        self._line_fields = [
-            Field(self._draft, (*serial, "baud"), NumberBox(_BAUDS), lambda: self.tr("Baud"), default=115200),
-            Field(
-                self._draft,
-                (*serial, "data_bits"),
-                ChoiceBox(_data_bits),
-                lambda: self.tr("Data bits"),
-                default=8,
-            ),
-            Field(
-                self._draft,
-                (*serial, "parity"),
-                ChoiceBox(self._parities),
-                lambda: self.tr("Parity"),
-                default="N",
-            ),
-            Field(
-                self._draft,
-                (*serial, "stop_bits"),
-                ChoiceBox(_stop_bits),
-                lambda: self.tr("Stop bits"),
-                default=1,
-            ),
-        ]
+        self._make_fields()
         self._way_row = Row(self.way_box, lambda: self.tr("Connected by"))
         self._own_row = Row(self.own_box, lambda: self.tr("Serial settings"))
-        self._search_row = Row(self.search_button, str)
+        self._search_row = Row(self.search_button)
         self._form = Form(
             self._way_row,
             *self._port_fields.values(),
@@ -126,73 +61,110 @@ class LinkSection(QWidget):
             self._own_row,
             *self._line_fields,
         )
-        left = QVBoxLayout()
-        left.setSpacing(theme.GRID)
-        left.addWidget(self._heading)
-        left.addWidget(self._bench)
-        left.addWidget(self._form)
-        left.addStretch(1)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(3 * theme.GRID)
-        row.addLayout(left)
-        row.addWidget(self.test, 1)
-        tab_through(
-            self.way_box,
-            *(field.editor for field in self._port_fields.values()),
-            self.search_button,
-            *(field.editor for field in self._numbers),
-            self.own_box,
-            *(field.editor for field in self._line_fields),
-            self.test.product_box,
-            self.test.button,
+        heading = label(
+            lambda: self.tr("Link to the table") if self._table else self.tr("Link to the IMU"), "section"
         )
+        row(column(heading, self._note, self._form, None), (self.test, 1), on=self, spacing=3 * theme.GRID)
+        set_tab_order(
+            (
+                self.way_box,
+                *(field.editor for field in self._port_fields.values()),
+                self.search_button,
+                *(field.editor for field in self._numbers),
+                self.own_box,
+                *(field.editor for field in self._line_fields),
+                self.test.product_box,
+                self.test.button,
+            )
+        )
+        self.way_box.typed.connect(self._choose_way)
+        self.own_box.typed.connect(self._choose_own)
+        draft.changed.connect(self.refresh)
+        app.product_changed.connect(self.refresh)
+        on_language_change(self, self.refresh)
 
-    @property
-    def fields(self) -> list[Field]:
-        """All fields of the section."""
-        return self._form.fields
+    def _make_fields(self) -> None:
+        draft, device = self._draft, self._device
+        port = (device, "port")
+        addresses = {_TCP: _MODBUS_PORT, _SERVER: _SERVER_PORT} if self._table else {_SERVER: _SERVER_PORT}
+        self._port_fields = {
+            _SERIAL: Field(draft, port, self.port_box, lambda: self.tr("Port"), hint=self._port_hint)
+        }
+        for scheme, number in addresses.items():
+            edit = AddressEdit(scheme, number)
+            self._port_fields[scheme] = Field(draft, port, edit, lambda: self.tr("Address and port number"))
+        self.unit_edit, self.timeout_edit = NumberEdit(), NumberEdit()
+        timeout = Field(
+            draft,
+            (device, "timeout_s"),
+            self.timeout_edit,
+            lambda: self.tr("Response timeout"),
+            unit="s",
+            hint=lambda: self._unless_set("timeout_s", self.tr("As in the profile.")),
+        )
+        self._numbers = [timeout]
+        if self._table:
+            unit = Field(
+                draft,
+                ("table", "unit"),
+                self.unit_edit,
+                lambda: self.tr("Modbus unit number"),
+                hint=lambda: self._unless_set("unit", self.tr("As in the table profile.")),
+            )
+            self._numbers.insert(0, unit)
+        bits, stops = ChoiceBox(lambda: _numbers(8, 7, 6, 5)), ChoiceBox(lambda: _numbers(1, 1.5, 2))
+        serial = (device, "serial")
+        self._line_fields = [
+            Field(draft, (*serial, "baud"), NumberBox(_BAUDS), lambda: self.tr("Baud"), default=115200),
+            Field(draft, (*serial, "data_bits"), bits, lambda: self.tr("Data bits"), default=8),
+            Field(
+                draft, (*serial, "parity"), ChoiceBox(self._parities), lambda: self.tr("Parity"), default="N"
+            ),
+            Field(draft, (*serial, "stop_bits"), stops, lambda: self.tr("Stop bits"), default=1),
+        ]
 
     def lock(self, reason: str) -> None:
-        """Forbid changes, with the reason as tooltip; "" allows them."""
+        """Disable changes with the reason as tooltip; "" enables them."""
         self._form.lock(reason)
         for widget in (self.way_box, self.own_box):
-            widget.setEnabled(not reason)
-            widget.setToolTip(reason)
+            enable(widget, reason)
 
     def search(self) -> None:
-        """Look for ports, beside the window."""
+        """Look for ports in the background."""
         if not self.searching.busy:
             self.search_button.setEnabled(False)
             self.searching.watch(self._app.job_queue.submit(discover_ports))
 
     def refresh(self) -> None:
-        """Show what the draft says."""
-        data = self._draft
-        self._profile = self._defaults()
-        bench = data.value(("bench",)) is not None
-        by_hand = self._profile is not None and self._profile.by_hand
-        self._bench.setText(self._why_nothing_to_set(by_hand))
-        self._bench.setVisible(bench or by_hand)
-        self._form.setVisible(not (bench or by_hand))
-        port = data.value((self._device, "port"))
+        """Show the draft."""
+        draft = self._draft
+        self._defaults = (
+            table_defaults(str(draft.value(("table", "profile")) or ""))
+            if self._table
+            else imu_defaults(self._app.product_path)
+        )
+        defaults = self._defaults
+        by_hand = defaults is not None and defaults.by_hand
+        fixed = by_hand or draft.value(("bench",)) is not None
+        self._note.setText(self._why_nothing_to_set(by_hand))
+        self._note.setVisible(fixed)
+        self._form.setVisible(not fixed)
+        port = draft.value((self._device, "port"))
         way = _way(port) if _way(port) in self._port_fields else _SERIAL
         if port:
             self._last[way] = str(port)
         else:
             way = self.way_box.value() or way
-        self.way_box.fill()
-        self.way_box.show_value(way)
+        own = draft.value((self._device, "serial")) is not None
+        for box, value in ((self.way_box, way), (self.own_box, own)):
+            box.fill()
+            box.show_value(value)
         for key, field in self._port_fields.items():
             field.setVisible(key == way)
-        self._search_row.setVisible(way == _SERIAL)
-        own = data.value((self._device, "serial")) is not None
-        self.own_box.fill()
-        self.own_box.show_value(own)
+        for widget in (self._search_row, self._own_row):
+            widget.setVisible(way == _SERIAL)
         for field in self._line_fields:
             field.setVisible(own and way == _SERIAL)
-        self._own_row.setVisible(way == _SERIAL)
-        defaults = self._profile
         self.timeout_edit.setPlaceholderText(f"{defaults.timeout:g}" if defaults and defaults.timeout else "")
         if self._table:
             modbus = defaults is None or defaults.unit is not None
@@ -200,55 +172,32 @@ class LinkSection(QWidget):
             self._numbers[0].setVisible(modbus)
         self.test.refresh()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._heading.setText(self.tr("Link to the table") if self._table else self.tr("Link to the IMU"))
-        self.search_button.setText(self.tr("Look for ports again"))
-        self.way_box.fill()
-        for row in (self._way_row, self._own_row):
-            row.retranslate()
-        self.refresh()
-
     def _why_nothing_to_set(self, by_hand: bool) -> str:
         if by_hand:
-            return self.tr(
-                "The rails are turned by hand: no link is needed, and there is nothing to set here."
-            )
+            return self.tr("The rig is turned by hand: it needs no link and there is nothing to set here.")
         return self.tr(
-            "This station is the virtual bench: a table and a unit in software, behind the same protocols as "
+            "This station is the virtual bench: a table and a unit in software that speak the protocols of the "
             "hardware. It opens its own ports, so there is nothing to set here.\n\n"
             "To connect hardware, press “New from copy” above and copy the station “example_hardware”."
         )
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
     def _station(self) -> StationConfig | None:
         model = self._draft.model
         return model if isinstance(model, StationConfig) else None
 
-    def _defaults(self) -> LinkDefaults | None:
-        if self._table:
-            return table_defaults(str(self._draft.value(("table", "profile")) or ""))
-        return imu_defaults(self._app.product_path)
-
     def _choose_way(self) -> None:
-        """Another way to the device: what was typed for it before comes back."""
+        """Change the kind of connection; the address last typed for it comes back."""
         way = self.way_box.value()
         self._draft.set({(self._device, "port"): self._last.get(way)})
         self.refresh()
         self._port_fields[way].editor.setFocus()
 
     def _choose_own(self) -> None:
-        defaults = self._profile
         place = (self._device, "serial")
         if not self.own_box.value():
             self._draft.set({place: None})
-        elif defaults is not None:
-            serial = defaults.serial.model_dump(include={"baud", "data_bits", "parity", "stop_bits"})
+        elif self._defaults is not None:
+            serial = self._defaults.serial.model_dump(include={"baud", "data_bits", "parity", "stop_bits"})
             self._draft.set({(*place, key): value for key, value in serial.items()})
 
     def _found(self, ports: Sequence[FoundPort]) -> None:
@@ -261,26 +210,19 @@ class LinkSection(QWidget):
         self.search_button.setEnabled(True)
         self.search_button.setToolTip(error_text(error).sentences)
 
-    def _about(self) -> str:
-        """What is known of the port chosen."""
-        about = self.port_box.about()
-        if about or not self._searched or not self.port_box.value():
-            return about
-        return self.tr("Not among the ports found now.")
+    def _port_hint(self) -> str:
+        description = self.port_box.description()
+        if description or not self._searched or not self.port_box.value():
+            return description
+        return self.tr("This port is not present now.")
 
-    def _unit(self) -> str:
-        return (
-            "" if self._draft.value(("table", "unit")) is not None else self.tr("As the table profile says.")
-        )
-
-    def _timeout(self) -> str:
-        set_here = self._draft.value((self._device, "timeout_s")) is not None
-        return "" if set_here else self.tr("As the profile says.")
+    def _unless_set(self, key: str, text: str) -> str:
+        return text if self._draft.value((self._device, key)) is None else ""
 
     def _ways(self) -> list[tuple[Any, str]]:
         if not self._table:
             return [(_SERIAL, self.tr("serial line")), (_SERVER, self.tr("serial server (TCP)"))]
-        if self._profile is not None and self._profile.unit is None:
+        if self._defaults is not None and self._defaults.unit is None:
             return [(_TCP, self.tr("network (TCP)")), (_SERIAL, self.tr("serial line"))]
         return [
             (_TCP, self.tr("network: Modbus TCP")),
@@ -288,8 +230,8 @@ class LinkSection(QWidget):
             (_SERVER, self.tr("serial server: Modbus RTU")),
         ]
 
-    def _owns(self) -> list[tuple[Any, str]]:
-        line = f" ({self._profile.line})" if self._profile is not None else ""
+    def _own_choices(self) -> list[tuple[Any, str]]:
+        line = f" ({self._defaults.line})" if self._defaults is not None else ""
         return [(False, self.tr("the profile's") + line), (True, self.tr("this station's own"))]
 
     def _parities(self) -> list[tuple[Any, str]]:
@@ -302,9 +244,11 @@ class LinkSection(QWidget):
         ]
 
 
-def _data_bits() -> list[tuple[Any, str]]:
-    return [(bits, str(bits)) for bits in (8, 7, 6, 5)]
+def _way(port: Any) -> str:
+    """The kind of connection of a port."""
+    text = str(port or "")
+    return next((way for way in (_TCP, _SERVER) if text.startswith(f"{way}://")), _SERIAL)
 
 
-def _stop_bits() -> list[tuple[Any, str]]:
-    return [(1, "1"), (1.5, "1.5"), (2, "2")]
+def _numbers(*values: float) -> list[tuple[Any, str]]:
+    return [(value, f"{value:g}") for value in values]

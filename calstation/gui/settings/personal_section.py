@@ -1,155 +1,106 @@
-"""This computer: language, theme, folder of the runs, the engineer's name and PIN; nothing that changes a result."""
+"""This computer: language, theme, folder of the runs, the engineer's name and PIN; none changes a result."""
 
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QSignalBlocker, Qt
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QFrame,
-    QHBoxLayout,
-    QLabel,
-    QLineEdit,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QWidget
 
-from calstation.config import access as role
+from calstation.config import access
 from calstation.errors import ConfigurationError
-from calstation.gui.settings.drafts import Drafts, who_saves
-from calstation.gui.settings.fields import Row, at_top, tab_through
+from calstation.gui.settings.drafts import default_author
+from calstation.gui.settings.fields import Row, panel, set_tab_order
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text import language
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import button, column, enable, label, row
 
 
 class PersonalSection(QWidget):
-    """Each setting is in force at once; only PIN and name ask for the engineer's role."""
+    """Each setting takes effect at once; only PIN and name need the engineer's role."""
 
-    def __init__(self, app: AppContext, drafts: Drafts) -> None:
+    def __init__(self, app: AppContext) -> None:
         super().__init__()
-        self._app, self._drafts = app, drafts
-        self._heading, self._pin_heading = QLabel(), QLabel()
-        for label in (self._heading, self._pin_heading):
-            label.setProperty("kind", "section")
-        self.language_box = ChoiceBox(lambda: list(language.LANGUAGES))
-        self.language_box.setObjectName("station_language_combo")
-        self.language_box.typed.connect(lambda: app.set_language(self.language_box.value()))
-        self.theme_box = ChoiceBox(lambda: [("light", self.tr("light")), ("dark", self.tr("dark"))])
-        self.theme_box.setObjectName("theme_combo")
-        self.theme_box.typed.connect(lambda: app.set_theme(self.theme_box.value()))
-        self.runs_label, self.author_edit = QLabel(), QLineEdit()
-        self.runs_label.setObjectName("runs_folder_label")
-        self.runs_label.setWordWrap(True)
-        self.runs_label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.runs_button = QPushButton()
-        self.runs_button.setObjectName("runs_folder_button")
-        self.runs_button.clicked.connect(self._choose_runs)
-        self.author_edit.setObjectName("author_edit")
-        self.author_edit.setPlaceholderText(who_saves())
-        self.author_edit.textEdited.connect(lambda text: app.settings.setValue("author", text.strip()))
-        self._runs_note = QLabel()
-        self._runs_note.setProperty("kind", "muted")
-        self._runs_note.setWordWrap(True)
-        rows = [
-            Row(self.language_box, lambda: self.tr("Language")),
-            Row(self.theme_box, lambda: self.tr("Colours")),
-            Row(self.author_edit, lambda: self.tr("Engineer's name in versions")),
-            Row(self.runs_label, lambda: self.tr("Folder of the runs")),
-            Row(self._runs_note, str),
-            Row(self.runs_button, str),
-        ]
-        left = QVBoxLayout()
-        left.setSpacing(theme.GRID)
-        left.addWidget(self._heading)
-        for row in rows:
-            left.addWidget(row)
-        left.addStretch(1)
-        row_ = QHBoxLayout(self)
-        row_.setContentsMargins(0, 0, 0, 0)
-        row_.setSpacing(3 * theme.GRID)
-        row_.addLayout(left)
-        row_.addWidget(at_top(self._pin_panel()), 1)
-        tab_through(self.language_box, self.theme_box, self.author_edit, self.runs_button, self.old_edit)
+        self._app = app
+        self._language = ChoiceBox(lambda: list(language.LANGUAGES), "station_language_combo")
+        self._language.typed.connect(lambda: app.set_language(self._language.value()))
+        self._theme = ChoiceBox(
+            lambda: [("light", self.tr("light")), ("dark", self.tr("dark"))], "theme_combo"
+        )
+        self._theme.typed.connect(lambda: app.set_theme(self._theme.value()))
+        self._author = QLineEdit()
+        self._author.setObjectName("author_edit")
+        self._author.setPlaceholderText(default_author())
+        self._author.textEdited.connect(lambda text: app.settings.setValue("author", text.strip()))
+        self._runs = label(name="runs_folder_label", wrap=True)
+        self._runs.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        runs_button = button("runs_folder_button", lambda: self.tr("Choose a folder"), self._choose_runs)
+        runs_note = label(
+            lambda: self.tr("Logs and results of new runs go into this folder, and the history looks there."),
+            "muted",
+            wrap=True,
+        )
+        left = column(
+            label(lambda: self.tr("This computer"), "section"),
+            Row(self._language, lambda: self.tr("Language")),
+            Row(self._theme, lambda: self.tr("Colours")),
+            Row(self._author, lambda: self.tr("Engineer's name in versions")),
+            Row(self._runs, lambda: self.tr("Folder of the runs")),
+            Row(runs_note),
+            Row(runs_button),
+            None,
+        )
+        row(left, (self._pin_panel(), 1), on=self, spacing=3 * theme.GRID)
+        set_tab_order((self._language, self._theme, self._author, runs_button, *self._pins))
         app.theme_changed.connect(self.refresh)
-        self.retranslate()
+        on_language_change(self, self._clear_message)
+        on_language_change(self, self.refresh)
 
     def _pin_panel(self) -> QWidget:
-        panel = QFrame()
-        panel.setProperty("kind", "panel")
-        self._pin_note, self._pin_message = QLabel(), QLabel()
-        self._pin_note.setProperty("kind", "muted")
-        for label in (self._pin_note, self._pin_message):
-            label.setWordWrap(True)
-        self.old_edit, self.new_edit, self.again_edit = QLineEdit(), QLineEdit(), QLineEdit()
-        for edit, name in (
-            (self.old_edit, "old_pin_edit"),
-            (self.new_edit, "new_pin_edit"),
-            (self.again_edit, "new_pin_again_edit"),
+        self.pin_message = QLabel()
+        self.pin_message.setWordWrap(True)
+        self._pins = self._old, self._new, self._again = QLineEdit(), QLineEdit(), QLineEdit()
+        for edit, name in zip(
+            self._pins, ("old_pin_edit", "new_pin_edit", "new_pin_again_edit"), strict=True
         ):
             edit.setObjectName(name)
             edit.setEchoMode(QLineEdit.EchoMode.Password)
-            edit.textEdited.connect(lambda _: self._say_pin("", "muted"))
+            edit.textEdited.connect(self._clear_message)
             edit.returnPressed.connect(self._change_pin)
-        self.pin_button = QPushButton()
-        self.pin_button.setObjectName("change_pin_button")
-        self.pin_button.clicked.connect(self._change_pin)
-        self._pin_rows = [
-            Row(self.old_edit, lambda: self.tr("Current PIN")),
-            Row(self.new_edit, lambda: self.tr("New PIN")),
-            Row(self.again_edit, lambda: self.tr("The same again")),
-            Row(self.pin_button, str),
-        ]
-        column = QVBoxLayout(panel)
-        column.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
-        column.setSpacing(theme.GRID)
-        column.addWidget(self._pin_heading)
-        column.addWidget(self._pin_note)
-        for row in self._pin_rows:
-            column.addWidget(row)
-        column.addWidget(self._pin_message)
-        column.addStretch(1)
-        return panel
+        self._pin_button = button("change_pin_button", pressed=self._change_pin)
+        self._old_row = Row(self._old, lambda: self.tr("Current PIN"))
+        note = label(
+            lambda: self.tr("Required for everything that changes results. Stored only as a salted hash."),
+            "muted",
+            wrap=True,
+        )
+        return panel(
+            label(lambda: self.tr("The engineer's PIN"), "section"),
+            note,
+            self._old_row,
+            Row(self._new, lambda: self.tr("New PIN")),
+            Row(self._again, lambda: self.tr("The same again")),
+            Row(self._pin_button),
+            self.pin_message,
+        )
 
     def lock(self, reason: str) -> None:
-        """Forbid what needs the engineer's role, with the reason as tooltip; "" allows it."""
-        for widget in (self.author_edit, self.old_edit, self.new_edit, self.again_edit, self.pin_button):
-            widget.setEnabled(not reason)
-            widget.setToolTip(reason)
+        """Disable what needs the engineer's role, with the reason as tooltip; "" enables it."""
+        for widget in (self._author, *self._pins, self._pin_button):
+            enable(widget, reason)
         self.refresh()
 
     def refresh(self) -> None:
-        """Show what is in force."""
-        with QSignalBlocker(self.language_box), QSignalBlocker(self.theme_box):
-            self.language_box.show_value(language.current())
-            self.theme_box.show_value(theme.current())
-        self.runs_label.setText(str(self._app.runs_folder.absolute()))
-        self.runs_label.setToolTip(self.runs_label.text())
-        self.author_edit.setText(str(self._app.settings.value("author", "")))
-        self._pin_rows[0].setVisible(role.has_pin())
-        self.pin_button.setText(self.tr("Change the PIN") if role.has_pin() else self.tr("Set the PIN"))
-
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._heading.setText(self.tr("This computer"))
-        self._pin_heading.setText(self.tr("The engineer's PIN"))
-        self._pin_note.setText(
-            self.tr("It opens whatever changes results. Kept as a salted hash; nobody can read it back.")
-        )
-        self.theme_box.fill()
-        self.runs_button.setText(self.tr("Choose a folder"))
-        self._runs_note.setText(
-            self.tr("Logs and results of new runs go into this folder, and the history looks there.")
-        )
-        self._say_pin("", "muted")
-        self.refresh()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
+        """Show the present settings."""
+        with QSignalBlocker(self._language), QSignalBlocker(self._theme):
+            self._language.show_value(language.current())
+            self._theme.show_value(theme.current())
+        self._runs.setText(str(self._app.runs_folder.absolute()))
+        self._runs.setToolTip(self._runs.text())
+        self._author.setText(str(self._app.settings.value("author", "")))
+        self._old_row.setVisible(access.has_pin())
+        self._pin_button.setText(self.tr("Change the PIN") if access.has_pin() else self.tr("Set the PIN"))
 
     def _choose_runs(self) -> None:
         folder = QFileDialog.getExistingDirectory(
@@ -160,30 +111,32 @@ class PersonalSection(QWidget):
             self.refresh()
 
     def _change_pin(self) -> None:
-        if self.new_edit.text() != self.again_edit.text():
-            self._say_pin(self.tr("The two are not the same."), "error")
-            self.again_edit.setFocus()
+        if self._new.text() != self._again.text():
+            self._complain(self.tr("The two are not the same."), self._again)
             return
-        if len(self.new_edit.text()) < role.SHORTEST:
-            self._say_pin(self.tr("Too short: at least {0} characters.").format(role.SHORTEST), "error")
-            self.new_edit.setFocus()
+        if len(self._new.text()) < access.SHORTEST:
+            self._complain(self.tr("Too short: at least {0} characters.").format(access.SHORTEST), self._new)
             return
         try:
-            role.set_pin(self.old_edit.text(), self.new_edit.text())
+            access.set_pin(self._old.text(), self._new.text())
         except ConfigurationError as error:
-            wait = role.wait()
+            wait = access.wait()
             text = self.tr("The current PIN is wrong.")
             if wait > 0.0:
                 text += " " + self.tr("Wait {0:.0f} s.").format(max(1.0, wait))
-            self._say_pin(text if role.has_pin() else str(error), "error")
-            self.old_edit.setFocus()
-            self.old_edit.selectAll()
+            self._complain(text if access.has_pin() else str(error), self._old)
+            self._old.selectAll()
             return
-        for edit in (self.old_edit, self.new_edit, self.again_edit):
+        for edit in self._pins:
             edit.clear()
         self.refresh()
-        self._say_pin(self.tr("The PIN has been changed."), "muted")
+        self.pin_message.setText(self.tr("The PIN has been changed."))
+        theme.set_kind(self.pin_message, "muted")
 
-    def _say_pin(self, text: str, kind: str) -> None:
-        self._pin_message.setText(text)
-        theme.set_kind(self._pin_message, kind)
+    def _complain(self, text: str, edit: QLineEdit) -> None:
+        self.pin_message.setText(text)
+        theme.set_kind(self.pin_message, "error")
+        edit.setFocus()
+
+    def _clear_message(self) -> None:
+        self.pin_message.clear()

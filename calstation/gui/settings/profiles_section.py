@@ -1,36 +1,26 @@
-"""All files as text: products, IMUs, tables and stations; readable, edited with marks, compared with older versions."""
+"""All files as text: products, IMUs, tables and stations, edited with marks and compared with older versions."""
 
 import difflib
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QSignalBlocker
+from PySide6.QtCore import QSignalBlocker
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import (
-    QComboBox,
-    QHBoxLayout,
-    QLabel,
-    QListWidget,
-    QPushButton,
-    QTabWidget,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QListWidget, QTabWidget, QWidget
 
-from calstation.config import editing as settings
-from calstation.config import library, version_store
+from calstation.config import editing, library, version_store
 from calstation.config.version_store import Version
 from calstation.errors import ConfigurationError
-from calstation.gui.settings.draft import Draft
-from calstation.gui.settings.drafts import Drafts
+from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.settings.new_file import NewFileBar
-from calstation.gui.settings.readable import ReadableView
 from calstation.gui.settings.toml_editor import DiffView, TomlEditor
 from calstation.gui.settings.versions_panel import VersionsPanel
 from calstation.gui.shell.context import AppContext
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import button, column, enable, label, row
 
-_READABLE, _TEXT, _COMPARE = range(3)
+_TEXT, _COMPARE = range(2)
 _SIDE = 36 * theme.GRID
 
 
@@ -42,82 +32,67 @@ class ProfilesSection(QWidget):
         self._app, self._drafts = app, drafts
         self._draft: Draft | None = None
         self._compared: Version | None = None
-        self.kind_box = ChoiceBox(self._kinds)
-        self.kind_box.setObjectName("file_kind_combo")
+        self.kind_box = ChoiceBox(self._kinds, "file_kind_combo")
         self.kind_box.show_value("products")
         self.kind_box.setMinimumWidth(18 * theme.GRID)
         self.kind_box.typed.connect(self._fill)
+        bind(self.kind_box.setAccessibleName, lambda: self.tr("Kind of file"))
         self.file_box = QComboBox()
         self.file_box.setObjectName("file_combo")
         self.file_box.setMinimumWidth(30 * theme.GRID)
         self.file_box.activated.connect(lambda _: self._open())
-        self._new_button = QPushButton()
-        self._new_button.setObjectName("new_file_button")
+        bind(self.file_box.setAccessibleName, lambda: self.tr("File"))
         self._new = NewFileBar(drafts)
-        self._new_button.clicked.connect(
-            lambda: self._new.ask(self.kind_box.value(), self.file_box.currentText())
-        )
         self._new.made.connect(self._made)
-        self._about = QLabel()
-        self._about.setProperty("kind", "muted")
-        self.readable, self.editor, self._diff = ReadableView(), TomlEditor(), DiffView()
+        self._new_button = button(
+            "new_file_button",
+            lambda: self.tr("New from copy"),
+            lambda: self._new.ask(self.kind_box.value(), self.file_box.currentText()),
+        )
+        self._about = label(kind="muted")
+        self.editor, self._diff = TomlEditor(), DiffView()
         self.editor.textChanged.connect(self._typed)
-        self.problems = QListWidget()
-        self.problems.setObjectName("problems_list")
-        self.problems.setWordWrap(True)
-        self.problems.itemClicked.connect(lambda _: self._go())
-        self.problems.itemActivated.connect(lambda _: self._go())
-        self.versions = VersionsPanel()
-        self.versions.setFixedWidth(_SIDE)
-        self.versions.compared.connect(self._compare)
-        self.versions.taken.connect(self._take)
+        self._problems = QListWidget()
+        self._problems.setObjectName("problems_list")
+        self._problems.setWordWrap(True)
+        self._problems.itemClicked.connect(lambda _: self._go_to_problem())
+        self._problems.itemActivated.connect(lambda _: self._go_to_problem())
+        self._versions = VersionsPanel()
+        self._versions.setFixedWidth(_SIDE)
+        self._versions.compared.connect(self._compare)
+        self._versions.restored.connect(self._restore)
         self._lay_out()
         drafts.changed.connect(self.refresh)
         drafts.saved.connect(lambda _: self._fill())
-        app.theme_changed.connect(self._dress)
-        self.retranslate()
+        app.theme_changed.connect(self._apply_theme)
+        on_language_change(self, self.refresh)
         self._fill()
 
     def _lay_out(self) -> None:
         text = QWidget()
-        beneath = QVBoxLayout(text)
-        beneath.setContentsMargins(0, 0, 0, 0)
-        beneath.setSpacing(theme.GRID)
-        beneath.addWidget(self.editor, 1)
-        beneath.addWidget(self.problems)
+        column((self.editor, 1), self._problems, on=text)
         self.views = QTabWidget()
         self.views.setObjectName("profile_views")
         self.views.setDocumentMode(True)
         self.views.tabBar().setProperty("kind", "views")
         self.views.tabBar().setDrawBase(False)
-        for view in (self.readable, text, self._diff):
+        for view in (text, self._diff):
             self.views.addTab(view, "")
-        top = QHBoxLayout()
-        top.setSpacing(theme.GRID)
-        top.addWidget(self.kind_box)
-        top.addWidget(self.file_box)
-        top.addWidget(self._new_button)
-        top.addWidget(self._about, 1)
-        middle = QHBoxLayout()
-        middle.setSpacing(3 * theme.GRID)
-        middle.addWidget(self.views, 1)
-        middle.addWidget(self.versions)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addLayout(top)
-        column.addWidget(self._new)
-        column.addLayout(middle, 1)
+        column(
+            row(self.kind_box, self.file_box, self._new_button, (self._about, 1)),
+            self._new,
+            (row((self.views, 1), self._versions, spacing=3 * theme.GRID), 1),
+            on=self,
+        )
 
     def lock(self, reason: str) -> None:
-        """Forbid changes, with the reason as tooltip; "" allows them."""
+        """Disable changes with the reason as tooltip; "" enables them."""
         self.editor.setReadOnly(bool(reason))
         self.editor.setToolTip(reason)
-        self._new_button.setEnabled(not reason)
-        self._new_button.setToolTip(reason)
+        enable(self._new_button, reason)
         if reason:
             self._new.hide()
-        self.versions.lock(reason)
+        self._versions.lock(reason)
 
     def open(self, kind: str, name: str) -> None:
         """Show a file."""
@@ -127,41 +102,24 @@ class ProfilesSection(QWidget):
         self._open()
 
     def refresh(self) -> None:
-        """Show the draft in hand."""
+        """Show the present draft."""
+        for index, title in enumerate((self.tr("Text"), self.tr("Compare"))):
+            self.views.setTabText(index, title)
         draft = self._draft
         if draft is None:
             return
         if self.editor.toPlainText() != draft.text:
             with QSignalBlocker(self.editor):
                 self.editor.setPlainText(draft.text)
-        said = [problem.text for problem in draft.problems]
-        self.editor.mark(draft.problems, said)
-        self.problems.clear()
+        self.editor.mark(problem.line for problem in draft.problems)
+        count = len(draft.problems)
         line = self.tr("Line {0}: {1}")
-        self.problems.addItems(
-            [line.format(p.line, text) for p, text in zip(draft.problems, said, strict=True)]
-        )
-        self.problems.setVisible(bool(said))
-        self.problems.setFixedHeight((min(len(said), 3) * 3 + 1) * theme.GRID)
-        self.readable.show_data(draft.kind, draft.data)
-        self._say_about()
+        self._problems.clear()
+        self._problems.addItems([line.format(problem.line, problem.text) for problem in draft.problems])
+        self._problems.setVisible(count > 0)
+        self._problems.setFixedHeight((min(count, 3) * 3 + 1) * theme.GRID)
+        self._show_origin(draft)
         self._show_difference()
-
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self.kind_box.fill()
-        self._new_button.setText(self.tr("New from copy"))
-        for index, text in enumerate((self.tr("Readable"), self.tr("Text"), self.tr("Compare"))):
-            self.views.setTabText(index, text)
-        self.file_box.setAccessibleName(self.tr("File"))
-        self.kind_box.setAccessibleName(self.tr("Kind of file"))
-        self.refresh()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
     def _kinds(self) -> list[tuple[str, str]]:
         return [
@@ -172,7 +130,7 @@ class ProfilesSection(QWidget):
         ]
 
     def _fill(self) -> None:
-        """Offer the files of the kind; stay with the present one where it is among them."""
+        """Offer the files of the kind; the present one stays chosen if it is among them."""
         kind = self.kind_box.value()
         present = self.file_box.currentText()
         self.file_box.clear()
@@ -185,7 +143,7 @@ class ProfilesSection(QWidget):
         self._open()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Offer files that were put there beside the window."""
+        """Offer files that were added outside the window."""
         super().showEvent(event)
         offered = [self.file_box.itemText(i) for i in range(self.file_box.count())]
         if offered != library.names(self.kind_box.value()):
@@ -198,17 +156,17 @@ class ProfilesSection(QWidget):
         kind = self.kind_box.value()
         self._draft = self._drafts.of(kind, library.find(kind, name))
         self._compared = None
-        self.versions.show_versions(self._draft)
+        self._versions.show_versions(self._draft)
         self.refresh()
 
     def _typed(self) -> None:
         if self._draft is not None and self.editor.toPlainText() != self._draft.text:
             self._draft.rewrite(self.editor.toPlainText())
 
-    def _go(self) -> None:
-        draft, row = self._draft, self.problems.currentRow()
-        if draft is not None and 0 <= row < len(draft.problems):
-            self.editor.go_to(draft.problems[row].line)
+    def _go_to_problem(self) -> None:
+        draft, number = self._draft, self._problems.currentRow()
+        if draft is not None and 0 <= number < len(draft.problems):
+            self.editor.go_to(draft.problems[number].line)
 
     def _compare(self, version: Version) -> None:
         self._compared = version
@@ -219,9 +177,8 @@ class ProfilesSection(QWidget):
         draft = self._draft
         if draft is None:
             return
-        if self._compared is None:
-            other, name = draft.saved, self.tr("as saved")
-        else:
+        other, name = draft.saved, self.tr("as saved")
+        if self._compared is not None:
             name = self.tr("version {0}").format(self._compared.number)
             try:
                 other = version_store.text(draft.kind, draft.name, self._compared.number)
@@ -229,34 +186,30 @@ class ProfilesSection(QWidget):
                 self._diff.show_lines([str(error)])
                 return
         old, new = other.splitlines(), draft.text.splitlines()
-        lines = list(difflib.unified_diff(old, new, name, self.tr("the text in hand"), lineterm="", n=4))
-        same = self.tr("The text in hand is the same as {0}.").format(name)
-        self._diff.show_lines(lines or [same])
+        lines = list(difflib.unified_diff(old, new, name, self.tr("the present text"), lineterm="", n=4))
+        self._diff.show_lines(lines or [self.tr("The present text is the same as {0}.").format(name)])
 
-    def _take(self, version: Version) -> None:
+    def _restore(self, version: Version) -> None:
+        """Put the text of a version into the editor and show how it differs from the saved one."""
         draft = self._draft
         if draft is None:
             return
-        self._compared = version
+        self.views.setCurrentIndex(_COMPARE)
         try:
-            draft.rewrite(version_store.text(draft.kind, draft.name, version.number))
+            text = version_store.text(draft.kind, draft.name, version.number)
         except ConfigurationError as error:
             self._diff.show_lines([str(error)])
-            self.views.setCurrentIndex(_COMPARE)
             return
         self._compared = None
+        draft.rewrite(text)
         self._show_difference()
-        self.views.setCurrentIndex(_COMPARE)
 
     def _made(self, kind: str, path: Path) -> None:
         self.open(kind, path.stem)
         self.views.setCurrentIndex(_TEXT)
 
-    def _say_about(self) -> None:
-        draft = self._draft
-        if draft is None or draft.path is None:
-            return
-        shipped = any(entry.path == draft.path and entry.shipped for entry in settings.entries(draft.kind))
+    def _show_origin(self, draft: Draft) -> None:
+        shipped = any(entry.path == draft.path and entry.shipped for entry in editing.entries(draft.kind))
         self._about.setText(
             self.tr("came with the program; saving makes this site's copy")
             if shipped
@@ -264,7 +217,6 @@ class ProfilesSection(QWidget):
         )
         self._about.setToolTip(str(draft.path))
 
-    def _dress(self) -> None:
-        self.editor.dress()
-        self._diff.dress()
+    def _apply_theme(self) -> None:
+        self._diff.apply_theme()
         self.refresh()

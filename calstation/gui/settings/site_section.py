@@ -1,22 +1,29 @@
-"""Where the table stands: latitude, longitude, height, azimuth, gravity, each with what it would cost to be wrong."""
+"""The site of the table: latitude, longitude, height, azimuth and gravity, with the cost of an error in each."""
 
+import math
 from typing import Any
 
-from PySide6.QtCore import QEvent, Qt
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.config import site_advice
-from calstation.gui.settings.compass import Compass
-from calstation.gui.settings.confirmation import PlaceConfirmation
-from calstation.gui.settings.draft import Draft
-from calstation.gui.settings.fields import Field, Form, Row, at_top, tab_through
+from calstation.config.editing import Place
+from calstation.config.site_check import this_computer, vouching
+from calstation.config.station import StationConfig
+from calstation.gui.settings.drafts import Draft
+from calstation.gui.settings.fields import Field, Form, Row, panel, set_tab_order
 from calstation.gui.settings.inputs import ChoiceBox, NumberEdit
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import Words, button, column, enable, label, row
 
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
-#: Gravity, m/s², that stands in the input until the surveyed one is typed: no place has it, so nothing runs with it.
+_CONFIRMED: Place = ("site", "confirmed_on")
+#: Gravity in m/s² shown until the surveyed value is typed: it occurs nowhere, so no run starts with it.
 _NOWHERE = 9.7
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
+_COMPASS = 26 * theme.GRID
 
 
 class SiteSection(QWidget):
@@ -25,175 +32,119 @@ class SiteSection(QWidget):
     def __init__(self, draft: Draft) -> None:
         super().__init__()
         self._draft = draft
-        self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0}
-        self._heading = QLabel()
-        self._heading.setProperty("kind", "section")
-        self.azimuth_box = ChoiceBox(self._azimuth_ways)
-        self.azimuth_box.setObjectName("azimuth_way_combo")
-        self.azimuth_box.typed.connect(lambda: self._choose(_AZIMUTH, self.azimuth_box.value()))
-        self.gravity_box = ChoiceBox(self._gravity_ways)
-        self.gravity_box.setObjectName("gravity_way_combo")
-        self.gravity_box.typed.connect(lambda: self._choose(_GRAVITY, self.gravity_box.value()))
-        self._azimuth_row = Row(self.azimuth_box, lambda: self.tr("Azimuth of body +y at home"))
-        self._gravity_row = Row(self.gravity_box, lambda: self.tr("Gravity"))
-        self._fields = {
-            "latitude_deg": Field(
-                draft,
-                ("site", "latitude_deg"),
-                NumberEdit(),
-                lambda: self.tr("Latitude"),
-                unit="°",
-                hint=lambda: self.tr(
-                    "North positive. Wrong by 1°: up to 0.19 °/h of gyro bias, 92 ppm of gravity."
-                ),
-            ),
-            "longitude_deg": Field(
-                draft,
-                ("site", "longitude_deg"),
-                NumberEdit(),
-                lambda: self.tr("Longitude"),
-                unit="°",
-                hint=lambda: self.tr("East positive."),
-            ),
-            "height_m": Field(
-                draft,
-                ("site", "height_m"),
-                NumberEdit(),
-                lambda: self.tr("Height above the ellipsoid"),
-                unit="m",
-                hint=lambda: self.tr("Wrong by 10 m: 3 ppm of gravity."),
-            ),
-            "azimuth_deg": Field(draft, _AZIMUTH, NumberEdit(), str, unit="°", hint=self._about_azimuth),
-            "gravity_mps2": Field(draft, _GRAVITY, NumberEdit(), str, unit="m/s²", hint=self._about_gravity),
-        }
-        self.confirmation = PlaceConfirmation(draft)
-        f = self._fields
+        #: The last azimuth and gravity given.
+        self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0, _GRAVITY: _NOWHERE}
+        self._azimuth_box = ChoiceBox(self._azimuth_ways, "azimuth_way_combo")
+        self._azimuth_box.typed.connect(lambda: self._choose(_AZIMUTH, self._azimuth_box.value()))
+        self._gravity_box = ChoiceBox(self._gravity_ways, "gravity_way_combo")
+        self._gravity_box.typed.connect(lambda: self._choose(_GRAVITY, self._gravity_box.value()))
+        latitude = self._field(
+            "latitude_deg",
+            lambda: self.tr("Latitude"),
+            "°",
+            lambda: self.tr("North positive. Wrong by 1°: up to 0.19 °/h of gyro bias, 92 ppm of gravity."),
+        )
+        longitude = self._field(
+            "longitude_deg", lambda: self.tr("Longitude"), "°", lambda: self.tr("East positive.")
+        )
+        height = self._field(
+            "height_m",
+            lambda: self.tr("Height above the ellipsoid"),
+            "m",
+            lambda: self.tr("Wrong by 10 m: 3 ppm of gravity."),
+        )
+        azimuth = self._field("azimuth_deg", str, "°", lambda: self.tr("Clockwise from true north."))
+        gravity = self._field("gravity_mps2", str, "m/s²", str)
+        self._optional = {_AZIMUTH: (self._azimuth_box, azimuth), _GRAVITY: (self._gravity_box, gravity)}
+        gravity.advise(self._gravity_advice)
+        latitude.advise(self._position_advice)
+        self._confirmation = _Confirmation(draft)
         self._form = Form(
-            f["latitude_deg"],
-            f["longitude_deg"],
-            f["height_m"],
-            self._azimuth_row,
-            f["azimuth_deg"],
-            self._gravity_row,
-            f["gravity_mps2"],
-            self.confirmation,
+            latitude,
+            longitude,
+            height,
+            Row(self._azimuth_box, lambda: self.tr("Azimuth of body +y at home")),
+            azimuth,
+            Row(self._gravity_box, lambda: self.tr("Gravity")),
+            gravity,
+            self._confirmation,
         )
-        tab_through(
-            *(f[name].editor for name in ("latitude_deg", "longitude_deg", "height_m")),
-            self.azimuth_box,
-            f["azimuth_deg"].editor,
-            self.gravity_box,
-            f["gravity_mps2"].editor,
-            self.confirmation.button,
+        set_tab_order(
+            (
+                *(field.editor for field in (latitude, longitude, height)),
+                self._azimuth_box,
+                azimuth.editor,
+                self._gravity_box,
+                gravity.editor,
+                self._confirmation.button,
+            )
         )
-        f["gravity_mps2"].advise(self._gravity_advice)
-        f["latitude_deg"].advise(self._place_advice)
-        left = QVBoxLayout()
-        left.setSpacing(theme.GRID)
-        left.addWidget(self._heading)
-        left.addWidget(self._form, 1)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(3 * theme.GRID)
-        row.addLayout(left)
-        row.addWidget(at_top(self._picture()), 1)
+        left = column(label(lambda: self.tr("Site"), "section"), (self._form, 1))
+        row(left, (self._about(), 1), on=self, spacing=3 * theme.GRID)
         draft.changed.connect(self.refresh)
-        self.retranslate()
+        on_language_change(self, self.refresh)
 
-    def _picture(self) -> QWidget:
-        panel = QFrame()
-        panel.setProperty("kind", "panel")
-        self._compass = Compass()
-        self._compass_words, self._normal_title, self.normal_label, self._gravity_words = (
-            QLabel(),
-            QLabel(),
-            QLabel(),
-            QLabel(),
+    def _field(self, name: str, words: Words, unit: str, hint: Words) -> Field:
+        return Field(self._draft, ("site", name), NumberEdit(), words, unit=unit, hint=hint)
+
+    def _about(self) -> QWidget:
+        self._compass, self._compass_note = _Compass(), label(kind="muted", wrap=True)
+        self._normal = label(kind="section", name="normal_gravity_label")
+        about_gravity = label(
+            lambda: self.tr(
+                "True gravity usually differs from it by about 50 ppm. An error of gravity enters all three "
+                "accelerometer scale factors one to one: give a surveyed value where ppm matter. Units whose gyros "
+                "cannot resolve earth rate are not calibrated without one: nothing else would reveal a wrong latitude."
+            ),
+            "muted",
+            wrap=True,
         )
-        self.normal_label.setObjectName("normal_gravity_label")
-        self.normal_label.setProperty("kind", "section")
-        for label in (self._compass_words, self._normal_title, self._gravity_words):
-            label.setProperty("kind", "muted")
-            label.setWordWrap(True)
-        column = QVBoxLayout(panel)
-        column.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
-        column.setSpacing(theme.GRID)
-        column.addWidget(self._normal_title)
-        column.addWidget(self.normal_label)
-        column.addWidget(self._gravity_words)
-        column.addSpacing(2 * theme.GRID)
-        column.addWidget(self._compass, 0, Qt.AlignmentFlag.AlignHCenter)
-        column.addWidget(self._compass_words)
-        column.addStretch(1)
-        return panel
+        return panel(
+            label(lambda: self.tr("Normal gravity at this latitude and height (WGS-84)"), "muted", wrap=True),
+            self._normal,
+            about_gravity,
+            2 * theme.GRID,
+            (self._compass, 0, Qt.AlignmentFlag.AlignHCenter),
+            self._compass_note,
+        )
 
     def lock(self, reason: str) -> None:
-        """Forbid changes, with the reason as tooltip; "" allows them."""
+        """Disable changes with the reason as tooltip; "" enables them."""
         self._form.lock(reason)
-        self.confirmation.lock(reason)
-        for box in (self.azimuth_box, self.gravity_box):
-            box.setEnabled(not reason)
-            box.setToolTip(reason)
+        for widget in (self._azimuth_box, self._gravity_box, self._confirmation.button):
+            enable(widget, reason)
 
     def refresh(self) -> None:
-        """Show what the draft says, and what follows from it."""
-        for place, box in ((_AZIMUTH, self.azimuth_box), (_GRAVITY, self.gravity_box)):
+        """Show the draft and what follows from it."""
+        for place, (box, field) in self._optional.items():
             value = self._draft.value(place)
             if value is not None:
                 self._last[place] = value
-            # A value that is just being typed anew is empty for a moment: its input stays.
-            own = value is not None or self._fields[place[1]].editor.hasFocus()
-            box.show_value(own)
-            self._fields[place[1]].setVisible(own)
+            # An input is empty for a moment while its value is being replaced: it stays.
+            given = value is not None or field.editor.hasFocus()
+            box.show_value(given)
+            field.setVisible(given)
         azimuth = self._draft.value(_AZIMUTH)
         self._compass.show_azimuth(float(azimuth) if isinstance(azimuth, float | int) else None)
-        self._compass_words.setText(
+        self._compass_note.setText(
             self.tr("Body +y at home, seen from above.")
             if azimuth is not None
             else self.tr(
                 "The azimuth is found from the data: levelling and gyrocompassing at the first rest."
             )
         )
-        normal = self._normal()
-        self.normal_label.setText(f"{normal:.5f} m/s²" if normal is not None else "–")
-
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._heading.setText(self.tr("Site"))
-        self._normal_title.setText(self.tr("Normal gravity at this latitude and height (WGS-84)"))
-        self._gravity_words.setText(
-            self.tr(
-                "True gravity differs from it by 50 ppm as a rule. All three accelerometer scale factors carry any "
-                "error of gravity one to one: give a surveyed value where ppm matter. Units whose gyros do not feel "
-                "the earth turn are not calibrated without one: nothing else would show a wrong latitude."
-            )
-        )
-        for box in (self.azimuth_box, self.gravity_box):
-            box.fill()
-        self.refresh()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
+        latitude, height = (self._draft.value(("site", name)) for name in ("latitude_deg", "height_m"))
+        normal = site_advice.normal(latitude, height)
+        self._normal.setText(f"{normal:.5f} m/s²" if normal is not None else "–")
 
     def _choose(self, place: tuple[str, str], given: bool) -> None:
-        """Give a value of one's own, beginning with the last one; or none."""
-        value = None
-        self._fields[place[1]].editor.clearFocus()
-        if given:
-            value = self._last.get(place, _NOWHERE if place == _GRAVITY else 0.0)
-        self._draft.set({place: value})
-
-    def _normal(self) -> float | None:
-        return site_advice.normal(
-            self._draft.value(("site", "latitude_deg")), self._draft.value(("site", "height_m"))
-        )
+        """Give a value, starting from the last one, or none."""
+        self._optional[place][1].editor.clearFocus()
+        self._draft.set({place: self._last[place] if given else None})
 
     def _advice(self) -> dict[str, Any]:
-        given = (self._draft.value(("site", name)) for name in _NAMES)
-        return {found.id: found.values for found in site_advice.advice(*given)}
+        values = (self._draft.value(("site", name)) for name in _NAMES)
+        return {found.id: found.values for found in site_advice.advice(*values)}
 
     def _gravity_advice(self) -> str:
         off = self._advice().get("gravity_off")
@@ -204,23 +155,126 @@ class SiteSection(QWidget):
             "would be off by {ppm:+.0f} ppm."
         ).format(**off)
 
-    def _place_advice(self) -> str:
+    def _position_advice(self) -> str:
         advice = self._advice()
         if "null_island" in advice:
-            return self.tr("Latitude and longitude are both 0: hardly meant.")
+            return self.tr("Latitude and longitude are both 0: probably a mistake.")
         if "azimuth_hopeless" in advice:
             return self.tr("So near a pole no azimuth can be found from the data; give it below.")
         return ""
-
-    def _about_azimuth(self) -> str:
-        given = self._draft.value(_AZIMUTH) is not None
-        return self.tr("Clockwise from true north.") if given else self.tr("Empty: found from the data.")
-
-    def _about_gravity(self) -> str:
-        return "" if self._draft.value(_GRAVITY) is not None else self.tr("Empty: normal gravity.")
 
     def _azimuth_ways(self) -> list[tuple[Any, str]]:
         return [(True, self.tr("given here")), (False, self.tr("found from the data"))]
 
     def _gravity_ways(self) -> list[tuple[Any, str]]:
         return [(False, self.tr("normal gravity, computed")), (True, self.tr("surveyed, given here"))]
+
+
+class _Confirmation(QWidget):
+    """On which computers the site was confirmed, and the button that confirms it; hidden for a virtual bench."""
+
+    def __init__(self, draft: Draft) -> None:
+        super().__init__()
+        self._draft = draft
+        self._text = label(name="site_confirmed_on_message", wrap=True)
+        self.button = button(
+            "confirm_place_button", lambda: self.tr("Confirm: the station is at this site"), self._confirm
+        )
+        column(
+            self._text,
+            (self.button, 0, Qt.AlignmentFlag.AlignLeft),
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        draft.changed.connect(self._show)
+        on_language_change(self, self._show)
+
+    def _show(self) -> None:
+        self.setVisible(self._draft.value(("bench",)) is None)
+        confirmed, here, key = self._confirmed(), this_computer(), self._key()
+        self.button.setVisible(bool(key) and key not in confirmed)
+        kind = "muted"
+        if key in confirmed:
+            text = self.tr("✓ This site was confirmed on this computer ({0}).").format(here)
+        elif confirmed:
+            kind = "caution"
+            text = self.tr(
+                "The confirmed site is “{0}”, not this one on this computer ({1}): no run starts. Check latitude, "
+                "height and gravity, then confirm the site."
+            ).format("; ".join(confirmed), here)
+        else:
+            text = self.tr(
+                "This site has not been confirmed on this computer ({0}). Units whose gyros cannot resolve earth "
+                "rate are calibrated only at a confirmed site, and a confirmed file is refused on another computer."
+            ).format(here)
+        self._text.setText(text)
+        if self._text.property("kind") != kind:
+            theme.set_kind(self._text, kind)
+
+    def _confirmed(self) -> list[str]:
+        value = self._draft.value(_CONFIRMED)
+        return [str(name) for name in value] if isinstance(value, list) else []
+
+    def _key(self) -> str:
+        """The key of a confirmation here, "" while something is wrong with the file."""
+        station = self._draft.model
+        return vouching(station.site) if isinstance(station, StationConfig) else ""
+
+    def _confirm(self) -> None:
+        here = f"{this_computer()}: "
+        others = [key for key in self._confirmed() if not key.startswith(here)]
+        self._draft.set({_CONFIRMED: [*others, self._key()]})
+
+
+class _Compass(QWidget):
+    """North up, with an arrow for body +y, or a question mark if the azimuth is found from the data."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._azimuth: float | None = None
+        self.setFixedSize(QSize(_COMPASS, _COMPASS))
+        self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+
+    def show_azimuth(self, azimuth: float | None) -> None:
+        """Show an azimuth in degrees, None for an unknown one."""
+        self._azimuth = azimuth
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw rose and arrow."""
+        c = theme.colours()
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.translate(self.width() / 2, self.height() / 2)
+        radius = self.width() / 2 - 3 * theme.GRID
+        painter.setPen(QPen(QColor(c.line), 2))
+        painter.drawEllipse(QPointF(0, 0), radius, radius)
+        for step in range(36):
+            length = 10 if step % 9 == 0 else 5
+            painter.drawLine(_polar(radius - length, 10 * step), _polar(radius, 10 * step))
+        painter.setFont(theme.font(bold=True))
+        painter.setPen(QColor(c.muted))
+        for angle, letter in ((0, "N"), (90, "E"), (180, "S"), (270, "W")):
+            at = _polar(radius + 12, angle)
+            painter.drawText(QRectF(at.x() - 12, at.y() - 12, 24, 24), Qt.AlignmentFlag.AlignCenter, letter)
+        if self._azimuth is None:
+            painter.setFont(theme.font(theme.SECTION, bold=True))
+            painter.drawText(QRectF(-20, -20, 40, 40), Qt.AlignmentFlag.AlignCenter, "?")
+            return
+        colour = QColor(theme.AXIS_COLOURS["y"])
+        painter.rotate(self._azimuth)
+        painter.setPen(QPen(colour, 3))
+        tip = -(radius - 16)
+        painter.drawLine(QPointF(0, 0), QPointF(0, tip + 8))
+        painter.setBrush(colour)
+        painter.drawPolygon(QPolygonF([QPointF(0, tip), QPointF(-7, tip + 14), QPointF(7, tip + 14)]))
+        painter.drawEllipse(QPointF(0, 0), 4, 4)
+        painter.translate(16, tip + 18)
+        painter.rotate(-self._azimuth)
+        painter.setPen(QColor(c.text))
+        painter.drawText(QRectF(-14, -12, 28, 24), Qt.AlignmentFlag.AlignCenter, "+y")
+
+
+def _polar(radius: float, angle: float) -> QPointF:
+    """A point at an angle in degrees, clockwise from north."""
+    return QPointF(radius * math.sin(math.radians(angle)), -radius * math.cos(math.radians(angle)))

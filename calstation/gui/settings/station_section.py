@@ -1,198 +1,147 @@
-"""The station itself: its name, its table, the virtual bench's settings, and where its results are handed over."""
+"""The station itself: name, table profile, settings of the virtual bench, and the hand-over folder."""
 
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, Qt
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QFormLayout,
-    QFrame,
-    QHBoxLayout,
-    QLabel,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFileDialog, QFormLayout, QWidget
 
 from calstation.config import library, version_store
 from calstation.config.station import rails_by_hand
 from calstation.gui.settings.drafts import Drafts
-from calstation.gui.settings.fields import Field, Form, Row, at_top, tab_through
+from calstation.gui.settings.fields import Field, Form, Row, panel, set_tab_order
 from calstation.gui.settings.inputs import ChoiceBox, NumberEdit, WordEdit
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.widgets.layout import button, column, enable, label, row
 
 
 class StationSection(QWidget):
-    """What the station file says of itself, and what the file is."""
+    """The station's own values, and a summary of its file."""
 
     def __init__(self, drafts: Drafts) -> None:
         super().__init__()
-        self._drafts, self._draft = drafts, drafts.station
-        self._heading = QLabel()
-        self._heading.setProperty("kind", "section")
-        self._browse = QPushButton()
-        self._browse.setObjectName("handover_browse_button")
-        self._browse.clicked.connect(self._choose_folder)
-        self._bench_fields = [
-            Field(
-                self._draft,
-                ("bench", "seed"),
-                NumberEdit(),
-                lambda: self.tr("Seed of the unit and table"),
-                default=1,
-                hint=lambda: self.tr("Another seed is another unit with other errors."),
-            ),
-            Field(
-                self._draft,
-                ("bench", "speed"),
-                NumberEdit(),
-                lambda: self.tr("Speed"),
-                unit="×",
-                default=0,
-                hint=lambda: self.tr("Multiple of real time; 0 is as fast as this computer can."),
-            ),
-        ]
-        self._form = Form(
-            Field(self._draft, ("name",), WordEdit(), lambda: self.tr("Name, as in every result")),
-            Field(
-                self._draft,
-                ("table", "profile"),
-                ChoiceBox(lambda: [(name, name) for name in library.names("tables")]),
-                lambda: self.tr("Table profile"),
-                hint=lambda: self.tr("Its limits stand under “Table”."),
-            ),
-            Field(
-                self._draft,
-                ("handover", "folder"),
-                WordEdit(),
-                lambda: self.tr("Hand-over folder"),
-                hint=lambda: self.tr(
-                    "Where the factory's own system collects results; empty: beside the runs."
-                ),
-            ),
-            Row(self._browse, str),
-            *self._bench_fields,
+        self._draft = draft = drafts.station
+        name = Field(draft, ("name",), WordEdit(), lambda: self.tr("Name, as in every result"))
+        profile = Field(
+            draft,
+            ("table", "profile"),
+            ChoiceBox(lambda: [(name, name) for name in library.names("tables")]),
+            lambda: self.tr("Table profile"),
+            hint=lambda: self.tr("Its limits are on the page “Table”."),
         )
-        name, profile, folder, *bench = (field.editor for field in self._form.fields)
-        tab_through(name, profile, folder, self._browse, *bench)
-        left = QVBoxLayout()
-        left.setSpacing(theme.GRID)
-        left.addWidget(self._heading)
-        left.addWidget(self._form, 1)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(3 * theme.GRID)
-        row.addLayout(left)
-        row.addWidget(at_top(self._about()), 1)
-        self._draft.changed.connect(self.refresh)
-        self.retranslate()
+        folder = Field(
+            draft,
+            ("handover", "folder"),
+            WordEdit(),
+            lambda: self.tr("Hand-over folder"),
+            hint=lambda: self.tr(
+                "The factory's system collects results here; empty: a folder beside the runs."
+            ),
+        )
+        seed = Field(
+            draft,
+            ("bench", "seed"),
+            NumberEdit(),
+            lambda: self.tr("Seed of the unit and table"),
+            default=1,
+            hint=lambda: self.tr("Another seed gives a unit with other errors."),
+        )
+        speed = Field(
+            draft,
+            ("bench", "speed"),
+            NumberEdit(),
+            lambda: self.tr("Speed"),
+            unit="×",
+            default=0,
+            hint=lambda: self.tr("Multiple of real time; 0 is as fast as this computer can."),
+        )
+        self._bench_fields = (seed, speed)
+        self._browse = button(
+            "handover_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder
+        )
+        self._form = Form(name, profile, folder, Row(self._browse), seed, speed)
+        set_tab_order((name.editor, profile.editor, folder.editor, self._browse, seed.editor, speed.editor))
+        left = column(label(lambda: self.tr("Station"), "section"), (self._form, 1))
+        row(left, (self._about(), 1), on=self, spacing=3 * theme.GRID)
+        draft.changed.connect(self.refresh)
+        on_language_change(self, self.refresh)
 
     def _about(self) -> QWidget:
-        panel = QFrame()
-        panel.setProperty("kind", "panel")
         self.badge = StateBadge(theme.SECTION)
         self.badge.setObjectName("station_kind_badge")
-        self._kind, self._file = QLabel(), QLabel()
-        self._file.setProperty("kind", "muted")
-        self._glance = QFormLayout()
-        self._glance.setHorizontalSpacing(2 * theme.GRID)
-        self._glance.setVerticalSpacing(theme.GRID)
-        self._glance_labels = [(QLabel(), QLabel()) for _ in range(4)]
-        for label, value in self._glance_labels:
-            label.setProperty("kind", "muted")
-            self._glance.addRow(label, value)
-        for label in (self._kind, self._file, *(value for _, value in self._glance_labels)):
-            label.setWordWrap(True)
-            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        column = QVBoxLayout(panel)
-        column.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
-        column.setSpacing(2 * theme.GRID)
-        column.addWidget(self.badge)
-        column.addWidget(self._kind)
-        column.addLayout(self._glance)
-        column.addWidget(self._file)
-        column.addStretch(1)
-        return panel
+        self._kind, self._file = label(wrap=True), label(kind="muted", wrap=True)
+        self._summary = [(label(kind="muted"), label(wrap=True)) for _ in range(4)]
+        lines = QFormLayout()
+        lines.setHorizontalSpacing(2 * theme.GRID)
+        lines.setVerticalSpacing(theme.GRID)
+        for name, value in self._summary:
+            lines.addRow(name, value)
+        for each in (self._kind, self._file, *(value for _, value in self._summary)):
+            each.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        return panel(self.badge, self._kind, lines, self._file, spacing=2 * theme.GRID)
 
     def lock(self, reason: str) -> None:
-        """Forbid changes, with the reason as tooltip; "" allows them."""
+        """Disable changes with the reason as tooltip; "" enables them."""
         self._form.lock(reason)
-        self._browse.setEnabled(not reason)
-        self._browse.setToolTip(reason)
+        enable(self._browse, reason)
 
     def refresh(self) -> None:
-        """Show what the draft says."""
+        """Show the draft."""
         bench = self._draft.value(("bench",)) is not None
         for field in self._bench_fields:
             field.setVisible(bench)
-        if bench:
-            self.badge.show_state("none", self.tr("Virtual bench"))
-            self._kind.setText(
-                self.tr(
-                    "Table and unit are software behind the same protocols as hardware: a whole calibration runs "
-                    "without either. Nothing moves.\n\nFor hardware, press “New from copy” above and copy "
-                    "“example_hardware”."
-                )
-            )
-        else:
-            self.badge.show_state("none", self.tr("Hardware"))
-            self._kind.setText(
-                self.tr("Nothing moves by itself: the operator is guided. Test the IMU before the first run.")
-                if self._by_hand
-                else self.tr("A run moves the table. Test both links before the first one.")
-            )
-        for (label, value), (name, text) in zip(self._glance_labels, self._at_a_glance(), strict=True):
-            label.setText(name)
+        self.badge.show_state("none", self.tr("Virtual bench") if bench else self.tr("Hardware"))
+        self._kind.setText(self._about_kind(bench))
+        for (label_, value), (name, text) in zip(self._summary, self._summary_texts(bench), strict=True):
+            label_.setText(name)
             value.setText(text)
         self._file.setText(self._about_file())
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._heading.setText(self.tr("Station"))
-        self._browse.setText(self.tr("Choose a folder"))
-        self.refresh()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
+    def _about_kind(self, bench: bool) -> str:
+        if bench:
+            return self.tr(
+                "Table and unit are software that speaks the protocols of the hardware: a whole calibration runs "
+                "without either. Nothing moves.\n\nFor hardware, press “New from copy” above and copy "
+                "“example_hardware”."
+            )
+        if self._by_hand:
+            return self.tr(
+                "Nothing moves by itself: the operator is guided. Test the IMU before the first run."
+            )
+        return self.tr("A run moves the table. Test both links before the first one.")
 
     @property
     def _by_hand(self) -> bool:
-        """Whether the table is a rig that hands turn."""
+        """Whether the table is a rig turned by hand."""
         return rails_by_hand(str(self._draft.value(("table", "profile")) or ""))
 
-    def _at_a_glance(self) -> list[tuple[str, str]]:
-        """What the other sections say, in a line each."""
+    def _summary_texts(self, bench: bool) -> list[tuple[str, str]]:
+        """The other sections, in a line each."""
 
         def get(*place: str) -> str:
             value = self._draft.value(place)
             return "–" if value is None else f"{value:g}" if isinstance(value, float | int) else str(value)
 
-        bench = self._draft.value(("bench",)) is not None
         own = self.tr("opened by the bench")
         table = self.tr("turned by hand") if self._by_hand else own if bench else get("table", "port")
-        azimuth = self._draft.value(("site", "azimuth_deg"))
+        position = (
+            f"{get('site', 'latitude_deg')}°, {get('site', 'longitude_deg')}°, {get('site', 'height_m')} m"
+        )
+        if self._draft.value(("site", "azimuth_deg")) is None:
+            azimuth = self.tr("azimuth from the data")
+        else:
+            azimuth = self.tr("azimuth {0}°").format(get("site", "azimuth_deg"))
         gravity = self._draft.value(("site", "gravity_mps2"))
         return [
             (self.tr("Table"), f"{get('table', 'profile')}, {table}"),
             (self.tr("IMU"), own if bench else get("imu", "port")),
-            (
-                self.tr("Place"),
-                f"{get('site', 'latitude_deg')}°, {get('site', 'longitude_deg')}°, {get('site', 'height_m')} m; "
-                + (
-                    self.tr("azimuth from the data")
-                    if azimuth is None
-                    else self.tr("azimuth {0}°").format(get("site", "azimuth_deg"))
-                ),
-            ),
+            (self.tr("Site"), f"{position}; {azimuth}"),
             (self.tr("Gravity"), self.tr("normal") if gravity is None else f"{gravity} m/s²"),
         ]
 
     def _about_file(self) -> str:
-        """Where the file lies, whether it is the site's own, and which version."""
+        """Path, origin and version of the file."""
         draft = self._draft
         if draft.path is None:
             return ""
@@ -209,7 +158,8 @@ class StationSection(QWidget):
         return f"{draft.path}\n{origin}\n{digest}"
 
     def _choose_folder(self) -> None:
-        present = str(self._draft.value(("handover", "folder")) or "")
+        place = ("handover", "folder")
+        present = str(self._draft.value(place) or "")
         folder = QFileDialog.getExistingDirectory(self, self.tr("Hand-over folder"), present)
         if folder:
-            self._draft.set({("handover", "folder"): str(Path(folder))})
+            self._draft.set({place: str(Path(folder))})

@@ -27,10 +27,6 @@
         <translation>地址和端口号</translation>
     </message>
     <message>
-        <source>Wait for an answer</source>
-        <translation>应答等待时间</translation>
-    </message>
-    <message>
         <source>Modbus unit number</source>
         <translation>Modbus 从站号</translation>
     </message>
@@ -67,32 +63,9 @@
         <translation>IMU 连接</translation>
     </message>
     <message>
-        <source>The rails are turned by hand: no link is needed, and there is nothing to set here.</source>
-        <translation>导轨由手转动：不需要连接，这里没有要设置的内容。</translation>
-    </message>
-    <message>
-        <source>This station is the virtual bench: a table and a unit in software, behind the same protocols as hardware. It opens its own ports, so there is nothing to set here.
-
-To connect hardware, press “New from copy” above and copy the station “example_hardware”.</source>
-        <translation>本工位是虚拟台：转台和产品都由软件模拟，通信协议与真实设备相同。端口由虚拟台自行打开，这里无需设置。
-
-要连接真实设备，请点上方的“复制新建”，复制工位“example_hardware”。</translation>
-    </message>
-    <message>
         <source>Look for ports again</source>
+        <extracomment>Common port numbers of Modbus TCP and of a serial server. The last address typed for each kind of connection.</extracomment>
         <translation>重新查找端口</translation>
-    </message>
-    <message>
-        <source>Not among the ports found now.</source>
-        <translation>当前未找到此端口。</translation>
-    </message>
-    <message>
-        <source>As the table profile says.</source>
-        <translation>按转台配置文件。</translation>
-    </message>
-    <message>
-        <source>As the profile says.</source>
-        <translation>按配置文件。</translation>
     </message>
     <message>
         <source>network (TCP)</source>
@@ -113,6 +86,34 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <message>
         <source>serial line</source>
         <translation>串口</translation>
+    </message>
+    <message>
+        <source>Response timeout</source>
+        <translation>应答超时</translation>
+    </message>
+    <message>
+        <source>As in the profile.</source>
+        <translation>按配置文件。</translation>
+    </message>
+    <message>
+        <source>As in the table profile.</source>
+        <translation>按转台配置文件。</translation>
+    </message>
+    <message>
+        <source>The rig is turned by hand: it needs no link and there is nothing to set here.</source>
+        <translation>工装由手转动：不需要连接，这里没有要设置的内容。</translation>
+    </message>
+    <message>
+        <source>This station is the virtual bench: a table and a unit in software that speak the protocols of the hardware. It opens its own ports, so there is nothing to set here.
+
+To connect hardware, press “New from copy” above and copy the station “example_hardware”.</source>
+        <translation>本工位是虚拟台：转台和产品都由软件模拟，通信协议与真实设备相同。端口由虚拟台自行打开，这里无需设置。
+
+要连接真实设备，请点上方的“复制新建”，复制工位“example_hardware”。</translation>
+    </message>
+    <message>
+        <source>This port is not present now.</source>
+        <translation>当前未找到此端口。</translation>
     </message>
     <message>
         <source>serial server (TCP)</source>
@@ -217,6 +218,10 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>标定记录文件夹</translation>
     </message>
     <message>
+        <source>Required for everything that changes results. Stored only as a salted hash.</source>
+        <translation>凡影响标定结果的设置都要此密码。仅保存加盐散列值。</translation>
+    </message>
+    <message>
         <source>New PIN</source>
         <translation>新密码</translation>
     </message>
@@ -235,10 +240,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <message>
         <source>The engineer&apos;s PIN</source>
         <translation>工程师密码</translation>
-    </message>
-    <message>
-        <source>It opens whatever changes results. Kept as a salted hash; nobody can read it back.</source>
-        <translation>凡影响标定结果的设置都由它解锁。仅保存加盐散列值，无法反查。</translation>
     </message>
     <message>
         <source>Choose a folder</source>
@@ -278,25 +279,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
 </context>
 <context>
-    <name>PlaceConfirmation</name>
-    <message>
-        <source>✓ This place was confirmed at this computer ({0}).</source>
-        <translation>✓ 已在本机（{0}）确认站址。</translation>
-    </message>
-    <message>
-        <source>Confirmed was “{0}”, not this place at this computer ({1}): no run starts. Make sure of latitude, height and gravity, then confirm it.</source>
-        <translation>已确认的是“{0}”，而不是本机（{1}）上的这一站址：标定无法开始。请核实纬度、高度和重力，再确认。</translation>
-    </message>
-    <message>
-        <source>Nobody has confirmed this place at this computer ({0}) yet. Units whose gyros do not feel the earth turn are calibrated only where somebody has; and a file that was confirmed is refused when it is taken to another computer.</source>
-        <translation>本机（{0}）上尚无人确认站址。陀螺感受不到地球自转的产品，须先确认才能标定；确认过的文件拿到别的计算机上会被拒绝。</translation>
-    </message>
-    <message>
-        <source>The station stands here</source>
-        <translation>确认：工位就在此处</translation>
-    </message>
-</context>
-<context>
     <name>PortBox</name>
     <message>
         <source>choose or type a port</source>
@@ -312,10 +294,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <message>
         <source>New from copy</source>
         <translation>复制新建</translation>
-    </message>
-    <message>
-        <source>Readable</source>
-        <translation>摘要</translation>
     </message>
     <message>
         <source>Text</source>
@@ -358,11 +336,11 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>版本 {0}</translation>
     </message>
     <message>
-        <source>the text in hand</source>
+        <source>the present text</source>
         <translation>当前文本</translation>
     </message>
     <message>
-        <source>The text in hand is the same as {0}.</source>
+        <source>The present text is the same as {0}.</source>
         <translation>当前文本与{0}相同。</translation>
     </message>
     <message>
@@ -386,6 +364,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
     </message>
     <message>
         <source>Latitude</source>
+        <extracomment>Gravity in m/s² shown until the surveyed value is typed: it occurs nowhere, so no run starts with it. The last azimuth and gravity given.</extracomment>
         <translation>纬度</translation>
     </message>
     <message>
@@ -409,12 +388,20 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>每差 10 m：重力差 3 ppm。</translation>
     </message>
     <message>
+        <source>True gravity usually differs from it by about 50 ppm. An error of gravity enters all three accelerometer scale factors one to one: give a surveyed value where ppm matter. Units whose gyros cannot resolve earth rate are not calibrated without one: nothing else would reveal a wrong latitude.</source>
+        <translation>实际重力与之通常相差约 50 ppm。重力的误差会一比一地进入三个加表刻度系数：要求到 ppm 时请填写实测值。陀螺分辨不出地球自转的产品没有实测值就不能标定：否则纬度填错无从发现。</translation>
+    </message>
+    <message>
         <source>Body +y at home, seen from above.</source>
         <translation>零位时载体 +y 轴的指向（俯视）。</translation>
     </message>
     <message>
         <source>The azimuth is found from the data: levelling and gyrocompassing at the first rest.</source>
         <translation>方位角由数据求出：在首次静止时调平并陀螺寻北。</translation>
+    </message>
+    <message>
+        <source>Latitude and longitude are both 0: probably a mistake.</source>
+        <translation>纬度和经度都是 0，多半是误填。</translation>
     </message>
     <message>
         <source>Site</source>
@@ -425,16 +412,8 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>此纬度和高度的正常重力（WGS-84）</translation>
     </message>
     <message>
-        <source>True gravity differs from it by 50 ppm as a rule. All three accelerometer scale factors carry any error of gravity one to one: give a surveyed value where ppm matter. Units whose gyros do not feel the earth turn are not calibrated without one: nothing else would show a wrong latitude.</source>
-        <translation>实际重力与之通常相差约 50 ppm。重力的误差会一比一地进入三个加表刻度系数：要求到 ppm 时请填写实测值。陀螺感受不到地球自转的产品没有实测值就不能标定：否则纬度填错无从发现。</translation>
-    </message>
-    <message>
         <source>{percent:+.2f} % from normal gravity: no run starts with it. All three accelerometer scale factors would be off by {ppm:+.0f} ppm.</source>
         <translation>与正常重力相差 {percent:+.2f} %：用此值不能开始标定。三个加表刻度系数都会偏 {ppm:+.0f} ppm。</translation>
-    </message>
-    <message>
-        <source>Latitude and longitude are both 0: hardly meant.</source>
-        <translation>纬度和经度都是 0，多半是误填。</translation>
     </message>
     <message>
         <source>So near a pole no azimuth can be found from the data; give it below.</source>
@@ -443,14 +422,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <message>
         <source>Clockwise from true north.</source>
         <translation>自真北顺时针。</translation>
-    </message>
-    <message>
-        <source>Empty: found from the data.</source>
-        <translation>留空：由数据求出。</translation>
-    </message>
-    <message>
-        <source>Empty: normal gravity.</source>
-        <translation>留空：取正常重力。</translation>
     </message>
     <message>
         <source>given here</source>
@@ -473,6 +444,7 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <name>StationPage</name>
     <message>
         <source>Station</source>
+        <extracomment>Entries of the station file in each of the first sections. Names of the files saved last, until something is typed again.</extracomment>
         <translation>工位</translation>
     </message>
     <message>
@@ -524,6 +496,10 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>放弃</translation>
     </message>
     <message>
+        <source>A run is going on; changes can be saved when it has ended.</source>
+        <translation>正在标定，结束后可保存所作修改。</translation>
+    </message>
+    <message>
         <source>Link to the table</source>
         <translation>转台连接</translation>
     </message>
@@ -552,10 +528,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>只有工程师可以修改：请点右上角的锁。</translation>
     </message>
     <message>
-        <source>A run is going on; what is typed can be saved when it has ended.</source>
-        <translation>正在标定，结束后可保存所作修改。</translation>
-    </message>
-    <message>
         <source>{0} (virtual bench)</source>
         <translation>{0}（虚拟台）</translation>
     </message>
@@ -565,10 +537,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <message>
         <source>Seed of the unit and table</source>
         <translation>产品与转台的随机种子</translation>
-    </message>
-    <message>
-        <source>Another seed is another unit with other errors.</source>
-        <translation>换一个种子就是另一台误差不同的产品。</translation>
     </message>
     <message>
         <source>Speed</source>
@@ -587,28 +555,12 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>转台配置文件</translation>
     </message>
     <message>
-        <source>Its limits stand under “Table”.</source>
-        <translation>其限值见“转台”。</translation>
-    </message>
-    <message>
         <source>Hand-over folder</source>
         <translation>结果交付文件夹</translation>
     </message>
     <message>
-        <source>Where the factory&apos;s own system collects results; empty: beside the runs.</source>
-        <translation>工厂系统从这里取结果；留空则放在标定记录旁边。</translation>
-    </message>
-    <message>
         <source>Virtual bench</source>
         <translation>虚拟台</translation>
-    </message>
-    <message>
-        <source>Table and unit are software behind the same protocols as hardware: a whole calibration runs without either. Nothing moves.
-
-For hardware, press “New from copy” above and copy “example_hardware”.</source>
-        <translation>转台和产品都由软件模拟，通信协议与真实设备相同：没有设备也能完成全部标定，不会有任何运动。
-
-要连接真实设备，请点上方的“复制新建”，复制“example_hardware”。</translation>
     </message>
     <message>
         <source>Hardware</source>
@@ -616,7 +568,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     </message>
     <message>
         <source>Nothing moves by itself: the operator is guided. Test the IMU before the first run.</source>
-        <translation>没有会自己动的部件：操作员按提示转动。首次运行前请测试惯组。</translation>
+        <translation>没有会自己动的部件：操作员按提示转动。首次运行前请测试IMU。</translation>
     </message>
     <message>
         <source>A run moves the table. Test both links before the first one.</source>
@@ -627,8 +579,28 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>工位</translation>
     </message>
     <message>
+        <source>Its limits are on the page “Table”.</source>
+        <translation>其限值见“转台”。</translation>
+    </message>
+    <message>
+        <source>The factory&apos;s system collects results here; empty: a folder beside the runs.</source>
+        <translation>工厂系统从这里取结果；留空则放在标定记录旁边。</translation>
+    </message>
+    <message>
+        <source>Another seed gives a unit with other errors.</source>
+        <translation>换一个种子就是另一台误差不同的产品。</translation>
+    </message>
+    <message>
         <source>Choose a folder</source>
         <translation>选择文件夹</translation>
+    </message>
+    <message>
+        <source>Table and unit are software that speaks the protocols of the hardware: a whole calibration runs without either. Nothing moves.
+
+For hardware, press “New from copy” above and copy “example_hardware”.</source>
+        <translation>转台和产品都由软件模拟，通信协议与真实设备相同：没有设备也能完成全部标定，设备不会实际运动。
+
+要连接真实设备，请点上方的“复制新建”，复制“example_hardware”。</translation>
     </message>
     <message>
         <source>opened by the bench</source>
@@ -647,16 +619,16 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>IMU</translation>
     </message>
     <message>
-        <source>Place</source>
-        <translation>地点</translation>
-    </message>
-    <message>
         <source>azimuth from the data</source>
         <translation>方位角由数据求出</translation>
     </message>
     <message>
         <source>azimuth {0}°</source>
         <translation>方位角 {0}°</translation>
+    </message>
+    <message>
+        <source>Site</source>
+        <translation>站址</translation>
     </message>
     <message>
         <source>Gravity</source>
@@ -687,11 +659,11 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <name>TableSection</name>
     <message>
         <source>Outer axis in the body, at home</source>
-        <translation>外轴方向（零位，载体系）</translation>
+        <translation>外框方向（零位，载体系）</translation>
     </message>
     <message>
         <source>Inner axis in the body, at home</source>
-        <translation>内轴方向（零位，载体系）</translation>
+        <translation>内框方向（零位，载体系）</translation>
     </message>
     <message>
         <source>Encoder, sigma</source>
@@ -714,36 +686,16 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>速度，1σ</translation>
     </message>
     <message>
-        <source>What rest and known motion are worth; a shaking floor makes it larger.</source>
-        <translation>静止和已知运动的可信程度；地面振动大则取大。</translation>
-    </message>
-    <message>
-        <source>One such value every</source>
-        <translation>速度观测间隔</translation>
-    </message>
-    <message>
-        <source>Age of a polled angle</source>
-        <translation>角度读数的延迟</translation>
-    </message>
-    <message>
-        <source>Beyond the middle between request and answer.</source>
-        <translation>自请求与应答的中点算起。</translation>
-    </message>
-    <message>
-        <source>Its scatter, sigma</source>
-        <translation>延迟的离散，1σ</translation>
-    </message>
-    <message>
         <source>Lever arm from the centre</source>
         <translation>相对回转中心的杆臂</translation>
     </message>
     <message>
         <source>Outer</source>
-        <translation>外轴</translation>
+        <translation>外框</translation>
     </message>
     <message>
         <source>Inner</source>
-        <translation>内轴</translation>
+        <translation>内框</translation>
     </message>
     <message>
         <source>From the table profile “{0}”. Changes hold for every station with this profile.</source>
@@ -751,19 +703,20 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     </message>
     <message>
         <source>Table</source>
+        <extracomment>Heights of a joint&apos;s row and of its bar, and the width of its name, px. Distances that the scale&apos;s marks may have, degrees.</extracomment>
         <translation>转台</translation>
     </message>
     <message>
-        <source>What its angles and its rest are worth</source>
-        <translation>角度与静止的精度</translation>
+        <source>Accuracy</source>
+        <translation>精度</translation>
     </message>
     <message>
         <source>Outer axis</source>
-        <translation>外轴</translation>
+        <translation>外框</translation>
     </message>
     <message>
         <source>Inner axis</source>
-        <translation>内轴</translation>
+        <translation>内框</translation>
     </message>
     <message>
         <source>Lowest angle</source>
@@ -782,6 +735,26 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>最大角加速度</translation>
     </message>
     <message>
+        <source>Of the velocity at rest and in known motion; larger on a vibrating floor.</source>
+        <translation>静止和已知运动时的速度误差；地面振动大则取大。</translation>
+    </message>
+    <message>
+        <source>Interval of velocity observations</source>
+        <translation>速度观测间隔</translation>
+    </message>
+    <message>
+        <source>Latency of a polled angle</source>
+        <translation>角度读数的延迟</translation>
+    </message>
+    <message>
+        <source>From the middle between request and answer.</source>
+        <translation>自请求与应答的中点算起。</translation>
+    </message>
+    <message>
+        <source>Jitter of the latency, sigma</source>
+        <translation>延迟抖动，1σ</translation>
+    </message>
+    <message>
         <source>found by the calibration</source>
         <translation>由标定求出</translation>
     </message>
@@ -792,6 +765,14 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
 </context>
 <context>
     <name>TestPanel</name>
+    <message>
+        <source>Not tested with these settings. The findings of a test are shown here.</source>
+        <translation>当前设置尚未测试。测试结果将显示在这里。</translation>
+    </message>
+    <message>
+        <source>Opens the link as typed, saved or not, identifies the device and checks its data. Nothing moves and no calibration is written.</source>
+        <translation>按当前填写的设置（无论是否已保存）打开连接，识别设备并检查其数据。设备不会运动，也不写入标定数据。</translation>
+    </message>
     <message>
         <source>A run is going on; test when it has ended.</source>
         <translation>正在标定，结束后再测试。</translation>
@@ -809,15 +790,16 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>请先改正标出的项。</translation>
     </message>
     <message>
+        <source>Not ready: correct what is marked</source>
+        <translation>不可用：请处理标出的项</translation>
+    </message>
+    <message>
         <source>Connection test</source>
         <translation>连接测试</translation>
     </message>
     <message>
-        <source>Opens the link as typed, saved or not, asks who is there and listens. Nothing moves and no calibration is written.</source>
-        <translation>按当前填写的设置（无论是否已保存）打开连接，询问对方并监听。不会运动，也不写入标定数据。</translation>
-    </message>
-    <message>
         <source>Expected: the IMU of product</source>
+        <extracomment>Findings after which a reset of the table is offered. The settings that were tested.</extracomment>
         <translation>按此产品的 IMU 核对</translation>
     </message>
     <message>
@@ -829,20 +811,12 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>测试 IMU</translation>
     </message>
     <message>
-        <source>Not tested as it is set now. What a test finds will stand here.</source>
-        <translation>当前设置尚未测试。测试结果将显示在这里。</translation>
-    </message>
-    <message>
         <source>The link works</source>
         <translation>连接正常</translation>
     </message>
     <message>
         <source>The link works, but a run would not start like this</source>
         <translation>连接正常，但此状态下不能开始标定</translation>
-    </message>
-    <message>
-        <source>Not ready: mend what is marked</source>
-        <translation>不可用：请处理标出的项</translation>
     </message>
     <message>
         <source>The test could not be made</source>
@@ -879,16 +853,16 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>比较</translation>
     </message>
     <message>
-        <source>Take back</source>
+        <source>Restore</source>
         <translation>恢复</translation>
+    </message>
+    <message>
+        <source>  ·  current</source>
+        <translation>  ·  当前</translation>
     </message>
     <message>
         <source>found, not saved here</source>
         <translation>原有文件，非在此保存</translation>
-    </message>
-    <message>
-        <source>  ·  in force</source>
-        <translation>  ·  当前</translation>
     </message>
     <message>
         <source>Choose a version in the list.</source>
@@ -897,6 +871,25 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Puts its text into the editor; saving makes it a new version.</source>
         <translation>把该版本放回编辑器；保存后成为新版本。</translation>
+    </message>
+</context>
+<context>
+    <name>_Confirmation</name>
+    <message>
+        <source>Confirm: the station is at this site</source>
+        <translation>确认：工位就在此处</translation>
+    </message>
+    <message>
+        <source>✓ This site was confirmed on this computer ({0}).</source>
+        <translation>✓ 已在本机（{0}）确认站址。</translation>
+    </message>
+    <message>
+        <source>The confirmed site is “{0}”, not this one on this computer ({1}): no run starts. Check latitude, height and gravity, then confirm the site.</source>
+        <translation>已确认的是“{0}”，而不是本机（{1}）上的这一站址：标定无法开始。请核实纬度、高度和重力，再确认。</translation>
+    </message>
+    <message>
+        <source>This site has not been confirmed on this computer ({0}). Units whose gyros cannot resolve earth rate are calibrated only at a confirmed site, and a confirmed file is refused on another computer.</source>
+        <translation>本机（{0}）上尚未确认站址。陀螺分辨不出地球自转的产品，须先确认站址才能标定；确认过的文件换到别的计算机上会被拒绝。</translation>
     </message>
 </context>
 <context>
@@ -1239,7 +1232,7 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     </message>
     <message>
         <source>Outer {outer:.3f}°, inner {inner:.3f}°.</source>
-        <translation>外轴 {outer:.3f}°，内轴 {inner:.3f}°。</translation>
+        <translation>外框 {outer:.3f}°，内框 {inner:.3f}°。</translation>
     </message>
     <message>
         <source>The table is moving, though nothing here has asked it to.</source>
@@ -1619,249 +1612,8 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     </message>
     <message>
         <source>nothing</source>
+        <extracomment>Findings whose mend is another one behind a serial server, which has the baud in settings of its own. What is told beside what is wrong, with a mend of its own. Every finding&apos;s sentence and mend.</extracomment>
         <translation>无</translation>
-    </message>
-</context>
-<context>
-    <name>station_problem</name>
-    <message>
-        <source>Missing; fill it in.</source>
-        <translation>缺少此项，请填写。</translation>
-    </message>
-    <message>
-        <source>Out of range; it must be greater than {gt:g}.</source>
-        <translation>超出范围，须大于 {gt:g}。</translation>
-    </message>
-    <message>
-        <source>Out of range; it must be at least {ge:g}.</source>
-        <translation>超出范围，不得小于 {ge:g}。</translation>
-    </message>
-    <message>
-        <source>Out of range; it must be less than {lt:g}.</source>
-        <translation>超出范围，须小于 {lt:g}。</translation>
-    </message>
-    <message>
-        <source>Out of range; it must be at most {le:g}.</source>
-        <translation>超出范围，不得大于 {le:g}。</translation>
-    </message>
-    <message>
-        <source>Not a number; type one like 12.5.</source>
-        <translation>不是数字，请输入如 12.5 的数。</translation>
-    </message>
-    <message>
-        <source>Not a whole number; type one like 12.</source>
-        <translation>不是整数，请输入如 12 的整数。</translation>
-    </message>
-    <message>
-        <source>Not a finite number; type one like 12.5.</source>
-        <translation>不是有限的数，请输入如 12.5 的数。</translation>
-    </message>
-    <message>
-        <source>Unknown; it must be {expected}.</source>
-        <translation>无此选项，须为 {expected}。</translation>
-    </message>
-    <message>
-        <source>“{value}” does not exist; choose from: {known}.</source>
-        <translation>“{value}”不存在，可选：{known}。</translation>
-    </message>
-    <message>
-        <source>The lowest angle must lie below the highest.</source>
-        <translation>最小角度须小于最大角度。</translation>
-    </message>
-    <message>
-        <source>Give a unit vector: its squares add up to 1.</source>
-        <translation>请填写单位向量：各分量平方和为 1。</translation>
-    </message>
-    <message>
-        <source>Write tcp://host:port, or socket://host:port for a serial server; port 1 to 65535.</source>
-        <translation>请写成 tcp://主机:端口，串口服务器写成 socket://主机:端口；端口号 1 至 65535。</translation>
-    </message>
-    <message>
-        <source>Write socket://host:port for a serial server; port 1 to 65535.</source>
-        <translation>串口服务器请写成 socket://主机:端口；端口号 1 至 65535。</translation>
-    </message>
-    <message>
-        <source>Outer and inner axis are less than 60° apart; correct one of them.</source>
-        <translation>外轴与内轴夹角不足 60°，请改正其一。</translation>
-    </message>
-</context>
-<context>
-    <name>station_readable</name>
-    <message>
-        <source>Name</source>
-        <translation>名称</translation>
-    </message>
-    <message>
-        <source>IMU profile</source>
-        <translation>IMU 配置文件</translation>
-    </message>
-    <message>
-        <source>Serial number (pattern)</source>
-        <translation>序列号（格式）</translation>
-    </message>
-    <message>
-        <source>Stages</source>
-        <translation>阶段</translation>
-    </message>
-    <message>
-        <source>Warm-up</source>
-        <translation>预热</translation>
-    </message>
-    <message>
-        <source>Load angle</source>
-        <translation>装卸角</translation>
-    </message>
-    <message>
-        <source>A missed limit</source>
-        <translation>某项超限时</translation>
-    </message>
-    <message>
-        <source>ends the run early</source>
-        <translation>提前结束本次标定</translation>
-    </message>
-    <message>
-        <source>lets the other stages go on</source>
-        <translation>其余阶段照常进行</translation>
-    </message>
-    <message>
-        <source>Unit type</source>
-        <translation>产品型号</translation>
-    </message>
-    <message>
-        <source>Schedule: {0}</source>
-        <translation>流程参数：{0}</translation>
-    </message>
-    <message>
-        <source>Limits</source>
-        <translation>合格限</translation>
-    </message>
-    <message>
-        <source>before the unit&apos;s registers</source>
-        <translation>取自标定寄存器之前</translation>
-    </message>
-    <message>
-        <source>behind the unit&apos;s registers</source>
-        <translation>取自标定寄存器之后</translation>
-    </message>
-    <message>
-        <source>Unit</source>
-        <translation>产品</translation>
-    </message>
-    <message>
-        <source>Model name contains</source>
-        <translation>型号名称须含</translation>
-    </message>
-    <message>
-        <source>Serial line</source>
-        <translation>串口参数</translation>
-    </message>
-    <message>
-        <source>Stream</source>
-        <translation>数据流</translation>
-    </message>
-    <message>
-        <source>Sample rate</source>
-        <translation>采样率</translation>
-    </message>
-    <message>
-        <source>A sample is</source>
-        <translation>每个样本为</translation>
-    </message>
-    <message>
-        <source>an increment</source>
-        <translation>增量</translation>
-    </message>
-    <message>
-        <source>a mean rate</source>
-        <translation>平均速率</translation>
-    </message>
-    <message>
-        <source>Gyro, per count</source>
-        <translation>陀螺，每个数</translation>
-    </message>
-    <message>
-        <source>Accelerometer, per count</source>
-        <translation>加表，每个数</translation>
-    </message>
-    <message>
-        <source>Taken</source>
-        <translation>取数位置</translation>
-    </message>
-    <message>
-        <source>Noise</source>
-        <translation>噪声</translation>
-    </message>
-    <message>
-        <source>Angle random walk</source>
-        <translation>角度随机游走</translation>
-    </message>
-    <message>
-        <source>Velocity random walk</source>
-        <translation>速度随机游走</translation>
-    </message>
-    <message>
-        <source>Gyro bias instability</source>
-        <translation>陀螺零偏不稳定性</translation>
-    </message>
-    <message>
-        <source>Accelerometer bias instability</source>
-        <translation>加表零偏不稳定性</translation>
-    </message>
-    <message>
-        <source>Frame</source>
-        <translation>数据帧</translation>
-    </message>
-    <message>
-        <source>Begins with</source>
-        <translation>帧头</translation>
-    </message>
-    <message>
-        <source>Fields</source>
-        <translation>字段</translation>
-    </message>
-    <message>
-        <source>Size</source>
-        <translation>长度</translation>
-    </message>
-    <message>
-        <source>Check</source>
-        <translation>校验</translation>
-    </message>
-    <message>
-        <source>Calibration registers</source>
-        <translation>标定寄存器</translation>
-    </message>
-    <message>
-        <source>Known of any unit beforehand (one sigma)</source>
-        <translation>标定前已知的范围（1σ）</translation>
-    </message>
-    <message>
-        <source>{0} bytes</source>
-        <translation>{0} 字节</translation>
-    </message>
-    <message>
-        <source>{0} bytes and more</source>
-        <translation>至少 {0} 字节</translation>
-    </message>
-    <message>
-        <source>{0}, page {1}</source>
-        <translation>{0}，第 {1} 页</translation>
-    </message>
-    <message>
-        <source>General</source>
-        <translation>概要</translation>
-    </message>
-    <message>
-        <source>yes</source>
-        <translation>是</translation>
-    </message>
-    <message>
-        <source>no</source>
-        <translation>否</translation>
-    </message>
-    <message>
-        <source>σ ≤ {0} after “{1}” alone</source>
-        <translation>仅做“{1}”后 σ ≤ {0}</translation>
     </message>
 </context>
 </TS>
