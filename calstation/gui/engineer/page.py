@@ -304,7 +304,11 @@ class EngineerPage(Page):
 
     def _allow(self) -> None:
         running = self.app.engine_link.running
-        busy = say("window.busy_registers" if self.app.run.errand else "window.busy_run") if running else ""
+        busy = (
+            say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
+            if running
+            else ""
+        )
         role = (
             ""
             if self.app.role.engineer

@@ -111,7 +111,7 @@ class RegisterController(QObject):
 
     def _hear(self, event: Event) -> None:
         """How the write in hand gets on, and how it ended."""
-        if self._errand is None or self._app.engine_link.errand is not self._errand:
+        if self._errand is None or self._app.engine_link.operation is not self._errand:
             return
         if isinstance(event, Message):
             key, values = event.id, event.values

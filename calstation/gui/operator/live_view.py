@@ -74,8 +74,8 @@ class Preparation(QFrame):
         """Follow the run."""
         if self._run.state == "starting":
             self._at = 0
-        elif self._run.said is not None:
-            said = _SAME.get(self._run.said[1], self._run.said[1])
+        elif self._run.latest is not None:
+            said = _SAME.get(self._run.latest[1], self._run.latest[1])
             self._at = _STEPS.index(said) if said in _STEPS else len(_STEPS) if said == _DONE else self._at
         if self._carried != self._shown_carried:
             self.retranslate()
@@ -181,7 +181,7 @@ class LiveView(QWidget):
         """What belongs to where the run stands."""
         run = self._run
         carried = run.run_summary is not None and run.run_summary.by_hand
-        begun = any(stage.state != "waiting" for stage in run.stages) and not run.errand
+        begun = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
         self._lower.setCurrentIndex(1 if begun else 0)
         self.table.setVisible(not carried)
         self.position.setVisible(carried and begun)

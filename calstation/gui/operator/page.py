@@ -319,12 +319,12 @@ class OperatorPage(Page):
             "caution",
             lambda: (
                 self.tr("Registers are being written")
-                if self.app.run.errand
+                if self.app.run.register_operation
                 else self.tr("A calibration is going on")
             ),
             lambda: (
                 self.tr("Closing stops the table safely; a write in hand is brought to its end first.")
-                if self.app.run.errand
+                if self.app.run.register_operation
                 else self.tr("Closing stops the table safely; the run can be continued later.")
             ),
             [
@@ -338,7 +338,9 @@ class OperatorPage(Page):
     def _refresh(self) -> None:
         run, fields = self.app.run, self._fields
         busy = self.app.engine_link.running
-        fields.set_running(say("window.busy_registers" if run.errand else "window.busy_run") if busy else "")
+        fields.set_running(
+            say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
+        )
         fields.set_start(self._why_no_start())
         fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
         self._badge.show_state(KINDS.get(run.shown, "none"), term("badge", run.shown))
@@ -370,12 +372,15 @@ class OperatorPage(Page):
         if run.fault is not None:
             return self.tr("Read the fault and press Understood first.")
         if self.app.engine_link.running:
-            return say("window.busy_registers" if run.errand else "window.busy_run")
+            return self._why_busy()
         return ""
+
+    def _why_busy(self) -> str:
+        return say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
 
     def _why_no_pause(self) -> str:
         return {
-            "running": self.tr("Registers are being written.") if self.app.run.errand else "",
+            "running": self.tr("Registers are being written.") if self.app.run.register_operation else "",
             "paused": "",
             "pausing": self.tr("The table is coming to rest."),
             "starting": self.tr("The run can be paused once its first stage has begun."),
@@ -401,9 +406,9 @@ class OperatorPage(Page):
             return self.tr("Paused; the table is at rest. Resume repeats the step in hand.")
         if not run.going:
             return self._verdict.next_action()
-        if run.said is None:
+        if run.latest is None:
             return ""
-        what, key, values = run.said
+        what, key, values = run.latest
         return event_sentence(key, values) if what == "message" else step_sentence(key, values)
 
 

@@ -13,16 +13,19 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 
-#: Between two chances to hear Ctrl-C, ms.
-_HEAR_EVERY = 200
+#: Interval at which Python gets to run its signal handlers, ms.
+_SIGNAL_INTERVAL = 200
 
 
 def create_window(station: Path | None = None) -> QMainWindow:
-    """The main window for a station file, the virtual bench by default; makes the QApplication where there is none."""
+    """Create the main window for a station file, by default the last station or the virtual bench.
+
+    Creates the QApplication if there is none.
+    """
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("calstation")
-    if not app.styleSheet():  # else it is dressed already, and dressing every widget anew takes long
+    if not app.styleSheet():  # setting the style again would polish every widget, which takes long
         app.setStyle("Fusion")
     app.setFont(theme.font())
     context = AppContext(station)
@@ -37,8 +40,8 @@ def main(station: Path | None = None) -> int:
     window = create_window(station)
     assert isinstance(window, MainWindow)
     signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
-    hearing = QTimer(window)  # Python hears signals only between its own lines
-    hearing.timeout.connect(lambda: None)
-    hearing.start(_HEAR_EVERY)
+    signal_timer = QTimer(window)
+    signal_timer.timeout.connect(lambda: None)
+    signal_timer.start(_SIGNAL_INTERVAL)
     window.show()
     return QApplication.exec()

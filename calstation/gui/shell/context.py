@@ -1,6 +1,5 @@
-"""What every page is given: the workshop, the engine, the role, the settings and where things lie."""
+"""What all pages of a window share."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,19 +16,19 @@ from calstation.jobs.queue import JobQueue
 
 
 class AppContext(QObject):
-    """Shared by all pages of a window.
+    """Shared state of a window.
 
     Attributes
     ----------
-    workshop : where slow work is done, in a process of its own
-    engine_link : starts runs and tells their events
-    run : where the run stands
+    job_queue : background jobs, in a process of their own
+    engine_link : starts runs and emits their events
+    run : status of the run
     role : operator or engineer
     settings : language, theme, recent files; nothing that changes a result
-    station_path : the station file, None for the default, the virtual bench
+    station_path : the station file; None for the default, the virtual bench
     product_path : the product file chosen on the operator page
-    stages, schedule : what an engineer chose to run in place of the product's; None for all of it as it stands
-    runs_folder : where logs and results go and history looks
+    stages, schedule : an engineer's choice in place of the product's stages and schedule; None for the product's
+    runs_folder : folder of logs and results
     """
 
     station_changed = Signal()
@@ -68,39 +67,34 @@ class AppContext(QObject):
     def choose(
         self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None
     ) -> None:
-        """Run these stages with these departures from the product's schedule from now on; None for the product's."""
+        """Run these stages with these changes to the product's schedule from now on; None for the product's."""
         if (stages, schedule) != (self.stages, self.schedule):
             self.stages, self.schedule = stages, schedule
             self.choice_changed.emit()
 
     def set_runs_folder(self, folder: Path) -> None:
-        """Put the logs and results of new runs elsewhere; the history looks there too."""
+        """Use another folder for logs and results."""
         self.runs_folder = folder
         self.settings.setValue("runs_folder", str(folder))
         self.runs_folder_changed.emit()
 
     def set_theme(self, name: str) -> None:
-        """Change between light and dark."""
+        """Switch between light and dark."""
         theme.apply(name)
         self.settings.setValue("theme", theme.current())
         self.theme_changed.emit()
 
     def set_language(self, code: str) -> None:
-        """Speak another language."""
+        """Switch to another language."""
         language.use(code)
         self.settings.setValue("language", language.current())
 
-    def _last_station(self) -> Path | None:
-        """The station chosen last on its page, where it still exists."""
-        name = str(self.settings.value("station", ""))
-        return library.find("stations", name) if name in library.names("stations") else None
-
     def close(self) -> None:
-        """End what runs beside the window; a run that is still going stops safely."""
+        """End the processes beside the window; a run in progress stops safely."""
         self.engine_link.close()
         self.job_queue.close()
 
-
-def _runs_folder() -> Path:
-    """`runs` where the window was started, as in the terminal; in the site's folder where nothing can be written."""
-    return Path("runs") if os.access(Path.cwd(), os.W_OK) else library.site_folder() / "runs"
+    def _last_station(self) -> Path | None:
+        """The station chosen last on the station page, if it still exists."""
+        name = str(self.settings.value("station", ""))
+        return library.find("stations", name) if name in library.names("stations") else None

@@ -1,4 +1,4 @@
-"""What the main window asks of a page: its title, and a header beside STOP where it wants one."""
+"""Base class of the pages of the window."""
 
 from collections.abc import Callable
 
@@ -9,10 +9,10 @@ from calstation.gui.shell.context import AppContext
 
 
 class Page(QWidget):
-    """One page of the window.
+    """A page of the window.
 
-    A page is laid out below a strip that the main window draws on every page, with STOP at its right end.
-    `header` stands at the left of that strip; without one, the strip shows how the run is doing.
+    The main window draws a strip at the top of every page, with STOP at its right end. `header` stands at the left of
+    the strip; without one the strip shows the progress of the run.
     """
 
     header: QWidget | None = None
@@ -22,18 +22,18 @@ class Page(QWidget):
         self.app = app
 
     def title(self) -> str:
-        """The page's name on its tab, in the language in force."""
+        """The text of the page's tab in the current language."""
         raise NotImplementedError
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """Whether the page may be left now; a page that asks first gives False and calls `go` once it may."""
+        """Whether the page may be left now; a page that asks first returns False and calls `go` when it may."""
         return True
 
     def retranslate(self) -> None:
-        """Say everything again in the language in force."""
+        """Show all texts in the current language."""
 
     def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
+        """Follow the language."""
         if event.type() == QEvent.Type.LanguageChange:
             self.retranslate()
         super().changeEvent(event)

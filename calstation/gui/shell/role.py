@@ -1,14 +1,14 @@
-"""Operator or engineer: who uses the window now."""
+"""The role of the user: operator or engineer."""
 
 from PySide6.QtCore import QObject, Signal
 
-from calstation.config import access as pins
+from calstation.config import access
 
 
 class RoleLock(QObject):
-    """The role in force; `changed` tells every page what it may enable.
+    """The current role, at first the operator.
 
-    A window starts with the operator. `wanted` asks the main window to let the user enter the PIN.
+    `changed(role)` : the role has changed; `wanted()` : the user wants to enter the engineer's PIN.
     """
 
     changed = Signal(str)
@@ -16,49 +16,44 @@ class RoleLock(QObject):
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._role = "operator"
-
-    @property
-    def role(self) -> str:
-        """``operator`` or ``engineer``."""
-        return self._role
+        self.role = "operator"
 
     @property
     def engineer(self) -> bool:
-        """Whether what changes results may be touched."""
-        return self._role == "engineer"
+        """Whether settings that change results may be edited."""
+        return self.role == "engineer"
 
     @property
     def new(self) -> bool:
-        """Whether no PIN has been set yet: the first to come sets it."""
-        return not pins.has_pin()
+        """Whether no PIN has been set yet: the first user sets it."""
+        return not access.has_pin()
 
     @property
     def wait(self) -> float:
         """Seconds until a PIN may be tried again."""
-        return pins.wait()
+        return access.wait()
 
     def ask(self) -> None:
         """Let the user enter the PIN."""
         self.wanted.emit()
 
     def unlock(self, pin: str) -> bool:
-        """Take the engineer's role where `pin` is right. Raises ConfigurationError where it cannot be checked."""
-        if not pins.check(pin):
+        """Switch to the engineer if `pin` is right. Raises ConfigurationError if it cannot be checked."""
+        if not access.check(pin):
             return False
         self._set("engineer")
         return True
 
     def set_first_pin(self, pin: str) -> None:
-        """Set the PIN of a new place and take the engineer's role. Raises ConfigurationError with the reason."""
-        pins.set_pin("", pin)
+        """Set the first PIN and switch to the engineer. Raises ConfigurationError if the PIN cannot be used."""
+        access.set_pin("", pin)
         self._set("engineer")
 
     def lock(self) -> None:
-        """Back to the operator's role."""
+        """Switch to the operator."""
         self._set("operator")
 
     def _set(self, role: str) -> None:
-        if role != self._role:
-            self._role = role
+        if role != self.role:
+            self.role = role
             self.changed.emit(role)

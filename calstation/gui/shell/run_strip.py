@@ -1,16 +1,16 @@
-"""How the run is doing, in one line beside STOP: what every page shows that has no header of its own."""
+"""State, stage, progress and time left in one line beside STOP, for pages without a header of their own."""
 
-from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QProgressBar, QWidget
 
 from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import KINDS, duration_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 
 
 class RunStrip(QWidget):
-    """State, stage, progress and time left."""
+    """Follows the run."""
 
     def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -28,14 +28,13 @@ class RunStrip(QWidget):
         grid.addWidget(self._text, 0, 1)
         grid.addWidget(self._bar, 1, 0, 1, 2)
         grid.setColumnStretch(1, 1)
-        run.changed.connect(self.refresh)
-        self.refresh()
+        run.changed.connect(self._refresh)
+        on_language_change(self, self._refresh)
 
-    def refresh(self) -> None:
-        """Follow the run."""
+    def _refresh(self) -> None:
         run = self._run
         words = term("badge", run.shown)
-        if run.ended or run.fault is not None:  # of a unit that is named nowhere else on the page
+        if run.ended or run.fault is not None:  # nothing else on the page names the unit
             words = f"{run.serial}  ·  {words}"
         self._badge.show_state(KINDS.get(run.shown, "none"), words)
         parts = []
@@ -47,9 +46,3 @@ class RunStrip(QWidget):
         self._text.setText("  ·  ".join(parts))
         self._bar.setVisible(run.going)
         self._bar.setValue(round(1000 * run.fraction))
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.refresh()
-        super().changeEvent(event)
