@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV := .venv
 
-.PHONY: run test rehearse check benchmarks study fuzz translations clean
+.PHONY: run test rehearse check docs benchmarks study fuzz translations clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -20,6 +20,9 @@ check: $(VENV)/installed-dev
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
+
+docs: $(VENV)/installed-dev
+	$(VENV)/bin/mkdocs build --quiet
 
 benchmarks: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only

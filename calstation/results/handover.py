@@ -1,7 +1,7 @@
 """Hands every run's result to the factory's own system: a JSON file and a CSV line each, once, sooner or later.
 
 A run is put down as waiting when it begins, so that whatever ends it, its result is not forgotten. What cannot be
-handed over waits beside the runs and goes with the next one. Columns and files: docs/handover.md.
+handed over waits beside the runs and goes with the next one. Columns and files: docs/how-to/hand-over.md.
 """
 
 import csv

@@ -2,7 +2,7 @@
 
 The truth is the bench's own mathematics; priors and noise that the solvers are told are those it draws from. Each
 unit is mounted 0.1-0.3° askew on a table with 60″ of non-orthogonality, encoders good to 0.05°, on a base tilted by
-0.1°. What is tested, and where the bands come from, stands in `docs/study.md`.
+0.1°. What is tested, and where the bands come from, stands in `docs/explanation/study.md`.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""docs/bench.md and docs/faults.md tell every setting, order and kind of fault."""
+"""docs/reference/bench.md and docs/reference/faults.md tell every setting, order and kind of fault."""
 
 import re
 import subprocess
@@ -9,7 +9,7 @@ from typing import get_args
 from calstation.bench.config import BenchConfig, OrderName
 from calstation.simulation.fault_plan import HOST, KINDS, SET_UP
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "reference"
 BENCH, FAULTS = ((DOCS / name).read_text(encoding="utf-8") for name in ("bench.md", "faults.md"))
 
 

@@ -1,4 +1,4 @@
-"""docs/profiles.md tells every entry that a profile may have, and what it shows is so."""
+"""docs/reference/profiles.md tells every entry that a profile may have, and what it shows is so."""
 
 import re
 import tomllib
@@ -28,8 +28,8 @@ from calstation.devices.profiles.table_registers import (
 )
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "profiles.md").read_text(encoding="utf-8")
-GUIDE = (ROOT / "docs" / "connecting.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "reference" / "profiles.md").read_text(encoding="utf-8")
+GUIDE = (ROOT / "docs" / "how-to" / "connect.md").read_text(encoding="utf-8")
 TOLD = {word for span in re.findall(r"`([^`\n]+)`", TEXT) for word in re.findall(r"\w+", span)}
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from calstation.simulation.fault_plan import KINDS
 
 ROOT = Path(__file__).parents[2]
-MANUAL = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+MANUAL = (ROOT / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
 
 
 def test_every_kind_is_in_it() -> None:

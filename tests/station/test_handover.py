@@ -102,7 +102,7 @@ def test_a_run_that_did_not_reach_its_end_says_how_far_it_came_and_who_stopped_i
 
 
 def test_every_line_of_the_document_is_a_column() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "handover.md").read_text("utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "hand-over.md").read_text("utf-8")
     for column in [*COLUMNS, "result"]:
         assert f"`{column}`" in text
 

@@ -244,7 +244,7 @@ def test_a_place_that_is_hardly_meant_is_told() -> None:
 
 
 def test_the_station_in_the_guide_is_right() -> None:
-    guide = (Path(__file__).parents[2] / "docs" / "connecting.md").read_text(encoding="utf-8")
+    guide = (Path(__file__).parents[2] / "docs" / "how-to" / "connect.md").read_text(encoding="utf-8")
     (station,) = [t for t in re.findall(r"```toml\n(.*?)```", guide, re.DOTALL) if "[site]" in t]
     assert check("stations", station) == []
     named = {
