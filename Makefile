@@ -22,7 +22,7 @@ check: $(VENV)/installed-dev
 	$(VENV)/bin/lint-imports
 
 docs: $(VENV)/installed-dev
-	$(VENV)/bin/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --quiet
 
 benchmarks: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest tests/benchmarks --benchmark-enable --benchmark-only
