@@ -24,10 +24,11 @@ from calstation.gui.logs.recording_wording import RECORDINGS
 from calstation.gui.operator import advice
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
-from calstation.gui.text.check_wording import word_check
+from calstation.gui.text.checks import check_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.records.convert import export_csv
+from calstation.records.limits import Check
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.records.pair_store import load_pair
@@ -353,14 +354,13 @@ def check(name: str, value: float, limit: float, unit: str, **more: object) -> d
 def test_checks_stand_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -> None:
     table = ChecksTable()
     qtbot.addWidget(table)
-    table.show_checks(
-        [
-            check("gravity_at_rest", 0.0095, 0.01, "m/s²", where="multi_position rest 3"),
-            check("motion_angle", 0.009, 0.006, "rad"),
-            check("excitation", 0.1, 0.3, "1", where="gyro_bias_x"),
-            check("previous accel_scale", 1e-4, 3e-4, "1"),
-        ]
-    )
+    rows = [
+        check("gravity_at_rest", 0.0095, 0.01, "m/s²", where="multi_position rest 3"),
+        check("motion_angle", 0.009, 0.006, "rad"),
+        check("excitation", 0.1, 0.3, "1", where="gyro_bias_x"),
+        check("previous accel_scale", 1e-4, 3e-4, "1"),
+    ]
+    table.show_checks([Check.from_json(row) for row in rows])
     view = table.findChild(QTableView, "checks_table")
     assert view is not None
     model = table.model
@@ -369,8 +369,8 @@ def test_checks_stand_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -> No
     assert [row[verdict] for row in shown] == ["failed", "near-miss", "passed", "passed"]
     states = [model.index(r, verdict).data(Qt.ItemDataRole.UserRole) for r in range(4)]
     assert states == ["bad", "caution", "good", "good"]
-    assert shown[1][:2] == ["At every rest the force is as long as gravity", "rest 4"]
-    assert word_check(check("previous accel_scale", 1e-4, 3e-4, "1")).value == "100"
+    assert shown[1][:2] == ["At every rest the specific force has the magnitude of gravity", "rest 4"]
+    assert check_text(Check.from_json(check("previous accel_scale", 1e-4, 3e-4, "1"))).value == "100"
 
 
 def test_the_operators_verdict_holds_the_products_checks() -> None:

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from calstation.gui.engineer.verdict_wording import word_verdict
 from calstation.gui.history.run_table import local_time
-from calstation.gui.text.check_wording import of_parameter
+from calstation.gui.text.checks import of_parameter
 from calstation.gui.text.messages import KINDS, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
@@ -16,6 +16,7 @@ from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.parameters import NAMES
 from calstation.physics.units import aligned, display, number
+from calstation.records.limits import Check
 from calstation.results.finished_run import Finished
 
 _NONE = "–"
@@ -100,7 +101,7 @@ class ResultView(QWidget):
             > _NOTABLE * parameters[name]["sigma"]
         )
         self.model.set_names(names)
-        broad = [check for check in result["checks"] if not of_parameter(check)]
+        broad = [check for check in map(Check.from_json, result["checks"]) if not of_parameter(check)]
         self.checks.show_checks(broad)
         self.checks.setFixedHeight(min(self.checks.height_of_rows(), _CHECKS_MOST))
         self.checks.setVisible(bool(broad))

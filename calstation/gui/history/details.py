@@ -23,6 +23,7 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.labels import ElidedLabel
 from calstation.physics.units import aligned
+from calstation.records.limits import Check
 from calstation.records.run_index import IndexedRun, RunRecord
 
 _MOST_FAILED = 8
@@ -95,8 +96,11 @@ class RunDetails(QFrame):
         self._serial.setText(run.serial)
         self.badge.show_state(KINDS.get(run.outcome, "none"), term("badge", run.outcome))
         self.reason_label.setText(self._reason(run))
-        failed = [] if self._result is None else [c for c in self._result["checks"] if not c["passed"]]
-        lines = [f"✕  {advice.word_check(check, self._result or {})}" for check in failed[:_MOST_FAILED]]
+        rows = [] if self._result is None else self._result["checks"]
+        failed = [check for check in map(Check.from_json, rows) if not check.passed]
+        lines = [
+            f"✕  {advice.failed_check_text(check, self._result or {})}" for check in failed[:_MOST_FAILED]
+        ]
         if len(failed) > _MOST_FAILED:
             lines.append(self.tr("and {0} more").format(len(failed) - _MOST_FAILED))
         self.failed_label.setText("\n".join(lines))

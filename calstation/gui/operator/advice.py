@@ -1,26 +1,25 @@
-"""What a result comes down to for an operator: why, what to do next, and the few numbers that matter."""
+"""What a result means for an operator: why, what to do next, and the values nearest to their limits."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication
-
-from calstation.gui.text import check_wording
-from calstation.gui.text.check_wording import of_product
-from calstation.gui.text.messages import term
+from calstation.gui.text.checks import check_name, check_text, of_product, parameter_text
+from calstation.gui.text.messages import say
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.physics.units import display, number
+from calstation.records.limits import Check
 
-#: Rows that fit beside the verdict on a small screen; what failed or nearly did goes before what did not.
+#: Rows that fit beside the verdict on a small screen.
 _MOST_ROWS = 10
 
 
 @dataclass(frozen=True)
 class Figure:
-    """The value of a group that is nearest to its limit, or over it: texts for one row.
+    """A row of the figures beside the verdict: the value of a group that is nearest to its limit or most over it.
 
-    by_sigma : its sigma is what is so near, and `limit` is sigma's
+    `by_sigma` : its sigma is what is nearest, and `limit` belongs to sigma.
     """
 
     name: str
@@ -34,159 +33,116 @@ class Figure:
 
 
 def reason(outcome: str, result: Mapping[str, Any]) -> str:
-    """Why a run ended as it did, in a sentence or two."""
+    """Why a run ended as it did."""
+    checks = _checks(result)
     if outcome == "passed":
-        inside = QCoreApplication.translate("advice", "Every value is inside its limits.")
-        near = sum(bool(check.get("near_miss")) for check in result.get("checks", ()))
-        if not near:
-            return inside
-        few = QCoreApplication.translate("advice", "({count} near its limit.)").format(count=near)
-        return f"{inside} {few}"
+        near = sum(check.near_miss for check in checks)
+        inside = say("advice.passed")
+        return f"{inside} {say('advice.near', count=near)}" if near else inside
     if outcome == "stopped":
-        return QCoreApplication.translate(
-            "advice", "The run was stopped; the table is at rest, its axes are off."
-        )
+        return say("advice.stopped")
     if outcome != "failed":
-        return QCoreApplication.translate("advice", "The run did not reach its end.")
-    failed = [check for check in result["checks"] if not check["passed"]]
+        return say("advice.incomplete")
+    failed = [check for check in checks if not check.passed]
     if not failed:
-        return QCoreApplication.translate("advice", "No stage was solved.")
-    first = word_check(failed[0], result)
+        return say("advice.no_stage")
+    first = failed_check_text(failed[0], result)
     first = first[0].upper() + first[1:]
-    if len(failed) == 1:
-        return first
-    more = QCoreApplication.translate("advice", "({count} more checks failed.)").format(count=len(failed) - 1)
-    return f"{first} {more}"
+    return first if len(failed) == 1 else f"{first} {say('advice.more_failed', count=len(failed) - 1)}"
 
 
 def next_action(outcome: str, result: Mapping[str, Any]) -> str:
-    """What to do with the unit now, by the result's own advice."""
+    """What to do with the unit now."""
     word = result.get("advice")
     if outcome == "passed":
-        return QCoreApplication.translate("advice", "Remove the unit, scan the next.")
-    if word == "reseat":
-        return QCoreApplication.translate(
-            "advice", "Reseat the unit: screws tight, cable free, table undisturbed. Then repeat."
-        )
-    if word == "set_aside":
-        return QCoreApplication.translate("advice", "Set the unit aside and scan the next.")
+        return say("advice.next_unit")
+    if word in ("reseat", "set_aside"):
+        return say(f"advice.{word}")
     if outcome == "failed":
-        return QCoreApplication.translate("advice", "Repeat the calibration: press START.")
-    if word == "resume":
-        return QCoreApplication.translate(
-            "advice", "The finished stages are kept: continue after them, or press START to begin again."
-        )
-    return QCoreApplication.translate("advice", "Press START to begin again.")
+        return say("advice.repeat")
+    return say("advice.resume" if word == "resume" else "advice.begin_again")
 
 
 def figures(result: Mapping[str, Any]) -> list[Figure]:
-    """One row per parameter group, its value that is nearest to its limit, or over it; and the product's checks.
-
-    Where there are too many, those that tell nothing are left out.
-    """
+    """One row per parameter group and one per check of the product; failed ones and near-misses come first to fit."""
     found: dict[str, tuple[float, Figure]] = {}
-    checks = {check["name"]: check for check in result["checks"]}
+    checks = _checks(result)
+    by_parameter = {(check.kind, check.subject): check for check in checks}
     for name, row in result["parameters"].items():
         if name not in INDEX:
             continue
-        within, below = checks.get(f"{name} within"), checks.get(f"{name} sigma below")
+        within, below = by_parameter.get(("within", name)), by_parameter.get(("sigma_below", name))
         share = max(_share(within), _share(below))
         group = PARAMETERS[INDEX[name]].group
         if (within or below) and share >= found.get(group, (-1.0, None))[0]:
             found[group] = (share, _figure(name, row, within, below))
-    asked = [_figure_of_check(check) for check in result["checks"] if of_product(check)]
+    asked = [_check_figure(check) for check in checks if of_product(check)]
     rows = [*(found[group][1] for group in GROUPS if group in found), *asked]
     groups = len(rows) - len(asked)
-    places = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= groups))
-    return [rows[k] for k in sorted(places[:_MOST_ROWS])]
+    order = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= groups))
+    return [rows[k] for k in sorted(order[:_MOST_ROWS])]
 
 
-def _figure_of_check(check: Mapping[str, Any]) -> Figure:
-    words = check_wording.word_check(check)
-    return Figure(
-        name=check_wording.word_short(str(check["name"])),
-        value=words.value,
-        sigma="",
-        limit=words.limit,
-        unit=words.unit,
-        passed=bool(check["passed"]),
-        near=bool(check.get("near_miss")),
-    )
+def failed_check_text(check: Check, result: Mapping[str, Any]) -> str:
+    """A failed check as a sentence."""
+    if check.kind == "consistency":
+        return say("advice.inconsistent", stage=check.subject, value=check.value, limit=check.limit)
+    if check.kind == "unobservable":
+        names = ", ".join(parameter_text(name) for name in result.get("unobservable", ()))
+        return say("advice.undetermined", names=names)
+    if check.kind not in ("within", "sigma_below") or check.subject not in INDEX:
+        row = check_text(check)
+        return say("advice.violated", name=row.sentence, value=row.value, unit=row.unit, limit=row.limit)
+    name = parameter_text(check.subject)
+    value, unit = display(check.subject, check.value)
+    if check.kind == "within":
+        shown = f"{value:.4g}".replace("-", "−")
+        limit = _interval(check)
+        return say("advice.outside", parameter=name, value=shown, unit=unit, limit=limit)
+    assert not isinstance(check.limit, tuple)
+    limit = f"{display(check.subject, check.limit)[0]:.4g}"
+    return say("advice.uncertain", parameter=name, value=number(value, value), unit=unit, limit=limit)
 
 
-def _share(check: Mapping[str, Any] | None) -> float:
-    """How much of its limit a check's value takes, 1 at the limit."""
-    if check is None or check["value"] is None:
+def _checks(result: Mapping[str, Any]) -> list[Check]:
+    return [Check.from_json(row) for row in result.get("checks", ())]
+
+
+def _check_figure(check: Check) -> Figure:
+    row = check_text(check)
+    return Figure(check_name(check), row.value, "", row.limit, row.unit, check.passed, check.near_miss)
+
+
+def _share(check: Check | None) -> float:
+    """Share of its limit that a value uses, 1 at the limit."""
+    if check is None or math.isnan(check.value):
         return 0.0
-    limit = check["limit"]
-    if isinstance(limit, list):
-        low, high = limit
-        return float(abs(check["value"] - 0.5 * (low + high)) / (0.5 * (high - low)))
-    return float(check["value"]) / float(limit) if limit else 0.0
+    if isinstance(check.limit, tuple):
+        low, high = check.limit
+        return float(abs(check.value - 0.5 * (low + high)) / (0.5 * (high - low)))
+    return check.value / check.limit if check.limit else 0.0
 
 
-def _figure(
-    name: str,
-    row: Mapping[str, Any],
-    within: Mapping[str, Any] | None,
-    below: Mapping[str, Any] | None,
-) -> Figure:
+def _figure(name: str, row: Mapping[str, Any], within: Check | None, below: Check | None) -> Figure:
     (value, unit), (sigma, _) = display(name, row["value"]), display(name, row["sigma"])
     by_sigma = _share(below) > _share(within)
-    limit = _interval(name, within["limit"]) if within is not None else ""
-    if by_sigma and below is not None:
-        limit = f"σ ≤ {display(name, below['limit'])[0]:.3g}"
+    limit = _interval(within) if within is not None else ""
+    if by_sigma and below is not None and not isinstance(below.limit, tuple):
+        limit = f"σ ≤ {display(name, below.limit)[0]:.3g}"
+    both = [check for check in (within, below) if check is not None]
     return Figure(
-        name=_word_parameter(name),
+        name=parameter_text(name),
         value=number(value, sigma).replace("-", "−"),
         sigma=number(sigma, sigma),
         limit=limit,
         unit=unit,
-        passed=all(check["passed"] for check in (within, below) if check is not None),
-        near=any(check.get("near_miss") for check in (within, below) if check is not None),
+        passed=all(check.passed for check in both),
+        near=any(check.near_miss for check in both),
         by_sigma=by_sigma,
     )
 
 
-def word_check(check: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    """A failed check as a sentence."""
-    name, _, kind = check["name"].partition(" ")
-    if kind == "consistency":
-        return QCoreApplication.translate(
-            "advice", "{stage}: the measurements do not fit together (NIS {value:.2f}, at most {limit:.2f})."
-        ).format(stage=term("stage", name), value=check["value"], limit=check["limit"])
-    if check["name"] != "unobservable parameters" and name not in INDEX:
-        words = check_wording.word_check(check)
-        return QCoreApplication.translate(
-            "advice", "Not so: {name} ({value} {unit}, allowed {limit})."
-        ).format(name=words.sentence, value=words.value, unit=words.unit, limit=words.limit)
-    if name not in INDEX:
-        lost = ", ".join(_word_parameter(lost) for lost in result.get("unobservable", ()))
-        return QCoreApplication.translate("advice", "The data did not determine {names}.").format(names=lost)
-    value, unit = display(name, check["value"])
-    if kind == "within":
-        return QCoreApplication.translate("advice", "{name} is {value} {unit}, allowed are {limit}.").format(
-            name=_word_parameter(name),
-            value=f"{value:.4g}".replace("-", "−"),
-            unit=unit,
-            limit=_interval(name, check["limit"]),
-        )
-    return QCoreApplication.translate(
-        "advice", "{name} is known to {value} {unit} only, wanted are {limit}."
-    ).format(
-        name=_word_parameter(name),
-        value=number(value, value),
-        unit=unit,
-        limit=f"{display(name, check['limit'])[0]:.4g}",
-    )
-
-
-def _word_parameter(name: str) -> str:
-    """A parameter by its group's words and its axis."""
-    group = PARAMETERS[INDEX[name]].group
-    return f"{term('group', group)} {name.removeprefix(group + '_')}"
-
-
-def _interval(name: str, limit: list[float]) -> str:
-    low, high = (display(name, bound)[0] for bound in limit)
+def _interval(check: Check) -> str:
+    assert isinstance(check.limit, tuple)
+    low, high = (display(check.subject, bound)[0] for bound in check.limit)
     return f"±{high:.4g}" if low == -high else f"{low:.4g} … {high:.4g}".replace("-", "−")

@@ -1,14 +1,14 @@
 """The checks of a result as a table: sentence, value, limit, margin and verdict."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from PySide6.QtWidgets import QHeaderView, QVBoxLayout, QWidget
 
 from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.check_wording import CheckWords, word_check
+from calstation.gui.text.checks import CheckText, check_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
+from calstation.records.limits import Check
 
 _ROW = 28
 _ORDER = {"bad": 0, "caution": 1, "good": 2}
@@ -19,8 +19,8 @@ class ChecksTable(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._checks: Sequence[Mapping[str, Any]] = ()
-        self._words: dict[str, CheckWords] = {}
+        self._checks: Sequence[Check] = ()
+        self._texts: dict[str, CheckText] = {}
         self.model = ParameterModel(
             (
                 Column(lambda: self.tr("Check"), self._cell("sentence"), number=False),
@@ -43,10 +43,10 @@ class ChecksTable(QWidget):
         column.addWidget(self.table)
         on_language_change(self, self._refresh)
 
-    def show_checks(self, checks: Sequence[Mapping[str, Any]]) -> None:
-        """Show checks as the result JSON holds them."""
-        self._checks = sorted(checks, key=lambda check: _ORDER[word_check(check).state])
-        self._word()
+    def show_checks(self, checks: Sequence[Check]) -> None:
+        """Show these checks."""
+        self._checks = sorted(checks, key=lambda check: _ORDER[check_text(check).state])
+        self._update_texts()
         self.model.set_names([str(k) for k in range(len(checks))])
 
     def height_of_rows(self) -> int:
@@ -55,14 +55,14 @@ class ChecksTable(QWidget):
 
     def _refresh(self) -> None:
         self.table.setAccessibleName(self.tr("Checks of the result"))
-        self._word()
+        self._update_texts()
         self.model.refresh()
 
-    def _word(self) -> None:
-        self._words = {str(k): word_check(check) for k, check in enumerate(self._checks)}
+    def _update_texts(self) -> None:
+        self._texts = {str(k): check_text(check) for k, check in enumerate(self._checks)}
 
     def _cell(self, field: str) -> Callable[[str], str]:
-        return lambda row: str(getattr(self._words[row], field))
+        return lambda row: str(getattr(self._texts[row], field))
 
     def _state(self, row: str) -> str:
-        return self._words[row].state
+        return self._texts[row].state

@@ -1,0 +1,124 @@
+"""Checks of a result as texts in the language of the window."""
+
+import math
+from dataclasses import dataclass
+
+from calstation.gui.text.messages import say, term
+from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
+from calstation.physics.units import ARCSECOND, DEGREE, MICRO_G, display
+from calstation.records.limits import Check, Where
+
+#: Kinds of the checks that a product's ``[checks]`` ask for.
+_PRODUCT_KINDS = (
+    "gravity_at_rest",
+    "improvement_at_rest",
+    "level_horizontal",
+    "level_vertical",
+    "motion_angle",
+    "motion_improvement",
+    "offline_online",
+    "excitation",
+    "previous",
+)
+
+#: Units shown for checks that compare no parameter, with their size in the unit of the check.
+_SHOWN = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
+
+
+@dataclass(frozen=True)
+class CheckText:
+    """A check as the cells of a row; `state` is the shape of its verdict (`widgets.badge.KINDS`)."""
+
+    sentence: str
+    value: str
+    limit: str
+    margin: str
+    unit: str
+    verdict: str
+    state: str
+    where: str
+
+
+def check_text(check: Check) -> CheckText:
+    """The cells of a check."""
+    unit, size = _unit(check)
+    verdict = "failed" if not check.passed else "near_miss" if check.near_miss else "passed"
+    return CheckText(
+        sentence=_sentence(check),
+        value=_number(check.value, size),
+        limit=_limit(check.limit, size),
+        margin=_number(check.margin, size),
+        unit=unit,
+        verdict=term("check_verdict", verdict),
+        state={"failed": "bad", "near_miss": "caution", "passed": "good"}[verdict],
+        where=_where(check.where),
+    )
+
+
+def check_name(check: Check) -> str:
+    """What a check of a product's ``[checks]`` compares, in a few words."""
+    return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject))
+
+
+def of_product(check: Check) -> bool:
+    """Whether a product's ``[checks]`` ask for a check."""
+    return check.kind in _PRODUCT_KINDS
+
+
+def of_parameter(check: Check) -> bool:
+    """Whether a check compares one parameter with its limit; the table of parameters shows those."""
+    return check.kind in ("within", "sigma_below")
+
+
+def parameter_text(name: str) -> str:
+    """The name of a parameter, its group and axis, or of a group."""
+    if name not in INDEX:
+        return term("group", name)
+    group = PARAMETERS[INDEX[name]].group
+    return f"{term('group', group)} {name.removeprefix(group + '_')}"
+
+
+def _sentence(check: Check) -> str:
+    sentence = say(
+        f"check.{check.kind}",
+        parameter=parameter_text(check.subject),
+        stage=check.subject,
+        words=check.subject.replace("_", " "),
+    )
+    return sentence[0].upper() + sentence[1:]
+
+
+def _unit(check: Check) -> tuple[str, float]:
+    """The unit in which a check is shown, and its size in the unit of the check."""
+    if check.kind == "latitude":
+        return "°", DEGREE
+    name = check.subject
+    if check.kind == "previous":
+        name = next((p.name for p in PARAMETERS if p.group == name), name)
+    if name in INDEX or pair_parameter(name) is not None:
+        factor, unit = display(name, 1.0)
+        return unit if unit != "1" else "", 1.0 / factor
+    return _SHOWN.get(check.unit, (check.unit, 1.0))
+
+
+def _number(value: float, size: float) -> str:
+    if not math.isfinite(value):
+        return "–"
+    shown = value / size
+    text = f"{shown:.0f}" if 1000.0 <= abs(shown) < 1e9 else f"{shown:.4g}"
+    return text.replace("-", "−")
+
+
+def _limit(limit: float | tuple[float, float], size: float) -> str:
+    if not isinstance(limit, tuple):
+        return f"≤ {_number(limit, size)}"
+    low, high = limit
+    return f"±{_number(high, size)}" if low == -high else f"{_number(low, size)} … {_number(high, size)}"
+
+
+def _where(where: Where) -> str:
+    if where.rest is not None:
+        return say("check.rest", number=where.rest + 1)
+    if where.samples is not None:
+        return say("check.samples", first=where.samples[0], last=where.samples[1])
+    return parameter_text(where.parameter) if where.parameter in INDEX else where.parameter
