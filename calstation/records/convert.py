@@ -1,4 +1,4 @@
-"""Import of a CSV into a raw log and export of any log as CSV and TOML; both keep every value exactly."""
+"""Imports a CSV into a raw log and exports any log as CSV and TOML; both keep every value exactly."""
 
 import contextlib
 import itertools
@@ -14,18 +14,30 @@ from calstation.records.raw_log import SUFFIX, RawLogWriter
 
 
 def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> LogFacts:
-    """Write the raw log `target` from a CSV; nothing remains of it where the CSV is not usable."""
+    """Write the raw log `target` from a CSV; no part of it remains if the CSV is not usable.
+
+    Parameters
+    ----------
+    source : CSV
+    target : raw log to write
+    meta_file : configuration; by default the TOML beside the CSV
+
+    Raises
+    ------
+    InputError, ConfigurationError
+        The CSV cannot be used, or the target cannot be written.
+    """
     if target.suffix != SUFFIX:
-        raise InputError(f"{target}: a raw log's name ends in {SUFFIX}; rename the target")
+        raise InputError("csv.import_name", file=target, suffix=SUFFIX)
     log = open_log(source, meta_file)
     blocks = log.blocks()
-    first = next(blocks)  # a log without samples is told as such
+    first = next(blocks)  # raises for a log without samples
     writer = RawLogWriter(target, log.meta, joints=first.joints.shape[1] > 0)
     try:
         for block in itertools.chain([first], blocks):
             writer.append(block)
     except BaseException:
-        with contextlib.suppress(OSError, RuntimeError):  # what failed may be the disk
+        with contextlib.suppress(OSError, RuntimeError):  # the disk itself may have failed
             writer.close("incomplete")
         target.unlink()
         raise
@@ -33,7 +45,7 @@ def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> Log
 
 
 def partial_path(target: Path) -> Path:
-    """Where a file is written before it takes its name."""
+    """Name of a file while it is being written."""
     return target.with_name("partial-" + target.name)
 
 
@@ -44,16 +56,30 @@ def export_csv(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> LogFacts:
-    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it; returns the facts of the whole log.
+    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it.
 
-    first_seq, last_seq : range written, both included, None for the log's own ends
-    progress : told the samples written so far
+    Parameters
+    ----------
+    source : any log
+    target : CSV to write
+    progress : called with the number of samples written so far
+    first_seq, last_seq : range to write, both included; the log's own ends if None
+
+    Returns
+    -------
+    LogFacts
+        Of the whole log.
+
+    Raises
+    ------
+    InputError
+        The log cannot be read, or the target cannot be written.
     """
     if not target.name.endswith((".csv", ".csv.gz")):
-        raise InputError(f"{target}: an export's name ends in .csv or .csv.gz; rename the target")
+        raise InputError("csv.export_name", file=target)
     log = open_log(source)
     if target.exists() and target.samefile(source):
-        raise InputError(f"{target}: is the log itself; choose another name")
+        raise InputError("csv.export_onto_itself", file=target)
     partial = partial_path(target)
     try:
         with open_csv_for_writing(partial) as stream:

@@ -1,6 +1,7 @@
-"""The contract's CSV as sample blocks: read in chunks, checked cell by cell, and written back exactly."""
+"""Reads the contract's CSV in chunks as sample blocks, checks every cell, and writes blocks back exactly."""
 
 import csv
+import difflib
 import gzip
 import io
 import itertools
@@ -16,13 +17,13 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.common.samples import SampleBlock, snap_angles
 from calstation.estimation.common.sequence import SequenceError, SequenceUnwrapper
+from calstation.messages.rendering import os_reason
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 from calstation.records.meta import FURTHER_IMUS, LogMeta
-from calstation.schema import suggestion
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")
-#: Of these `ANGLES` may be absent, both together: a recording made by hand has no table.
+#: `ANGLES` may be absent together: a recording made by hand has no table.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
@@ -33,9 +34,7 @@ def further_channels(number: int) -> tuple[str, ...]:
     return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 
 
-ALL_FURTHER = frozenset(name for number in FURTHER_IMUS for name in further_channels(number))
 _CHUNK_BYTES = 1 << 17
-_MEND = "correct the cell or remove the row"
 
 
 def meta_path(path: Path) -> Path:
@@ -47,16 +46,13 @@ def meta_path(path: Path) -> Path:
 def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
     """Read a CSV's samples in order, counters unwrapped, cut at stage changes.
 
-    Raises
-    ------
-    InputError
-        naming the file, the line, the column and the mend.
+    Raises InputError with file, line, column and remedy.
     """
     chunks = _text_chunks(path)
     line = 1
     first = next(chunks, "")
     if not first.strip():
-        raise InputError(f"{path}: is empty; give a header row and samples")
+        raise InputError("csv.empty", file=path)
     header, rest = _header(path, first, meta)
     unwrapper = SequenceUnwrapper(1.0 / meta.imu.sample_rate_hz)
     starts: set[tuple[float, ...]] = set()
@@ -70,13 +66,12 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
             try:
                 unwrapped, clock, restarts = unwrapper.feed(seq, time)
             except SequenceError as exc:
-                raise InputError(f"{path}: line {table.first + exc.place}: {exc}") from exc
+                line = table.first + exc.place
+                raise InputError("csv.sequence", file=path, line=line, what=str(exc)) from exc
             for k in ([0] if empty else []) + restarts:
                 row = (int(seq[k]), float(time[k]), *counts[k])
                 if row in starts:
-                    raise InputError(
-                        f"{path}: line {table.first + k}: the log's rows are repeated from here; remove them"
-                    )
+                    raise InputError("csv.repeated", file=path, line=table.first + k)
                 starts.add(row)
             if empty:
                 _check_rate(path, unwrapped, clock, meta.imu.sample_rate_hz)
@@ -84,11 +79,11 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
             yield from table.blocks(unwrapped, clock, counts)
             line += len(seq)
     if empty:
-        raise InputError(f"{path}: no samples after the header; record some")
+        raise InputError("csv.no_samples", file=path)
 
 
 def estimated_rows(path: Path) -> int:
-    """About how many samples a CSV holds, from its size and its first lines; at least 1."""
+    """Estimate the number of samples in a CSV from its size and its first lines; at least 1."""
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
             head = stream.read(_CHUNK_BYTES)
@@ -98,7 +93,7 @@ def estimated_rows(path: Path) -> int:
                 stream.seek(-4, io.SEEK_END)
                 size = int.from_bytes(stream.read(4), "little")
     except (OSError, EOFError, zlib.error):
-        return 1  # reading it will say what is wrong
+        return 1  # reading it reports what is wrong
     lines = head.count(b"\n")
     return max(1, round(size * lines / max(len(head), 1)) - 1)
 
@@ -117,64 +112,67 @@ def _text_chunks(path: Path) -> Iterator[str]:
         if rest.strip():
             yield rest.decode("utf-8")
     except FileNotFoundError as exc:
-        raise InputError(f"{path}: no such file; give the path of an existing log") from exc
+        raise InputError("log.not_found", file=path) from exc
     except (EOFError, zlib.error, gzip.BadGzipFile) as exc:
-        raise InputError(f"{path}: the compressed file is damaged or cut short; copy it again") from exc
+        raise InputError("csv.damaged_gzip", file=path) from exc
     except UnicodeDecodeError as exc:
-        raise InputError(f"{path}: not UTF-8 text; save it as UTF-8") from exc
+        raise InputError("csv.not_utf8", file=path) from exc
     except OSError as exc:
-        raise InputError(f"{path}: cannot be read ({exc.strerror or exc})") from exc
+        raise InputError("log.unreadable", file=path, reason=os_reason(exc)) from exc
 
 
 def _header(path: Path, text: str, meta: LogMeta) -> tuple[list[str], str]:
+    """Names of the columns, and the text after the header row. Raises InputError."""
     first, _, rest = text.removeprefix("\ufeff").partition("\n")
     names = [name.strip() for name in next(_cells(path, [first], 1), [])]
     table = any(name in names for name in ANGLES)
     for name in REQUIRED:
         if name not in names and (table or name not in ANGLES):
-            unknown = [n for n in names if n not in COLUMNS]
-            near = suggestion(name, unknown).replace("did you mean", "is it")
-            raise InputError(f"{path}: column '{name}' is missing{near or '; add it to the header and rows'}")
+            near = difflib.get_close_matches(name, [n for n in names if n not in COLUMNS], n=1)
+            if near:
+                raise InputError("csv.column_misspelt", file=path, column=name, near=near[0])
+            raise InputError("csv.column_missing", file=path, column=name)
+    number_of = {name: number for number in FURTHER_IMUS for name in further_channels(number)}
     further = [name for number in meta.secondaries for name in further_channels(number)]
     for name in further:
         if name not in names:
-            number = name.split("_")[0][-1]
-            raise InputError(
-                f"{path}: column '{name}' is missing; add it, or remove [imu{number}] from the configuration"
-            )
+            raise InputError("csv.imu_column_missing", file=path, column=name, number=number_of[name])
     for name in names:
-        if name in ALL_FURTHER and name not in further:
-            number = name.split("_")[0][-1]
-            raise InputError(
-                f"{path}: column '{name}' has no [imu{number}] in the configuration; add the table"
-            )
+        if name in number_of and name not in further:
+            raise InputError("csv.imu_not_configured", file=path, column=name, number=number_of[name])
     if any(name in names for name in JOINTS) and not all(name in names for name in JOINTS):
-        raise InputError(f"{path}: of {', '.join(JOINTS)} one is missing; add it or remove all three")
+        raise InputError("csv.joint_missing", file=path, columns=JOINTS)
     for name in (*COLUMNS, *further):
         if names.count(name) > 1:
-            raise InputError(f"{path}: column '{name}' is there twice; remove one")
+            raise InputError("csv.column_twice", file=path, column=name)
     return names, rest
 
 
 def _cells(path: Path, lines: Iterable[str], first: int) -> Iterator[list[str]]:
-    """Rows of cells, quotes undone; `first` is the number of the first line. Raises InputError."""
+    """Rows of cells, quotes removed; `first` is the number of the first line. Raises InputError."""
     try:
         yield from csv.reader(lines)
     except csv.Error as exc:
-        raise InputError(f"{path}: line {first} or behind it is no CSV ({exc}); save it again") from exc
+        raise InputError("csv.malformed", file=path, line=first, detail=str(exc)) from exc
 
 
 def _check_rate(path: Path, seq: IntArray, time: FloatArray, rate: float) -> None:
     steps = np.diff(time) / np.diff(seq)
     if len(steps) and abs(float(np.median(steps)) * rate - 1.0) > 0.05:
-        found = 1.0 / float(np.median(steps))
-        raise InputError(
-            f"{path}: time_s runs at {found:.6g} Hz but imu.sample_rate_hz = {rate:g}; correct one of them"
-        )
+        raise InputError("csv.wrong_rate", file=path, found=1.0 / float(np.median(steps)), rate=rate)
 
 
 class _Table:
-    """One chunk's cells by column; `first` is the line number of its first row."""
+    """One chunk's cells by column.
+
+    Parameters
+    ----------
+    path : of the file
+    header : names of the columns
+    text : whole lines
+    first : number of the first line in the file
+    further : number of further IMUs
+    """
 
     def __init__(self, path: Path, header: list[str], text: str, first: int, further: int) -> None:
         self._path = path
@@ -193,27 +191,26 @@ class _Table:
         self._columns = {name: cells[i :: width + 1] for i, name in enumerate(header)}
 
     def _complain_width(self, text: str) -> None:
-        for k, line in enumerate(text.split("\n")):
-            found = len(next(_cells(self._path, [line], self.first + k), []))
+        for k, line in enumerate(text.split("\n"), self.first):
+            found = len(next(_cells(self._path, [line], k), []))
             if found != len(self._header):
-                raise InputError(
-                    f"{self._path}: line {self.first + k} has {found} cells, the header {len(self._header)};"
-                    " complete the row or remove it"
-                )
-        raise InputError(f"{self._path}: rows near line {self.first} do not fit the header; save it again")
+                expected = len(self._header)
+                raise InputError("csv.wrong_width", file=self._path, line=k, found=found, expected=expected)
+        raise InputError("csv.wrong_widths", file=self._path, line=self.first)
 
-    def _complain(self, name: str, row: int, what: str) -> InputError:
-        return InputError(f"{self._path}: line {self.first + row}: {name} {what}; {_MEND}")
+    def _wrong_cell(self, code: str, column: str, row: int) -> InputError:
+        cell = self._columns[column][row]
+        return InputError(code, file=self._path, line=self.first + row, column=column, cell=cell)
 
     @cached_property
     def valid(self) -> BoolArray:
-        """Which rows are not marked as spoilt, shape (n,)."""
+        """Rows not marked as invalid, shape (n,)."""
         if "valid" in self._header:
             return np.asarray(self.integers("valid") != 0)
         return np.ones(len(self._columns[self._header[0]]), np.bool_)
 
     def floats(self, name: str, may_be_empty: bool = False, *, spoilt: BoolArray | None = None) -> FloatArray:
-        """A column as float64, shape (n,); empty cells become NaN where allowed: of a `spoilt` row anything is."""
+        """A column as float64, shape (n,); empty cells become NaN where allowed. Cells of `spoilt` rows may be so."""
         cells = self._columns[name]
         lenient = may_be_empty or (spoilt is not None and bool(spoilt.any()))
         try:
@@ -226,19 +223,20 @@ class _Table:
             wrong &= ~spoilt
         if wrong.any():
             row = int(np.argmax(wrong))
-            what = "NaN" if np.isnan(values[row]) else "infinite"
-            raise self._complain(name, row, f"is {what if cells[row].strip() else 'empty'}")
+            if not cells[row].strip():
+                raise self._wrong_cell("csv.cell_empty", name, row)
+            raise self._wrong_cell("csv.cell_nan" if np.isnan(values[row]) else "csv.cell_infinite", name, row)
         return values
 
     def _float(self, name: str, row: int, cell: str, may_be_empty: bool) -> float:
         if not cell.strip():
             if may_be_empty:
                 return math.nan
-            raise self._complain(name, row, "is empty")
+            raise self._wrong_cell("csv.cell_empty", name, row)
         try:
             return float(cell)
         except ValueError:
-            raise self._complain(name, row, f"= '{cell}' is not a number") from None
+            raise self._wrong_cell("csv.cell_not_number", name, row) from None
 
     def integers(self, name: str) -> IntArray:
         """A column as int64, shape (n,)."""
@@ -248,8 +246,7 @@ class _Table:
             values = self.floats(name)
         odd = (values != np.rint(values)) | (np.abs(values) > 2**53)
         if odd.any():
-            row = int(np.argmax(odd))
-            raise self._complain(name, row, f"= {self._columns[name][row]} is not a whole number")
+            raise self._wrong_cell("csv.cell_not_whole", name, int(np.argmax(odd)))
         return values.astype(np.int64)
 
     def blocks(self, seq: IntArray, time: FloatArray, counts: FloatArray) -> Iterator[SampleBlock]:
@@ -291,7 +288,7 @@ class _Table:
         return np.asarray(columns.reshape(count, self._further, 6))
 
     def _joints(self, count: int) -> FloatArray:
-        """Columns of a gimbal's joints, rad, shape (n, 3), or (n, 0) where there is none."""
+        """Columns of a gimbal's joints, rad, shape (n, 3), or (n, 0) without a gimbal."""
         if JOINTS[0] not in self._header:
             return np.empty((count, 0))
         return snap_angles(np.deg2rad(np.column_stack([self.floats(name, True) for name in JOINTS])))
@@ -323,7 +320,7 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
 
 
 def _shortest_degrees(angles: FloatArray) -> FloatArray:
-    """Degrees of ten decimals where these read back to the same `angles` (rad), as typed decimals then do."""
+    """Degrees rounded to ten decimals if these read back to the same `angles`, rad; else exact."""
     exact = np.rad2deg(angles)
     short = np.round(exact, 10)
     return np.where(snap_angles(np.deg2rad(short)) == angles, short, exact)
@@ -342,10 +339,10 @@ def _blank_nan(values: FloatArray) -> list[str]:
 
 
 def open_csv_for_writing(path: Path) -> IO[str]:
-    """Open NAME.csv or NAME.csv.gz for text; raises InputError where the place cannot be written."""
+    """Open NAME.csv or NAME.csv.gz for text. Raises InputError."""
     try:
         if path.suffix == ".gz":
             return gzip.open(path, "wt", encoding="utf-8", newline="")
         return path.open("w", encoding="utf-8", newline="")
     except OSError as exc:
-        raise InputError(f"{path}: cannot be written ({exc.strerror or exc}); choose another folder") from exc
+        raise InputError("csv.not_written", file=path, reason=os_reason(exc)) from exc

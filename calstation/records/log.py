@@ -1,5 +1,6 @@
 """One way to read any log: the project's raw log (.h5) or a CSV beside its TOML."""
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -7,12 +8,12 @@ from typing import Any
 
 from calstation.errors import InputError
 from calstation.estimation.common.samples import SampleBlock
+from calstation.messages.rendering import Text
 from calstation.records.csv_log import csv_blocks, meta_path
-from calstation.records.damaged_rows import DamagedRows
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta, load_meta
 from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import raw_blocks, read_contents
+from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents
 
 
 @dataclass
@@ -22,8 +23,9 @@ class Log:
     Attributes
     ----------
     path, meta, events, results : as stored
-    holes : rows of a raw log that cannot be used, known once all samples were read; a gap for whoever reads them
-    outcome : how the run ended, None where it did not reach its end or the log is a CSV
+    outcome : how the run ended; None for a run that did not reach its end, and for a CSV
+    stored_sha256 : digest that the run recorded at its end
+    holes : damaged rows of a raw log, which are left out as gaps; known once all samples were read
     """
 
     path: Path
@@ -37,47 +39,36 @@ class Log:
     _found: list[DamagedRows] = field(default_factory=list)
     _facts: LogFacts | None = None
 
-    @property
-    def name(self) -> str:
-        """File name."""
-        return self.path.name
-
     def blocks(self, first_seq: int | None = None, last_seq: int | None = None) -> Iterator[SampleBlock]:
         """Samples from `first_seq` to `last_seq` (both included, unwrapped counts), cut at stage changes.
 
-        Raises
-        ------
-        InputError
-            where the log is damaged, holds rows that cannot be used and are no holes, or has no sample in the range.
+        Raises InputError if the log is damaged beyond what can be left out, or has no sample in the range.
         """
-        builder = FactsBuilder(self.meta)
         any_sample = False
-        self._found.clear()
-        for block in self._scan():
-            builder.add(block)
+        for block in self._all_blocks():
             chosen = _between(block, first_seq, last_seq)
             if len(chosen):
                 any_sample = True
                 yield chosen
-        self._keep(builder.facts())
-        if not any_sample:
-            facts = self.facts()
-            raise InputError(
-                f"{self.path}: no sample from {'the start' if first_seq is None else first_seq} to"
-                f" {'the end' if last_seq is None else last_seq}; the log holds"
-                f" {facts.first_seq} to {facts.last_seq}, choose --from and --to in there"
-                if facts.samples
-                else f"{self.path}: the log holds no samples; record some"
-            )
+        if any_sample:
+            return
+        facts = self.facts()
+        if not facts.samples:
+            raise InputError("log.no_samples", file=self.path)
+        raise InputError(
+            "log.empty_range",
+            file=self.path,
+            wanted_first=Text("log.start") if first_seq is None else first_seq,
+            wanted_last=Text("log.end") if last_seq is None else last_seq,
+            first=facts.first_seq,
+            last=facts.last_seq,
+        )
 
     def facts(self) -> LogFacts:
         """Range, gaps, temperature and sha256 of the whole log, read once."""
         if self._facts is None:
-            builder = FactsBuilder(self.meta)
-            self._found.clear()
-            for block in self._scan():
-                builder.add(block)
-            self._keep(builder.facts())
+            for _ in self._all_blocks():
+                pass
         assert self._facts is not None
         return self._facts
 
@@ -95,13 +86,17 @@ class Log:
         """Digest of sample rows and configuration, not of events and stored results."""
         return self.facts().sha256
 
-    def _keep(self, facts: LogFacts) -> None:
+    def _all_blocks(self) -> Iterator[SampleBlock]:
+        """All samples; at the end holes and facts are known. Raises InputError."""
+        builder = FactsBuilder(self.meta)
+        self._found.clear()
+        for block in self._scan():
+            builder.add(block)
+            yield block
+        facts = builder.facts()
         self.holes = tuple(self._found)
         if self.stored_sha256 is not None and not self.holes and facts.sha256 != self.stored_sha256:
-            raise InputError(
-                f"{self.path}: samples or configuration differ from what the run recorded (sha256);"
-                " use an unchanged copy of the log"
-            )
+            raise InputError("log.altered", file=self.path)
         self._facts = replace(facts, damaged=sum(hole.count for hole in self.holes))
 
 
@@ -114,12 +109,9 @@ def _between(block: SampleBlock, first: int | None, last: int | None) -> SampleB
 
 
 def open_log(path: Path, meta_file: Path | None = None) -> Log:
-    """Open a raw log (.h5) or a CSV (.csv, .csv.gz) with its TOML beside it or at `meta_file`.
+    """Open a raw log (.h5), or a CSV (.csv, .csv.gz) with its TOML beside it or at `meta_file`.
 
-    Raises
-    ------
-    InputError
-        where the file is missing, of another kind, or its configuration is wrong.
+    Raises InputError if the file is missing or of another kind, or its configuration is wrong.
     """
     if path.suffix == SUFFIX:
         contents = read_contents(path)
@@ -135,8 +127,22 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
             _found=found,
         )
     if not path.name.endswith((".csv", ".csv.gz")):
-        raise InputError(f"{path}: not a log; give a raw log ({SUFFIX}) or a .csv(.gz) beside its .toml")
+        raise InputError("log.not_a_log", file=path)
     if not path.is_file():
-        raise InputError(f"{path}: no such file; give the path of an existing log")
+        raise InputError("log.not_found", file=path)
     meta = load_meta(meta_file or meta_path(path))
     return Log(path, meta, lambda: csv_blocks(path, meta))
+
+
+def truth_path(path: Path) -> Path:
+    """Where the true parameters of a simulated recording are kept."""
+    return path.with_suffix(".truth.json")
+
+
+def read_truth(path: Path) -> dict[str, float]:
+    """True parameters of a simulated recording, SI; empty for a recording of a real unit."""
+    try:
+        found = json.loads(truth_path(path).read_text(encoding="utf-8"))
+        return {str(name): float(value) for name, value in found.items()}
+    except (OSError, ValueError, AttributeError, TypeError):
+        return {}

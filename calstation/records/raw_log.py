@@ -1,10 +1,15 @@
-"""Writes the raw log: HDF5 in SWMR mode, appended and flushed so that a kill or a power cut costs next to nothing.
+"""Writes the raw log: HDF5 in SWMR mode, flushed so often that a kill or a power cut loses less than two seconds.
 
-One compound dataset holds the samples, so their columns cannot differ in length after a crash;
-configuration, events, results and the closing word are JSON lines in byte datasets. Everything is created
-before SWMR mode is switched on, because nothing can be created afterwards. Samples are not compressed:
-rewriting a partly filled compressed chunk at every flush would leak file space, and a torn one would lose all
-its rows.
+One compound dataset holds the samples, so that their columns have equal lengths after a crash. Configuration, events,
+results and the closing record are JSON lines in byte datasets. Everything is created before SWMR mode is switched on,
+because nothing can be created afterwards. Samples are not compressed: rewriting a partly filled compressed chunk at
+every flush would leak file space, and a torn chunk would lose all its rows. Every row has a check value, so that
+damage is located to the row.
+
+References
+----------
+M. Dietzfelbinger, *Universal hashing and k-wise independent random variables via integer arithmetic without primes*,
+STACS 1996: multiply, add, take the upper half. S. Vigna's splitmix64 gives the multipliers.
 """
 
 import errno
@@ -36,12 +41,13 @@ FORMAT = "calstation.log/1"
 SUFFIX = ".h5"
 #: Host seconds between flushes to the operating system: a kill loses less than this and one tick.
 FLUSH_INTERVAL = 0.1
-#: Whoever looks whether a log is being written holds its lock for a moment, s.
-_LOCKED_WITHIN = 1.0
-#: Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself.
-#:
-#: They have a thread of their own: a disk may take seconds, and a table's watchdog is to be fed all the while.
+#: Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself. They have their own
+#: thread: a disk may take seconds, and meanwhile the table's watchdog must be fed.
 SYNC_INTERVAL = 0.8
+#: Host seconds to wait for the lock: `being_written` holds it for a moment.
+_LOCK_TIMEOUT = 1.0
+#: Name of the column with each row's check value.
+CHECK = "check"
 #: Columns of every log; those of further IMUs and of a gimbal come after them, and each row's check last.
 ROW = np.dtype(
     [
@@ -56,19 +62,42 @@ ROW = np.dtype(
     ]
 )
 CHUNK_ROWS = 1024
-#: Bytes that must be left on the disk: a run ends while there is still room for its log's and its result's end.
+#: Bytes that must be left on the disk: the end of the log and the result must still fit.
 RESERVE = 32_000_000
 _TEXTS = ("events", "results", "closing")
+#: Start of a row's check value: a row of zeros that was never written does not pass.
+_SEED = np.uint64(0x9E3779B97F4A7C15)
 
 
 def row_dtype(further_imus: int, joints: bool) -> np.dtype:
-    """A row of a log with so many further IMUs, with the joints of a gimbal or without."""
+    """Columns of a log with a number of further IMUs, with or without the joints of a gimbal."""
     further = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
     return np.dtype([*ROW.descr, *further, *gimbal, (CHECK, "<u4")])
 
 
-_abandoned: list["RawLogWriter"] = []
+def row_checks(rows: np.ndarray) -> NDArray[np.uint32]:
+    """Check values of rows, shape (n,), over all columns but `CHECK`."""
+    total = np.full(len(rows), _SEED, np.uint64)
+    names = [name for name in rows.dtype.names or () if name != CHECK]
+    columns = itertools.chain.from_iterable(rows[name].reshape(len(rows), -1).T for name in names)
+    for number, column in enumerate(columns):
+        if column.dtype.itemsize == 8:
+            bits = np.ascontiguousarray(column).view(np.uint64)
+        else:
+            bits = column.astype(np.uint64)
+        total += bits * _multiplier(number)
+    return (total >> np.uint64(32)).astype(np.uint32)
+
+
+@cache
+def _multiplier(column: int) -> np.uint64:
+    """An odd number of 64 random bits for each column (splitmix64)."""
+    mask = (1 << 64) - 1
+    z = ((column + 1) * int(_SEED)) & mask
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+    return np.uint64((z ^ (z >> 31)) | 1)
 
 
 def free_space(path: Path) -> int:
@@ -76,33 +105,46 @@ def free_space(path: Path) -> int:
     return shutil.disk_usage(path.parent).free
 
 
+#: Writers whose file could not be written to its end, kept alive because closing the file may crash the process.
+_abandoned: list["RawLogWriter"] = []
+
+
 class RawLogWriter:
     """Appends a run's samples, events and results to a new file.
 
-    Its lock on the file says that the run is going (`raw_read.being_written`): a clock may be set, a run may wait.
-    Buffers between flushes; `service` (called by every append) flushes and syncs when due. A gimbal's joints are
-    kept where `joints` says that blocks have them, further IMUs where the configuration names them.
+    While the writer lives it holds a lock on the file (`raw_read.being_written`). It buffers between flushes;
+    `service`, which every append calls, flushes and syncs when due.
+
+    Parameters
+    ----------
+    path : file to create
+    meta : configuration
+    joints : whether the blocks have the joints of a gimbal
+    free_space : gives the bytes left on the disk of a file
 
     Raises
     ------
     ConfigurationError
-        where the file cannot be created.
+        The file cannot be created.
     """
 
-    def __init__(self, path: Path, meta: LogMeta, joints: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        meta: LogMeta,
+        joints: bool = False,
+    ) -> None:
         self.path = path
         self.meta = meta
         try:
-            # The library's own lock is another's: it is given up when SWMR mode is switched on.
+            # HDF5's own lock would be given up when SWMR mode is switched on.
             self._file = h5py.File(path, "x", libver="latest", locking=False)
             self._sync_handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
-            if not take(self._sync_handle, _LOCKED_WITHIN, shared=True):
-                raise OSError(errno.EBUSY, "another program has locked it")
+            locked = take(self._sync_handle, _LOCK_TIMEOUT, shared=True)
         except OSError as exc:
-            reason = "it exists already" if exc.errno == errno.EEXIST else exc.strerror or str(exc)
-            raise ConfigurationError(
-                f"{path}: the log cannot be created ({reason}); choose another folder with --out"
-            ) from exc
+            raise ConfigurationError("log.not_created", file=path, reason=_os_reason(exc)) from exc
+        if not locked:
+            raise ConfigurationError("log.not_created", file=path, reason=Text("log.locked"))
         configuration = np.frombuffer(meta.to_json().encode(), np.uint8)
         self._file.attrs["format"] = FORMAT
         self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
