@@ -15,11 +15,11 @@ from calstation.estimation.pairs.static import SENSORS
 from calstation.estimation.pairs.watch import WatchEvent
 from calstation.physics.units import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records.convert import export_csv, import_csv
+from calstation.records.log import truth_path
 from calstation.records.raw_log import SUFFIX
 from calstation.results.pair_run import pair_folder, watch_log
 from calstation.results.resolve import resolve
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
-from calstation.simulation.recordings import truth_path
 
 
 def resolve_command(

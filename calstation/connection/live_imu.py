@@ -17,10 +17,9 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.jobs.queue import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
-from calstation.records.log import open_log
+from calstation.records.log import open_log, read_truth
 from calstation.records.meta import ImuSection, LogMeta
 from calstation.results.plots.applied import Applied, applied
-from calstation.simulation.recordings import read_truth
 
 #: Of the unit's stream.
 SECONDS = 10.0

@@ -1,4 +1,4 @@
-"""Writes a file whole or not at all: whoever reads it sees the old content or the new, even after a power cut."""
+"""Replaces a file atomically: a reader sees the old content or the new, even after a power cut."""
 
 import os
 import secrets
@@ -8,9 +8,13 @@ from pathlib import Path
 
 
 def write_atomic(path: Path, content: str | bytes, mode: int = 0o644) -> None:
-    """Put `content` (text as UTF-8) in place of the file `path`. Raises OSError, the old file then untouched.
+    """Replace the content of a file. Raises OSError; the old file is then untouched.
 
-    `mode` : permissions of the new file, which another program may thus never read with wider ones
+    Parameters
+    ----------
+    path : file to replace or create
+    content : bytes, or text, which is written as UTF-8
+    mode : permissions of the file from its creation on
     """
     data = content.encode() if isinstance(content, str) else content
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
@@ -30,10 +34,10 @@ def write_atomic(path: Path, content: str | bytes, mode: int = 0o644) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make new names in a folder survive a power cut, where the system can."""
+    """Make new names in a folder survive a power cut, if the system can."""
     if sys.platform == "win32":
-        return  # its file system keeps the names of files that were flushed
-    with suppress(OSError):  # a network folder may not know how, and its names are the server's matter
+        return  # NTFS keeps the names of files that were flushed
+    with suppress(OSError):  # a network folder may not support it
         handle = os.open(folder, os.O_RDONLY)
         try:
             os.fsync(handle)

@@ -1,10 +1,9 @@
-"""A file of JSON lines, only ever added to, each with a check of its bytes and of all before them: read whole, or
-refused with the line, also where one is missing or stands in another's place.
+"""An append-only file of JSON lines, each with a checksum of its bytes and of all lines before it.
 
-The file appears with its first line on disk, and every line ends with its newline, so a power cut can leave one thing
-only: a torn last line. That one announces nothing that happened and is passed over; the next line takes its place.
-Whatever else does not read as it was written is damage. Lines without a check are those of files begun before there was
-one; none can follow a line that has it.
+A file is read whole or refused with the number of the damaged, missing or misplaced line. It appears with its first
+line on disk, and every line ends with its newline, so a power cut can leave only a torn last line. That line records
+nothing that happened; it is skipped, and the next line replaces it. Any other difference is damage. Files begun by an
+early version have lines without a checksum; none of these can follow a line that has one.
 """
 
 import json
@@ -17,29 +16,30 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from calstation.messages.rendering import Text
 from calstation.records.atomic import sync_folder
 
 _CHECKED = re.compile(rb'(\{.*), "chain": "([0-9a-f]{8})"\}', re.DOTALL)
 
 
 class DamagedLineError(Exception):
-    """A line that does not read as it was written.
+    """A damaged line.
 
     Attributes
     ----------
     number : of the line, from 1
-    why : in a few words
+    why : what is wrong with it
     """
 
-    def __init__(self, number: int, why: str) -> None:
-        super().__init__(f"line {number}: {why}")
+    def __init__(self, number: int, why: Text) -> None:
+        super().__init__(number, why)
         self.number = number
         self.why = why
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line as it was written; `checked` where its check says so."""
+    """A line of the file; `checked` tells whether it has a checksum."""
 
     number: int
     content: Mapping[str, Any]
@@ -48,14 +48,14 @@ class Line:
 
 @dataclass(frozen=True)
 class Lines:
-    """All lines of a file; `torn` where a power cut left a piece of one behind them."""
+    """All lines of a file; `torn` tells whether a power cut left a piece of a line at the end."""
 
     lines: tuple[Line, ...] = ()
     torn: bool = False
 
 
 def read_lines(path: Path) -> Lines:
-    """All lines of a file, none where it is missing. Raises OSError or DamagedLineError."""
+    """All lines of a file; none if it is missing. Raises OSError or DamagedLineError."""
     try:
         content = path.read_bytes()
     except (FileNotFoundError, NotADirectoryError):
@@ -69,26 +69,26 @@ def read_lines(path: Path) -> Lines:
         _add(lines, rest, before)
         return Lines(tuple(lines))
     if not pieces:
-        raise DamagedLineError(1, "is no line" if content else "the file is empty")
+        raise DamagedLineError(1, Text("log.line_incomplete" if content else "log.line_missing"))
     if _CHECKED.search(rest):
-        raise DamagedLineError(len(lines) + 1, "does not read as it was written")
+        raise DamagedLineError(len(lines) + 1, Text("log.line_altered"))
     return Lines(tuple(lines), torn=bool(rest))
 
 
 def _add(lines: list[Line], piece: bytes, before: int) -> int:
-    """Take one more line; its check, with which that of the next begins."""
+    """Add one line; returns the start value of the next line's checksum."""
     line = _parsed(piece, before)
     if line is None:
-        raise DamagedLineError(len(lines) + 1, "does not read as it was written, or one before it is missing")
+        raise DamagedLineError(len(lines) + 1, Text("log.line_out_of_order"))
     content, checked = line
     if lines and lines[-1].checked and not checked:
-        raise DamagedLineError(len(lines) + 1, "has lost its check value")
+        raise DamagedLineError(len(lines) + 1, Text("log.line_unchecked"))
     lines.append(Line(len(lines) + 1, content, checked))
     return _check(piece)
 
 
 def append_line(path: Path, content: Mapping[str, Any]) -> None:
-    """Add a line, on disk when this returns, in place of a torn one. Raises OSError."""
+    """Append a line, or replace a torn one, and write it to disk. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists():
         _extend(path, content)
@@ -102,13 +102,13 @@ def _line(content: Mapping[str, Any], before: int) -> bytes:
 
 
 def _check(piece: bytes) -> int:
-    """What the check of the next line begins with."""
+    """Start value of the next line's checksum."""
     found = _CHECKED.fullmatch(piece)
     return int(found[2], 16) if found else zlib.crc32(piece)
 
 
 def _begin(path: Path, line: bytes) -> None:
-    """Make the file with its first line: until that is on disk there is none of this name."""
+    """Create the file with its first line; it gets its name when the line is on disk."""
     partial = path.with_suffix(".partial")
     with suppress(FileNotFoundError):
         partial.unlink()
@@ -130,7 +130,10 @@ def _extend(path: Path, content: Mapping[str, Any]) -> None:
         last = pieces[-1] if pieces else b""
         begin = b""
         if rest and (not pieces or _CHECKED.search(rest) or _parsed(rest, _check(last)) is not None):
-            begin, last = b"\n", rest  # whole but for its end, or damaged, which stays to be seen
+            begin, last = (
+                b"\n",
+                rest,
+            )  # only its newline is missing, or it is damaged and must stay to be found
         elif rest:
             os.ftruncate(handle, os.fstat(handle).st_size - len(rest))
         _write(handle, begin + _line(content, _check(last)))
@@ -145,7 +148,7 @@ def _write(handle: int, data: bytes) -> None:
 
 
 def _parsed(piece: bytes, before: int) -> tuple[dict[str, Any], bool] | None:
-    """What a line says, and whether its check proves it behind that of the one before; None where it is none."""
+    """Content of a line, and whether it has a checksum; None if it is damaged or out of order."""
     found = _CHECKED.fullmatch(piece)
     if found and zlib.crc32(found[1], before) != int(found[2], 16):
         return None

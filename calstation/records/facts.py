@@ -1,4 +1,4 @@
-"""What a log's samples add up to: range, gaps, temperature and sha256, the same however blocks were cut."""
+"""Summary of a log's samples: range, gaps, temperature and sha256, independent of how blocks were cut."""
 
 import hashlib
 import math
@@ -26,9 +26,14 @@ _ROW = np.dtype(
 class LogFacts:
     """Summary of a log's samples.
 
-    first_seq, last_seq : unwrapped, 0 and -1 where there is no sample; samples : their number; gaps : places
-    where samples are missing; temperature : mean, lowest and highest in °C, None where unknown; sha256 : of
-    sample rows and configuration; damaged : rows that could not be read
+    Attributes
+    ----------
+    first_seq, last_seq : unwrapped counts; 0 and -1 without samples
+    samples : number of samples
+    gaps : number of gaps
+    temperature : mean, lowest and highest, °C; None if unknown
+    sha256 : of sample rows and configuration
+    damaged : number of rows that could not be read
     """
 
     first_seq: int
@@ -41,7 +46,7 @@ class LogFacts:
 
 
 class FactsBuilder:
-    """Gathers `LogFacts` from consecutive blocks."""
+    """Accumulates `LogFacts` from consecutive blocks."""
 
     def __init__(self, meta: LogMeta) -> None:
         self._configuration = meta.to_json()
@@ -54,13 +59,13 @@ class FactsBuilder:
         self._last = -1
         self._samples = 0
         self._gaps = 0
-        self._heat = 0.0
-        self._heat_count = 0
-        self._heat_low = math.inf
-        self._heat_high = -math.inf
+        self._temperature_sum = 0.0
+        self._temperature_count = 0
+        self._lowest = math.inf
+        self._highest = -math.inf
 
     def add(self, block: SampleBlock) -> None:
-        """Take the next block."""
+        """Add the next block."""
         count = len(block)
         if count == 0:
             return
@@ -85,21 +90,25 @@ class FactsBuilder:
         self._gaps += int(np.count_nonzero(np.diff(block.seq) != 1))
         self._last = int(block.seq[-1])
         self._samples += count
-        heat = block.temperature[~np.isnan(block.temperature)]
-        if len(heat):
-            self._heat += float(heat.sum())
-            self._heat_count += len(heat)
-            self._heat_low = min(self._heat_low, float(heat.min()))
-            self._heat_high = max(self._heat_high, float(heat.max()))
+        temperature = block.temperature[~np.isnan(block.temperature)]
+        if len(temperature):
+            self._temperature_sum += float(temperature.sum())
+            self._temperature_count += len(temperature)
+            self._lowest = min(self._lowest, float(temperature.min()))
+            self._highest = max(self._highest, float(temperature.max()))
 
     def facts(self) -> LogFacts:
         """The summary so far."""
         whole = hashlib.sha256()
         for part in (self._rows.digest(), self._stages.digest(), self._configuration.encode()):
             whole.update(part)
-        if self._has_further:  # logs without further columns keep the digest they were given
+        if self._has_further:  # so that logs without further columns keep their digest
             whole.update(self._further.digest())
-        heat = None
-        if self._heat_count:
-            heat = (round(self._heat / self._heat_count, 3), self._heat_low, self._heat_high)
-        return LogFacts(self._first, self._last, self._samples, self._gaps, heat, whole.hexdigest())
+        temperature = None
+        if self._temperature_count:
+            temperature = (
+                round(self._temperature_sum / self._temperature_count, 3),
+                self._lowest,
+                self._highest,
+            )
+        return LogFacts(self._first, self._last, self._samples, self._gaps, temperature, whole.hexdigest())

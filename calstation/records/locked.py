@@ -1,4 +1,4 @@
-"""Locks on files that the system takes back when their holder dies: no clock says who is alive."""
+"""File locks that the operating system releases when their holder dies."""
 
 import errno
 import os
@@ -8,20 +8,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-#: What systems answer where another holds the lock.
+#: Error numbers for a lock that another process holds.
 _HELD = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
 
-#: Between two tries, s.
-_AGAIN_AFTER = 0.02
+#: Seconds between two attempts.
+_RETRY_INTERVAL = 0.02
 
-#: A look at a file takes its lock for a moment: whoever finds it held looks again for so long, s.
-_A_LOOK = 0.2
+#: Seconds for which `held` tries: another process that tests the lock holds it for a moment.
+_TEST_TIMEOUT = 0.2
 
 if sys.platform == "win32":
     import msvcrt
 
+    #: The locked byte; others cannot read it, so it lies beyond the content of the file.
     _FAR = 1 << 30
-    """The locked byte: nobody else can read it there, so it stands behind all that files of locks contain."""
 
     def _lock(handle: int, *, shared: bool) -> None:
         os.lseek(handle, _FAR, os.SEEK_SET)
@@ -43,10 +43,10 @@ else:
 
 @contextmanager
 def locked(path: Path, within: float) -> Iterator[None]:
-    """Hold the lock on the file `path`, made where it is missing; its content does not matter.
+    """Hold the lock on a file, which is created if it is missing.
 
-    Raises TimeoutError (an OSError) where another holds it for `within` s, another OSError where the file cannot
-    be made or its file system knows no locks.
+    Raises TimeoutError if another process holds it for `within` s, and OSError if the file cannot be created or its
+    file system has no locks.
     """
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
@@ -61,11 +61,18 @@ def locked(path: Path, within: float) -> Iterator[None]:
 
 
 def take(handle: int, within: float, *, shared: bool = False) -> bool:
-    """Take the lock on an open file until it is closed; False where another holds it for `within` s.
+    """Take the lock on an open file until it is closed. Raises OSError if the file system has no locks.
 
-    `shared` : others may share it, where the system knows that
+    Parameters
+    ----------
+    handle : of the open file
+    within : seconds to try
+    shared : whether others may share it, on systems with shared locks
 
-    Raises OSError where the file system knows no locks.
+    Returns
+    -------
+    bool
+        False if another process held it all the time.
     """
     deadline = time.monotonic() + within
     while True:
@@ -78,13 +85,13 @@ def take(handle: int, within: float, *, shared: bool = False) -> bool:
                 return False
         else:
             return True
-        time.sleep(_AGAIN_AFTER)
+        time.sleep(_RETRY_INTERVAL)
 
 
 def held(path: Path) -> bool:
-    """Whether somebody holds the lock on a file. Raises OSError where it cannot be opened, or knows no locks."""
+    """Whether a process holds the lock on a file. Raises OSError if it cannot be opened or locked."""
     handle = os.open(path, os.O_RDONLY)
     try:
-        return not take(handle, _A_LOOK)
+        return not take(handle, _TEST_TIMEOUT)
     finally:
         os.close(handle)

@@ -1,7 +1,11 @@
-"""`LogMeta`: all that solving needs beside the samples, as the TOML beside a CSV and inside a raw log."""
+"""The configuration of a log: all that solving needs beside the samples.
+
+It is the TOML beside a CSV, is stored in a raw log, and holds the last cross-calibration of each pair of IMUs.
+"""
 
 import hashlib
 import json
+import re
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,7 +13,7 @@ import numpy as np
 import tomli_w
 from pydantic import Field, JsonValue, field_validator, model_validator
 
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common.context import (
     Belief,
     ImuModel,
@@ -19,10 +23,12 @@ from calstation.estimation.common.context import (
     StoredPair,
     TableModel,
 )
+from calstation.messages.rendering import os_reason
 from calstation.physics.parameters import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, group_indices
+from calstation.records.atomic import write_atomic
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
-from calstation.schema import StrictModel, load, suggestion, validate
+from calstation.schema import EntryError, StrictModel, load, suggestion, validate
 
 _UNIT_TOLERANCE = 1e-3
 #: Numbers that secondary IMUs may have in files.
@@ -66,7 +72,7 @@ class StoredPairSection(StrictModel):
         known = tuple(p.name for p in PAIR_PARAMETERS)
         for name in values:
             if name not in known:
-                raise ValueError(f"'{name}' is no pair parameter{suggestion(name, known) or '; remove it'}")
+                raise EntryError("limits.unknown", name, name=name, near=suggestion(name, known))
         return values
 
 
@@ -77,7 +83,7 @@ class FurtherImuSection(ImuSection):
 
 
 class TableSection(StrictModel):
-    """`[table]`: axes and what the table's angles and its rest are worth."""
+    """`[table]`: axes, and how accurate the table's angles and its rest are."""
 
     outer_axis: list[float] = Field(default=[1.0, 0.0, 0.0], min_length=3, max_length=3)
     inner_axis: list[float] = Field(default=[0.0, 0.0, 1.0], min_length=3, max_length=3)
@@ -94,13 +100,13 @@ class TableSection(StrictModel):
     def _unit_vector(cls, axis: list[float]) -> list[float]:
         length = float(np.linalg.norm(axis))
         if abs(length - 1.0) > _UNIT_TOLERANCE:
-            raise ValueError(f"{axis} has length {length:.6g}; give a unit vector")
+            raise EntryError("log.not_unit_vector", axis=str(axis), length=length)
         return axis
 
     @model_validator(mode="after")
     def _two_axes(self) -> "TableSection":
         if float(np.linalg.norm(np.cross(self.outer_axis, self.inner_axis))) < 0.5:
-            raise ValueError("outer_axis and inner_axis lie within 30° of each other; correct one of them")
+            raise EntryError("log.parallel_axes")
         return self
 
 
@@ -112,7 +118,7 @@ class PriorSection(StrictModel):
 
 
 class ProductSection(StrictModel):
-    """`[product]`: the unit type, its limits, its acceptance checks and the sigmas at which a stage may stop."""
+    """`[product]`: the unit type, its limits, acceptance checks and the sigmas at which a stage may stop."""
 
     name: str
     limits: dict[str, Limit] = Field(default_factory=dict)
@@ -127,10 +133,13 @@ class ProductSection(StrictModel):
 
 
 class FileSection(StrictModel):
-    """`[run.files.KIND]`: which station, product, table or IMU file a run used.
+    """`[run.files.KIND]`: the station, product, table or IMU file that a run used.
 
-    version : number among the versions saved on this computer, absent for a shipped file or one edited by other
-        means; sha256 : of its bytes
+    Attributes
+    ----------
+    name : of the file
+    version : number among the versions saved on this computer; None for a shipped file, or one edited elsewhere
+    sha256 : of its bytes
     """
 
     name: str
@@ -139,9 +148,12 @@ class FileSection(StrictModel):
 
 
 class RunSection(StrictModel):
-    """`[run]`: who measured, with what and when; written by a run, absent from a foreign CSV.
+    """`[run]`: who measured, with what and when; absent from a foreign CSV.
 
-    files : by kind; resumed_from : name of the log whose finished stages this one begins with
+    Attributes
+    ----------
+    files : by kind
+    resumed_from : name of the log whose completed stages this one begins with
     """
 
     stages: list[str]
@@ -160,11 +172,11 @@ class LogMeta(StrictModel):
 
     Attributes
     ----------
-    schedule : a stage's schedule parameters by stage
+    schedule : parameters of each stage's method
     profiles : texts of the station, table, IMU and product files of the run, by kind
-    registers : the unit's own registers where its stream follows them, by parameter, SI
-    previous : what the last calibration of the same unit found, by parameter, SI, where the product asks for it
-    imu2 to imu9 : further IMUs on the same body, without a gap in their numbers
+    registers : the unit's registers by parameter, SI, if its stream follows them
+    previous : result of the unit's last calibration by parameter, SI, if the product compares with it
+    imu2 to imu9 : further IMUs on the same body, numbered without a gap
     """
 
     site: SiteSection
@@ -194,13 +206,13 @@ class LogMeta(StrictModel):
 
     @model_validator(mode="after")
     def _further_imus(self) -> "LogMeta":
-        for place, (number, section) in enumerate(self.secondaries.items(), 2):
-            if number != place:
-                raise ValueError(f"imu{number} is there but imu{place} is not; number further IMUs from 2 on")
-            if section.sample_rate_hz != self.imu.sample_rate_hz:
-                raise ValueError(
-                    f"imu{number}.sample_rate_hz = {section.sample_rate_hz:g} must be the primary's "
-                    f"{self.imu.sample_rate_hz:g}: a row is a sample of both; leave cells empty where one is missing"
+        for expected, (number, section) in enumerate(self.secondaries.items(), 2):
+            if number != expected:
+                raise EntryError("log.imu_numbers", number=number, missing=expected)
+            rate, primary = section.sample_rate_hz, self.imu.sample_rate_hz
+            if rate != primary:
+                raise EntryError(
+                    "log.imu_rates", f"imu{number}", "sample_rate_hz", rate=rate, primary=primary
                 )
         return self
 
@@ -209,7 +221,7 @@ class LogMeta(StrictModel):
     def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
         for name in table:
             if name not in INDEX:
-                raise ValueError(f"'{name}' is no parameter{suggestion(name, NAMES) or '; remove it'}")
+                raise EntryError("limits.unknown", name, name=name, near=suggestion(name, NAMES))
         return table
 
     def to_json(self) -> str:
@@ -236,21 +248,21 @@ def _without_none(value: Any) -> Any:
 
 
 def load_meta(path: Path) -> LogMeta:
-    """Read the TOML beside a CSV; raises InputError naming file, field and mend."""
+    """Read the TOML beside a CSV. Raises InputError with file, field and remedy."""
     return load(LogMeta, path, InputError)
 
 
 def meta_from_json(text: str, source: str | Path) -> LogMeta:
-    """Read the configuration stored in a raw log; raises InputError."""
+    """Read the configuration stored in a raw log. Raises InputError."""
     try:
         data = json.loads(text)
     except ValueError as exc:
-        raise InputError(f"{source}: its configuration is damaged ({exc}); use a copy of the log") from exc
+        raise InputError("log.damaged_configuration", file=source, detail=str(exc)) from exc
     return validate(LogMeta, data, source, InputError)
 
 
 def context_from_meta(meta: LogMeta) -> SolveContext:
-    """What the solvers are told, in SI; the same for a run and for its log."""
+    """Site, IMUs and table as the solvers use them, SI; the same for a run and for its log."""
     site, imu, table = meta.site, meta.imu, meta.table
     return SolveContext(
         site=Site(
@@ -305,7 +317,7 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 
 def prior_from_meta(meta: LogMeta) -> Belief:
-    """What is known of the 30 parameters before the first stage: independent, 0 and wide where not stated."""
+    """Prior of the 30 parameters before the first stage: independent; 0 and wide if not stated."""
     mean = np.zeros(COUNT)
     sigma = np.array([p.prior_sigma for p in PARAMETERS])
     for name, prior in meta.prior.items():
@@ -317,3 +329,30 @@ def prior_from_meta(meta: LogMeta) -> Belief:
         mean[group_indices("outer_lever")] = 0.0
         sigma[group_indices("outer_lever")] = 0.0
     return Belief(mean, np.diag(sigma**2))
+
+
+def pair_path(folder: Path, primary: str, secondary: str) -> Path:
+    """File of a pair of IMUs, named after both serial numbers."""
+    names = [re.sub(r"[^A-Za-z0-9.-]", "-", serial) for serial in (primary, secondary)]
+    return folder / f"{names[0]}_{names[1]}.toml"
+
+
+def load_pair(folder: Path, primary: str, secondary: str) -> StoredPair:
+    """The last cross-calibration of a pair; empty if there is none. Raises InputError for a damaged file."""
+    path = pair_path(folder, primary, secondary)
+    if not path.exists():
+        return StoredPair()
+    return _stored_pair(load(StoredPairSection, path, InputError))
+
+
+def store_pair(folder: Path, primary: str, secondary: str, stored: StoredPair) -> Path:
+    """Replace the stored cross-calibration of a pair. Raises ConfigurationError if it cannot be written."""
+    path = pair_path(folder, primary, secondary)
+    static = {"gyro_static": stored.gyro_static, "accel_static": stored.accel_static}
+    content = {**_without_none(static), "values": dict(stored.values)}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, tomli_w.dumps(content))
+    except OSError as exc:
+        raise ConfigurationError("log.pair_not_written", file=path, reason=os_reason(exc)) from exc
+    return path

@@ -12,7 +12,7 @@ M. Dietzfelbinger, *Universal hashing and k-wise independent random variables vi
 STACS 1996: multiply, add, take the upper half. S. Vigna's splitmix64 gives the multipliers.
 """
 
-import errno
+import itertools
 import json
 import os
 import re
@@ -22,19 +22,20 @@ import zlib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
 
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.samples import SampleBlock
+from calstation.messages.rendering import Text, os_reason
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.locked import take
 from calstation.records.meta import LogMeta
-from calstation.records.row_check import CHECK, row_checks
 from calstation.records.superblock import SUPERBLOCK, superblock_end
 
 FORMAT = "calstation.log/1"
@@ -82,10 +83,8 @@ def row_checks(rows: np.ndarray) -> NDArray[np.uint32]:
     names = [name for name in rows.dtype.names or () if name != CHECK]
     columns = itertools.chain.from_iterable(rows[name].reshape(len(rows), -1).T for name in names)
     for number, column in enumerate(columns):
-        if column.dtype.itemsize == 8:
-            bits = np.ascontiguousarray(column).view(np.uint64)
-        else:
-            bits = column.astype(np.uint64)
+        wide = column.dtype.itemsize == 8
+        bits = np.ascontiguousarray(column).view(np.uint64) if wide else column.astype(np.uint64)
         total += bits * _multiplier(number)
     return (total >> np.uint64(32)).astype(np.uint32)
 
@@ -120,6 +119,9 @@ class RawLogWriter:
     path : file to create
     meta : configuration
     joints : whether the blocks have the joints of a gimbal
+
+    Attributes
+    ----------
     free_space : gives the bytes left on the disk of a file
 
     Raises
@@ -136,6 +138,7 @@ class RawLogWriter:
     ) -> None:
         self.path = path
         self.meta = meta
+        self.free_space = free_space
         try:
             # HDF5's own lock would be given up when SWMR mode is switched on.
             self._file = h5py.File(path, "x", libver="latest", locking=False)
@@ -162,7 +165,7 @@ class RawLogWriter:
         self._lines: dict[str, list[str]] = {name: [] for name in _TEXTS}
         self._flushed = self._synced = time.monotonic()
         self._refused = self._warned = False
-        self._trouble: ConfigurationError | None = None
+        self._failure: ConfigurationError | None = None
         self._disk = ThreadPoolExecutor(1, "log-disk")
         self._syncing = self._disk.submit(lambda: None)
         self.sync()
@@ -195,7 +198,7 @@ class RawLogWriter:
         self.service()
 
     def add_result(self, result: Mapping[str, Any]) -> None:
-        """Keep a result JSON beside the samples; it does not count in the sha256."""
+        """Keep a result JSON beside the samples; the sha256 does not cover it."""
         self._write_line("results", result)
         self.flush()
 
@@ -204,11 +207,11 @@ class RawLogWriter:
         return self._facts.facts()
 
     def service(self) -> None:
-        """Flush and sync where due; to be called at every tick, data or not. Raises ConfigurationError, once."""
+        """Flush and sync if due; call it at every tick, with data or without. Raises ConfigurationError, once."""
         now = time.monotonic()
         if now - self._flushed >= FLUSH_INTERVAL:
             self.flush()
-        self._tell_trouble()
+        self._raise_failure()
         if now - self._synced >= SYNC_INTERVAL and self._syncing.done():
             self.begin_sync()
 
@@ -216,7 +219,7 @@ class RawLogWriter:
         """Hand everything to the operating system: safe from the death of this process."""
         if self._refused:
             return
-        with self._told():
+        with self._writing():
             if self._rows:
                 rows = np.concatenate(self._rows)
                 self._rows.clear()
@@ -231,51 +234,48 @@ class RawLogWriter:
         self._flushed = time.monotonic()
 
     def sync(self) -> None:
-        """`flush`, and wait until it is on disk: safe from a power cut as well."""
+        """Flush, and wait until everything is on disk: safe from a power cut."""
         self.begin_sync().result()
-        self._tell_trouble()
+        self._raise_failure()
 
     def begin_sync(self) -> Future[None]:
-        """`flush`, and begin to bring it to the disk; once that is done, `service` raises what the disk refused."""
+        """Flush, and begin to write to the disk in the background; a later `service` raises what fails there."""
         self.flush()
         if not self._refused:
-            self._syncing = self._disk.submit(self._arrive)
+            self._syncing = self._disk.submit(self._sync_in_background)
             self._synced = time.monotonic()
         return self._syncing
 
-    def _arrive(self) -> None:
+    def _sync_in_background(self) -> None:
         try:
-            with self._told():
-                self._reach_disk()
-        except ConfigurationError as trouble:
-            self._trouble = trouble
+            with self._writing():
+                self._write_to_disk()
+        except ConfigurationError as failure:
+            self._failure = failure
 
-    def _tell_trouble(self) -> None:
-        trouble, self._trouble = self._trouble, None
-        if trouble is not None:
-            raise trouble
+    def _raise_failure(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure
 
-    def _reach_disk(self) -> None:
-        if not self._warned and free_space(self.path) < RESERVE:
+    def _write_to_disk(self) -> None:
+        if not self._warned and self.free_space(self.path) < RESERVE:
             self._warned = True
-            raise ConfigurationError(
-                f"{self.path}: its disk is nearly full, less than {RESERVE // 1_000_000} MB are left; make room"
-                " on it, then resume the run"
-            )
+            raise ConfigurationError("log.disk_nearly_full", file=self.path, megabytes=RESERVE // 1_000_000)
         os.fsync(self._sync_handle)
         if not os.path.samestat(self.path.stat(), os.fstat(self._sync_handle)):
-            raise OSError("another file has taken its place")
+            raise _ReplacedError
 
     def close(self, outcome: str) -> LogFacts:
-        """Write the closing word and close; later calls do nothing further."""
+        """Write the closing record and close; later calls do nothing."""
         facts = self.facts()
         if not self._file:
             return facts
         if self._refused:
-            # Closing what could not be written may take the process along: the library is left alone with it.
+            # Closing a file that could not be written may crash the process inside HDF5: it stays open.
             if self not in _abandoned:
                 _abandoned.append(self)
-                self._disk.submit(os.close, self._sync_handle)  # behind what may still be on its way
+                self._disk.submit(os.close, self._sync_handle)  # after what is still being written
                 self._disk.shutdown(wait=self._syncing.done())
             return facts
         self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
@@ -287,27 +287,22 @@ class RawLogWriter:
         return facts
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
-        """What the disk refuses is told once, as ConfigurationError; what is in the log stays, and nothing is added."""
+    def _writing(self) -> Iterator[None]:
+        """Turn a failed write into one ConfigurationError; the log is kept as it is and gets no more data."""
         try:
             yield
-        except (OSError, RuntimeError) as exc:  # h5py knows both
+        except (OSError, RuntimeError) as exc:  # h5py raises both
             self._refused = True
             with suppress(OSError):
-                self._fill_up()
-            reason = os.strerror(exc.errno) if isinstance(exc, OSError) and exc.errno else str(exc)
-            found = re.search(r"error message = '([^']*)'", reason)
-            raise ConfigurationError(
-                f"{self.path}: the log cannot be written any more ({found[1] if found else reason}); make room on"
-                " its disk, or bring its folder back, then resume the run"
-            ) from exc
+                self._extend_to_told_length()
+            raise ConfigurationError("log.not_written", file=self.path, reason=_os_reason(exc)) from exc
 
-    def _fill_up(self) -> None:
-        """Make the file as long as it says of itself, by a hole: readers refuse one that was cut short."""
+    def _extend_to_told_length(self) -> None:
+        """Extend the file by a hole to the length in its superblock: readers refuse a file that was cut short."""
         os.lseek(self._sync_handle, 0, os.SEEK_SET)
-        told = superblock_end(os.read(self._sync_handle, SUPERBLOCK))
-        if os.fstat(self._sync_handle).st_size < told:
-            os.ftruncate(self._sync_handle, told)
+        length = superblock_end(os.read(self._sync_handle, SUPERBLOCK))
+        if os.fstat(self._sync_handle).st_size < length:
+            os.ftruncate(self._sync_handle, length)
 
     def _growing(self, name: str, dtype: DTypeLike, chunk: int) -> h5py.Dataset:
         return self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(chunk,))
@@ -328,6 +323,20 @@ def _extend(dataset: h5py.Dataset, text: str) -> None:
     end = dataset.shape[0]
     dataset.resize((end + len(data),))
     dataset[end:] = data
+
+
+class _ReplacedError(OSError):
+    """Another file has taken the place of the log."""
+
+
+def _os_reason(error: OSError | RuntimeError) -> Text:
+    """Why a file cannot be written; h5py has the error number of the system in its message only."""
+    if isinstance(error, _ReplacedError):
+        return Text("log.replaced")
+    if isinstance(error, OSError) and error.errno:
+        return os_reason(error)
+    number = re.search(r"errno = (\d+)", str(error))
+    return os_reason(OSError(int(number[1]), os.strerror(int(number[1]))) if number else OSError(str(error)))
 
 
 def _plain(value: Any) -> Any:

@@ -1,10 +1,10 @@
-"""Reads raw logs, those of a run that was killed as well, and finds the runs that did not reach their end."""
+"""Reads raw logs, also those of a run that was killed; damaged rows are left out and reported."""
 
 import itertools
 import json
 import time
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,26 +15,73 @@ from numpy.typing import NDArray
 
 from calstation.errors import InputError
 from calstation.estimation.common.samples import SampleBlock
-from calstation.records.damaged_rows import DamagedRows, without
+from calstation.messages.rendering import os_reason
 from calstation.records.locked import held
 from calstation.records.meta import LogMeta, meta_from_json
-from calstation.records.raw_log import CHUNK_ROWS, FORMAT
-from calstation.records.row_check import CHECK, row_checks
+from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
 
 _READ_ROWS = 16 * CHUNK_ROWS
-#: What h5py raises of a file that is damaged.
+#: Raised by h5py for a damaged file.
 _BROKEN = (OSError, RuntimeError, KeyError)
+_NO_HOLES = np.empty((0, 2), np.int64)
+#: Attempts to open a file that a run may be writing, and seconds between them.
+_ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
+#: Number of holes whose places a message lists.
+_LISTED = 6
 
-_NONE = np.empty((0, 2), np.int64)
 
-#: How often a file that a run may be writing is opened, and what is waited in between, s.
-_ATTEMPTS, _AGAIN_AFTER = 4, 0.05
+@dataclass(frozen=True)
+class DamagedRows:
+    """Consecutive damaged rows, which are left out as a gap.
+
+    Attributes
+    ----------
+    row, count : number of the first row, from 0, and how many there are
+    after, before : sequence numbers of the sound samples around them; None at the ends of the log
+    """
+
+    row: int
+    count: int
+    after: int | None
+    before: int | None
+
+    @property
+    def missing(self) -> str:
+        """First and last missing sequence number, as far as they are known."""
+        first = "" if self.after is None else f"{self.after + 1}"
+        last = "" if self.before is None else f"{self.before - 1}"
+        return f"{first}…{last}"
+
+
+def summary(holes: Sequence[DamagedRows]) -> dict[str, int | str]:
+    """Values for a message on damaged rows: their number, and where the first of them are."""
+    places = [hole.missing for hole in holes[:_LISTED]] + ["…"] * (len(holes) > _LISTED)
+    return {"rows": sum(hole.count for hole in holes), "where": ", ".join(places)}
+
+
+def without(holes: NDArray[np.int64], start: int, stop: int) -> Iterator[tuple[int, int]]:
+    """Ranges of stored rows that hold the sound rows `start` to `stop`.
+
+    Parameters
+    ----------
+    holes : first row and number of rows of each hole, rising, shape (n, 2)
+    start, stop : numbers among the sound rows
+    """
+    row = good = 0
+    for first, count in [*holes.tolist(), (None, 0)]:
+        length = stop - good if first is None else first - row
+        a, b = max(start, good), min(stop, good + length)
+        if a < b:
+            yield row + a - good, row + b - good
+        if first is None or good + length >= stop:
+            return
+        good, row = good + length, first + count
 
 
 @dataclass(frozen=True)
 class RawLogContents:
-    """What a raw log holds beside its samples; `outcome` is None where the run did not reach its end."""
+    """What a raw log holds beside its samples; `outcome` is None if the run did not reach its end."""
 
     meta: LogMeta
     events: list[dict[str, Any]]
@@ -44,11 +91,11 @@ class RawLogContents:
 
 
 def read_contents(path: Path) -> RawLogContents:
-    """Read configuration, events and results; raises InputError where the file is no readable raw log."""
+    """Read configuration, events and results. Raises InputError."""
     with _Opened(path) as file:
         stored = file["meta"][:]
         if zlib.crc32(stored) != file.attrs.get("meta_crc32", zlib.crc32(stored)):
-            raise InputError(f"{path}: its configuration is damaged (crc32); use a copy of the log")
+            raise InputError("log.damaged_configuration", file=path, detail="crc32")
         meta = meta_from_json(_text(stored), path)
         closing = _json_lines(file, "closing")
         last = closing[-1] if closing else {}
@@ -62,14 +109,14 @@ def read_contents(path: Path) -> RawLogContents:
 
 
 def being_written(path: Path) -> bool:
-    """Whether the run of a log is still going: its writer holds the log's lock until it closes it, or dies.
+    """Whether a log's run is still going: the writer holds a lock on the log until it closes it or dies.
 
-    Raises InputError where the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     try:
         return held(path)
     except OSError as exc:
-        raise InputError(f"{path}: cannot be read ({exc.strerror or exc})") from exc
+        raise InputError("log.unreadable", file=path, reason=os_reason(exc)) from exc
 
 
 def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -80,9 +127,10 @@ def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
 def raw_blocks(path: Path, holes: list[DamagedRows] | None = None) -> Iterator[SampleBlock]:
     """Read a raw log's samples in order in blocks of one stage.
 
-    Rows that do not read as they were written are left out, and put into `holes`; those at the end of a log that
-    was not closed were never written out, and are no hole. Of a log whose rows have no checks (InputError) any such
-    row spoils the rest.
+    Damaged rows are left out and added to `holes`. At the end of a log that was not closed they were never written
+    and are no hole. In a log of an early version, whose rows have no check values, a damaged row ends the samples.
+
+    Raises InputError if the file is damaged otherwise.
     """
     with _Opened(path) as file:
         samples = file["samples"]
@@ -98,7 +146,7 @@ def raw_blocks(path: Path, holes: list[DamagedRows] | None = None) -> Iterator[S
             if not checked and not sound.all():
                 good = int(np.argmin(sound))
                 if closed:
-                    raise InputError(f"{path}: row {start + good} is damaged; use a copy of the log")
+                    raise InputError("log.damaged_row", file=path, row=start + good)
                 yield from _blocks(rows[:good], names)
                 return
             for a, b in _stretches(sound):
@@ -113,15 +161,19 @@ def raw_blocks(path: Path, holes: list[DamagedRows] | None = None) -> Iterator[S
 
 
 def row_count(path: Path) -> int:
-    """Rows in a raw log, those that a crash spoilt included."""
+    """Number of rows in a raw log, damaged ones included. Raises InputError."""
     with _Opened(path) as file:
         return _row_count(path, file["samples"])
 
 
-def raw_rows(path: Path, start: int, stop: int, holes: NDArray[np.int64] = _NONE) -> np.ndarray:
-    """Good rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.row_dtype`.
+def raw_rows(path: Path, start: int, stop: int, holes: NDArray[np.int64] = _NO_HOLES) -> np.ndarray:
+    """Sound rows of a raw log as they are stored, structured as `raw_log.row_dtype`. Raises InputError.
 
-    holes : first row and number of rows of each, shape (n, 2)
+    Parameters
+    ----------
+    path : raw log
+    start, stop : numbers among the sound rows
+    holes : first row and number of rows of each hole, shape (n, 2)
     """
     with _Opened(path) as file:
         samples = file["samples"]
@@ -131,14 +183,14 @@ def raw_rows(path: Path, start: int, stop: int, holes: NDArray[np.int64] = _NONE
 
 
 def _row_count(path: Path, samples: h5py.Dataset) -> int:
-    """Rows told, but no more than the file has room for: nobody reads for ever what is not there."""
+    """The stored number of rows, limited by the size of the file, since the number itself may be damaged."""
     return min(int(samples.shape[0]), path.stat().st_size // int(samples.dtype.itemsize))
 
 
 def _rows_and_sound(
     samples: h5py.Dataset, start: int, stop: int, checked: bool
 ) -> tuple[np.ndarray, NDArray[np.bool_]]:
-    """Rows `start` to `stop`, and which of them their check proves; of a chunk that cannot be read none."""
+    """Rows `start` to `stop`, and which of them are sound; none in a chunk that cannot be read."""
     try:
         rows = samples[start:stop]
     except _BROKEN:
@@ -153,7 +205,7 @@ def _rows_and_sound(
 
 
 def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
-    """Which of the sound rows' sequence numbers rise over all sound ones before them."""
+    """Which sound rows have a sequence number above those of all sound rows before them."""
     kept = np.where(sound, seq, -1)
     return kept > np.maximum.accumulate(np.concatenate([[last], kept[:-1]]))
 
@@ -182,7 +234,7 @@ def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
 
 
 class _Opened:
-    """An HDF5 file open for reading; every failure inside becomes one InputError."""
+    """Opens an HDF5 file for reading; every failure inside becomes one InputError."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -190,7 +242,7 @@ class _Opened:
 
     def __enter__(self) -> h5py.File:
         if not self._path.is_file():
-            raise InputError(f"{self._path}: no such file; give the path of an existing log")
+            raise InputError("log.not_found", file=self._path)
         for _ in range(_ATTEMPTS):
             try:
                 self._file = self._open()
@@ -203,7 +255,7 @@ class _Opened:
                 self._close()
             if not being_written(self._path):
                 break
-            time.sleep(_AGAIN_AFTER)
+            time.sleep(_RETRY_INTERVAL)
         raise self._damaged() from error
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
@@ -217,11 +269,11 @@ class _Opened:
             raise self._damaged() from error
 
     def _open(self) -> h5py.File:
-        """The file, a raw log; one not closed, or cut short, is read as it is. Raises InputError or `_BROKEN`."""
+        """Open the file as it is, closed or not. Raises InputError for another format, else `_BROKEN`."""
         with self._path.open("rb") as stream:
             head = stream.read(SUPERBLOCK)
         if not sound(head):
-            raise OSError("no whole superblock")
+            raise OSError("the superblock is damaged")
         short = self._path.stat().st_size < superblock_end(head)
         self._unclosed = AsClosed(self._path) if short or left_open(head) else None
         file = h5py.File(self._unclosed or self._path, "r", libver="latest")
@@ -232,7 +284,7 @@ class _Opened:
             file.close()
             raise
         file.close()
-        raise InputError(f"{self._path}: not a raw log of this program; give a .h5 log or a .csv")
+        raise InputError("log.foreign", file=self._path)
 
     def _close(self) -> None:
         if self._unclosed is not None:
@@ -240,7 +292,7 @@ class _Opened:
             self._unclosed = None
 
     def _damaged(self) -> InputError:
-        return InputError(f"{self._path}: damaged, cut short or no raw log; use a copy of the log")
+        return InputError("log.damaged", file=self._path)
 
 
 def _text(data: NDArray[np.uint8]) -> str:
@@ -248,7 +300,7 @@ def _text(data: NDArray[np.uint8]) -> str:
 
 
 def _json_lines(file: h5py.File, name: str) -> list[dict[str, Any]]:
-    """Whole lines that parse; what a crash left half written, or cannot be read, is skipped."""
+    """All lines that parse; what a crash left half written, or damage made unreadable, is skipped."""
     try:
         text = _text(file[name][:])
     except _BROKEN:

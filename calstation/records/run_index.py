@@ -1,4 +1,4 @@
-"""An index of runs in SQLite, for searching only: the files are the truth, and it is made again where it is lost."""
+"""A search index of runs in SQLite. The files of the runs are authoritative; a lost index is rebuilt from them."""
 
 import json
 import sqlite3
@@ -34,13 +34,13 @@ from sqlalchemy.pool import NullPool, StaticPool
 
 from calstation.records.raw_log import SUFFIX
 
-#: Of the tables; an index of another version is made again.
+#: Version of the tables; an index of another version is rebuilt.
 _VERSION = 4
 
 #: Name of the index in the folder of the runs.
 FILE = "history.sqlite"
 
-#: How long another program may hold the index.
+#: Seconds for which another program may hold the index.
 _BUSY_S = 5.0
 
 T = TypeVar("T")
@@ -48,16 +48,18 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run as the index knows it.
+    """One run of the index.
 
     Attributes
     ----------
-    started_utc : ISO 8601; outcome : passed, failed, stopped, fault or incomplete; duration : s of samples
-    log : raw log; result : result JSON, None where there is none
-    stages : those that were solved
-    error : what ended a faulty run, or who or what
-        stopped a stopped one; resumed_from : name of the log that this run continued, None for a fresh one
-    closed : somebody decided that it is not to be resumed
+    started_utc : ISO 8601
+    outcome : passed, failed, stopped, fault or incomplete
+    stages : solved stages
+    log, result : raw log, and result JSON if there is one
+    duration : of the samples, s
+    error : cause of a fault, or of a stop
+    resumed_from : name of the log that this run continued; None for a fresh run
+    closed : whether an operator decided not to resume it
     """
 
     serial: str
@@ -78,9 +80,15 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class IndexedRun:
-    """A row: the record, its log's stem as key, the stamp of the files it was read from, its solved values, SI.
+    """A row of the index.
 
-    written : value and sigma of each register that the run wrote from its own answer and proved, SI
+    Attributes
+    ----------
+    name : stem of the log, the key
+    stamp : of the files that the row was read from
+    record : the run
+    values : solved values by parameter, SI
+    written : value and sigma of each register that the run wrote from its own result and verified, SI
     """
 
     name: str
@@ -115,11 +123,11 @@ _runs = Table(
 
 
 class RunIndex:
-    """The index in a folder of runs; in memory where its file cannot be used, so that it never stops a run.
+    """The index in a folder of runs; it moves to memory if its file cannot be used, so that it never stops a run.
 
     Attributes
     ----------
-    lost : set where the index was found damaged, or could not be written, and was begun anew, empty
+    lost : whether the index was damaged or could not be written, and is empty again
     """
 
     def __init__(self, folder: Path) -> None:
@@ -138,7 +146,7 @@ class RunIndex:
         )
 
     def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
-        """Add or replace runs, and forget those that are gone."""
+        """Add or replace runs, and remove those in `gone`."""
         rows = [_row(run) for run in runs]
         names = [*gone, *(row["name"] for row in rows)]
 
@@ -151,7 +159,14 @@ class RunIndex:
         self._try(change)
 
     def find(self, search: str, outcome: str | None, limit: int) -> list[RunRecord]:
-        """Latest runs first; `search` is part of a serial number, name, product, station, operator or date."""
+        """Find runs, latest first.
+
+        Parameters
+        ----------
+        search : part of a serial number, name, product, station, operator or date
+        outcome : only runs with this outcome; any if None
+        limit : largest number of runs
+        """
         query = select(_runs).order_by(_runs.c.started_utc.desc(), _runs.c.name.desc()).limit(limit)
         if search.strip():
             columns = ("serial", "started_utc", "product", "station", "operator", "name")
@@ -165,7 +180,14 @@ class RunIndex:
     def of(
         self, serial: str, outcomes: tuple[str, ...] | None = None, before: str | None = None
     ) -> list[IndexedRun]:
-        """A unit's runs of these outcomes that started before `before` (ISO 8601), latest first."""
+        """A unit's runs, latest first.
+
+        Parameters
+        ----------
+        serial : of the unit
+        outcomes : only runs with these outcomes; any if None
+        before : only runs that started before this time, ISO 8601
+        """
         query = select(_runs).where(_runs.c.serial == serial)
         if outcomes is not None:
             query = query.where(_runs.c.outcome.in_(outcomes))
@@ -186,7 +208,7 @@ class RunIndex:
         )
 
     def count(self, serial: str) -> int:
-        """How many runs of a unit were begun; one that was resumed counts once."""
+        """Number of runs begun for a unit; a resumed run counts once."""
         query = (
             select(func.count())
             .select_from(_runs)
@@ -216,13 +238,13 @@ class RunIndex:
         return self._try(lambda connection: [self._record(row) for row in connection.execute(query)])
 
     def _try(self, action: Callable[[Connection], T]) -> T:
-        """Do it; where the file is damaged or cannot be written, begin anew: first the file, then in memory."""
+        """Run `action`; if the file is damaged or not writable, retry with a new file, then in memory."""
         try:
             with self._engine.begin() as connection:
                 return action(connection)
         except DatabaseError:
             pass
-        for renew in (self._file_anew, self._in_memory):
+        for renew in (self._recreate_file, self._move_to_memory):
             try:
                 renew()
                 with self._engine.begin() as connection:
@@ -233,14 +255,14 @@ class RunIndex:
                 continue
         raise RuntimeError("SQLite in memory does not work")
 
-    def _file_anew(self) -> None:
+    def _recreate_file(self) -> None:
         self._engine.dispose()
         self._path.unlink(missing_ok=True)
         for suffix in ("-wal", "-shm", "-journal"):
             self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
         self._engine = _file_engine(self._path)
 
-    def _in_memory(self) -> None:
+    def _move_to_memory(self) -> None:
         self._engine.dispose()
         self._engine = create_engine("sqlite://", poolclass=StaticPool)
 
@@ -252,15 +274,15 @@ def _file_engine(path: Path) -> Engine:
 
     @event.listens_for(engine, "connect")
     def _prepare(connection: sqlite3.Connection, _: object) -> None:
-        with suppress(sqlite3.OperationalError):  # a network folder knows no WAL
+        with suppress(sqlite3.OperationalError):  # a network folder has no WAL
             connection.execute("PRAGMA journal_mode=WAL")
-        connection.execute("PRAGMA synchronous=OFF")  # what a power cut destroys is made again
+        connection.execute("PRAGMA synchronous=OFF")  # what a power cut destroys is rebuilt
 
     return engine
 
 
 def _create(connection: Connection) -> None:
-    """Make the table; an index of another version is emptied."""
+    """Create the table; an index of another version is emptied."""
     if connection.execute(text("PRAGMA user_version")).scalar_one() != _VERSION:
         _metadata.drop_all(connection)
         connection.execute(text(f"PRAGMA user_version={_VERSION}"))

@@ -1,7 +1,7 @@
-"""The first bytes of an HDF5 file, and a file that was not closed read as if it had been.
+"""The superblock of an HDF5 file, by which a file that was not closed is read as a closed one.
 
-HDF5's own way to read a file that a writer left open (SWMR) reads damaged metadata again and again, waiting twice as
-long each time: a single wrong byte would hold whoever opens the log for ever. Read as a closed one, it is an error.
+HDF5's own mode for a file that a writer left open (SWMR) retries damaged metadata with doubling waits: a single wrong
+byte would block the reader for hours. In a closed file the same damage is an error at once.
 
 References
 ----------
@@ -21,12 +21,12 @@ _ALL = 0xFFFFFFFF
 
 
 def superblock_end(head: bytes) -> int:
-    """Length of the file that its first `SUPERBLOCK` bytes tell."""
+    """Length of the file according to its first `SUPERBLOCK` bytes."""
     return int.from_bytes(head[_END], "little")
 
 
 def sound(head: bytes) -> bool:
-    """Whether a file begins with a superblock of version 3 whose check is right."""
+    """Whether a file begins with a superblock of version 3 with the right checksum."""
     return (
         len(head) == SUPERBLOCK
         and head.startswith(_SIGNATURE)
@@ -35,12 +35,12 @@ def sound(head: bytes) -> bool:
 
 
 def left_open(head: bytes) -> bool:
-    """Whether its writer has not closed the file, or not yet."""
+    """Whether the writer has not closed the file."""
     return head[_FLAGS] != 0
 
 
 class AsClosed(io.FileIO):
-    """A file not closed, or cut short, as it would read had it been closed at its present length."""
+    """Presents a file that was not closed, or was cut short, as if it had been closed at its present length."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "rb")
@@ -62,28 +62,28 @@ class AsClosed(io.FileIO):
 
 
 def _lookup3(data: bytes | bytearray) -> int:
-    """Jenkins' hash of 32 bits, as HDF5 checks its metadata."""
+    """Jenkins' 32-bit hash, HDF5's checksum of metadata."""
     a = b = c = (0xDEADBEEF + len(data)) & _ALL
     rest = bytes(data)
     while len(rest) > 12:
         a, b, c = (value + word & _ALL for value, word in zip((a, b, c), _words(rest), strict=True))
-        a, c = (a - c & _ALL) ^ _turned(c, 4), c + b & _ALL
-        b, a = (b - a & _ALL) ^ _turned(a, 6), a + c & _ALL
-        c, b = (c - b & _ALL) ^ _turned(b, 8), b + a & _ALL
-        a, c = (a - c & _ALL) ^ _turned(c, 16), c + b & _ALL
-        b, a = (b - a & _ALL) ^ _turned(a, 19), a + c & _ALL
-        c, b = (c - b & _ALL) ^ _turned(b, 4), b + a & _ALL
+        a, c = (a - c & _ALL) ^ _rotated(c, 4), c + b & _ALL
+        b, a = (b - a & _ALL) ^ _rotated(a, 6), a + c & _ALL
+        c, b = (c - b & _ALL) ^ _rotated(b, 8), b + a & _ALL
+        a, c = (a - c & _ALL) ^ _rotated(c, 16), c + b & _ALL
+        b, a = (b - a & _ALL) ^ _rotated(a, 19), a + c & _ALL
+        c, b = (c - b & _ALL) ^ _rotated(b, 4), b + a & _ALL
         rest = rest[12:]
     if not rest:
         return c
     a, b, c = (value + word & _ALL for value, word in zip((a, b, c), _words(rest), strict=True))
-    c = (c ^ b) - _turned(b, 14) & _ALL
-    a = (a ^ c) - _turned(c, 11) & _ALL
-    b = (b ^ a) - _turned(a, 25) & _ALL
-    c = (c ^ b) - _turned(b, 16) & _ALL
-    a = (a ^ c) - _turned(c, 4) & _ALL
-    b = (b ^ a) - _turned(a, 14) & _ALL
-    return (c ^ b) - _turned(b, 24) & _ALL
+    c = (c ^ b) - _rotated(b, 14) & _ALL
+    a = (a ^ c) - _rotated(c, 11) & _ALL
+    b = (b ^ a) - _rotated(a, 25) & _ALL
+    c = (c ^ b) - _rotated(b, 16) & _ALL
+    a = (a ^ c) - _rotated(c, 4) & _ALL
+    b = (b ^ a) - _rotated(a, 14) & _ALL
+    return (c ^ b) - _rotated(b, 24) & _ALL
 
 
 def _words(data: bytes) -> tuple[int, int, int]:
@@ -95,5 +95,5 @@ def _words(data: bytes) -> tuple[int, int, int]:
     )
 
 
-def _turned(value: int, bits: int) -> int:
+def _rotated(value: int, bits: int) -> int:
     return (value << bits | value >> (32 - bits)) & _ALL

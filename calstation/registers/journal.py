@@ -23,6 +23,7 @@ from calstation.config.station import StationConfig
 from calstation.devices.imu.transfer import Closing, Step
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import ConfigurationError
+from calstation.messages.rendering import sentence
 from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
 
 #: Of a register's entry, what leaves the meaning of its content as it is.
@@ -275,7 +276,7 @@ def _lines(path: Path, serial: str) -> Lines:
     try:
         return read_lines(path)
     except DamagedLineError as exc:
-        raise _damaged(path, serial, exc.number, exc.why) from exc
+        raise _damaged(path, serial, exc.number, sentence(exc.why)) from exc
     except OSError as exc:
         raise ConfigurationError(
             f"{path}: the register journal cannot be read ({exc.strerror or exc}); mend its folder"

@@ -15,8 +15,7 @@ from calstation.estimation.pairs.calibration import PairCalibration
 from calstation.estimation.pairs.static import StaticCheck
 from calstation.estimation.pairs.watch import PairWatch, WatchEvent
 from calstation.records.log import open_log
-from calstation.records.meta import context_from_meta, prior_from_meta
-from calstation.records.pair_store import load_pair, store_pair
+from calstation.records.meta import context_from_meta, load_pair, prior_from_meta, store_pair
 from calstation.results.solver_chain import one_blas_thread
 from calstation.schema import validate
 from procedures.cross_calibration import Schedule

@@ -7,9 +7,8 @@ from typing import Any
 from calstation.config.site_check import latitude_untold
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.records.checks import offline_online
-from calstation.records.damaged_rows import told
 from calstation.records.log import Log, open_log
-from calstation.records.raw_read import solved_stages
+from calstation.records.raw_read import solved_stages, summary
 from calstation.results.judge import Ending, build_result, judge, solved_parameters
 from calstation.results.result import DamagedRange, Result
 from calstation.results.solver_chain import Watch, solve
@@ -76,7 +75,7 @@ def resolve(
     if log.holes:
         damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.holes]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
-        messages.insert(0, ("log_damaged", {"file": path.name, **told(log.holes)}))
+        messages.insert(0, ("log_damaged", {"file": path.name, **summary(log.holes)}))
     if chain.lacking:
         result = result.model_copy(update={"missing_data": dict(chain.lacking)})
     return Resolved(result, tuple(messages), tuple(chain.lacking.values()))

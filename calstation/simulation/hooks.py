@@ -1,44 +1,117 @@
-"""Hooks of runs on the virtual bench: planned faults, and the simulated operator of a manual rig."""
+"""Hooks of runs on the virtual bench: faults of the plan, and the simulated operator of a manual rig."""
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
+from dataclasses import dataclass, field
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.runs.hooks import RunHooks
+from calstation.sequencer.events import Event, Message, StageStarted, StepStarted
 from calstation.sequencer.ports import Emit
-from calstation.simulation.fault_plan import FaultInjector, fault_plan, with_faults
-from calstation.simulation.simulated_operator import SimulatedOperator
+from calstation.simulation.fault_plan import CAPTURES, HOST, FaultPlan, fault_plan, with_faults
 
 if TYPE_CHECKING:
     from calstation.connection.devices import Devices
+    from calstation.records.raw_log import RawLogWriter
 
 
 class BenchHooks(RunHooks):
-    """Injects the faults of the run's plan and turns a simulated manual rig; does nothing on hardware."""
+    """Injects the faults of the run's plan and moves a simulated manual rig; does nothing on hardware."""
 
     def __init__(self) -> None:
-        self._operator = SimulatedOperator()
+        self._clock: BenchClock | None = None
         self._injector: FaultInjector | None = None
 
     def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
-        """The configuration with what the plan of faults changes in it."""
+        """The configuration with the changes of the plan of faults."""
         return with_faults(setup)
 
     def listener(self, setup: ResolvedConfiguration, folder: Path, emit: Emit) -> Emit:
-        """`emit` with the faults after it and the operator's motion before it."""
+        """`emit`, with the operator's motion before an event and the faults after it."""
         plan = fault_plan(setup)
         if plan.fault:
             self._injector = FaultInjector(plan, folder)
-            emit = self._injector.listening(emit)
-        return self._operator.listening(emit) if setup.by_hand else emit
+
+        def accompanied(event: Event) -> None:
+            if setup.by_hand:
+                self._move_rig(event)
+            emit(event)
+            if self._injector is not None:
+                self._injector.on_event(event)
+
+        return accompanied
 
     def connected(self, devices: Devices) -> None:
-        """Give both the bench to act on."""
-        if not isinstance(devices.clock, BenchClock):
-            return
-        self._operator.carry = devices.clock.carry
+        """Remember the bench's clock, which takes orders."""
+        if isinstance(devices.clock, BenchClock):
+            self._clock = devices.clock
+            if self._injector is not None:
+                self._injector.clock = devices.clock
+
+    def log_opened(self, log: RawLogWriter) -> None:
+        """Remember the log, whose disk a fault may fill."""
         if self._injector is not None:
-            self._injector.order = devices.clock.order
+            self._injector.log = log
+
+    def _move_rig(self, event: Event) -> None:
+        """Let the simulated operator do what the step asks for."""
+        if self._clock is not None and isinstance(event, StepStarted) and event.kind == "carry":
+            outer, inner, rest = (float(value) for value in event.label[1:4])
+            self._clock.carry(radians(outer), radians(inner), rest)
+
+
+@dataclass
+class FaultInjector:
+    """Injects the faults of a plan when the events of the run that they wait for have been emitted.
+
+    Attributes
+    ----------
+    plan : all faults
+    runs : folder of the runs
+    clock : of the bench, which carries out orders; None until it is connected
+    log : of the run; None until it is open
+    """
+
+    plan: FaultPlan
+    runs: Path
+    clock: BenchClock | None = None
+    log: RawLogWriter | None = None
+    _stage: str = ""
+    _step: int = -1
+    _injected: set[int] = field(default_factory=set)
+
+    def on_event(self, event: Event) -> None:
+        """Inject the faults that are due at an event."""
+        if isinstance(event, StageStarted):
+            self._stage, self._step = event.stage, -1
+        elif isinstance(event, Message) and event.id in CAPTURES:
+            self._stage, self._step = event.id, -1
+        elif isinstance(event, StepStarted) and event.stage and event.stage == self._stage:
+            self._step += 1
+        else:
+            return
+        for i, (fault, time) in enumerate(zip(self.plan.fault, self.plan.times(), strict=True)):
+            due = fault.stage == self._stage and (-1 if fault.step is None else fault.step) == self._step
+            if not due or i in self._injected:
+                continue
+            self._injected.add(i)
+            if fault.kind in HOST:
+                self._hit_computer(fault.kind)
+            elif self.clock is not None:
+                value = {} if fault.value is None else {"value": fault.value}
+                self.clock.order({"order": fault.kind, "after": time, **value})
+
+    def _hit_computer(self, kind: str) -> None:
+        if kind == "engine_killed":
+            os.kill(os.getpid(), signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
+        elif kind == "runs_folder_gone":
+            self.runs.rename(self.runs.with_name(f"{self.runs.name}.gone"))
+        elif self.log is not None:
+            self.log.free_space = lambda path: 0

@@ -1,4 +1,4 @@
-"""Recordings made on the virtual bench as a work for the workshop, and where they lie with the truth that drew them."""
+"""The background job that makes a recording on the virtual bench, with its true parameters beside it."""
 
 import json
 from pathlib import Path
@@ -7,20 +7,36 @@ from typing import cast
 from calstation.config.library import site_folder
 from calstation.errors import ConfigurationError
 from calstation.jobs.queue import ProgressCallback
+from calstation.messages.rendering import os_reason
 from calstation.records.atomic import write_atomic
+from calstation.records.log import truth_path
 
 
 def recordings_folder() -> Path:
-    """Where the window puts recordings of the virtual bench."""
+    """Folder where the window puts recordings of the virtual bench."""
     return site_folder() / "recordings"
 
 
 def record_on_bench(tell: ProgressCallback, kind: str, path: Path, grade: str, seed: int) -> Path:
-    """Work for the workshop: make a recording with its truth beside it; both replace what was there.
+    """Make a recording and the file with its true parameters; both replace what was there.
 
-    Returns its path. Raises ConfigurationError where the place cannot be written.
+    Parameters
+    ----------
+    tell : is called with the progress, 0 to 1
+    kind, grade, seed : see `bench_recordings.make_recording`
+    path : raw log to write
+
+    Returns
+    -------
+    Path
+        `path`.
+
+    Raises
+    ------
+    ConfigurationError
+        The file cannot be written.
     """
-    from calstation.simulation.bench_recordings import (  # the bench takes long to import
+    from calstation.simulation.bench_recordings import (  # takes long to import
         GradeName,
         Kind,
         make_recording,
@@ -36,21 +52,5 @@ def record_on_bench(tell: ProgressCallback, kind: str, path: Path, grade: str, s
         write_atomic(truth_path(path), json.dumps(truth, indent=1) + "\n")
         partial.replace(path)
     except OSError as exc:
-        raise ConfigurationError(
-            f"{path}: cannot be written ({exc.strerror or exc}); choose another folder"
-        ) from exc
+        raise ConfigurationError("csv.not_written", file=path, reason=os_reason(exc)) from exc
     return path
-
-
-def truth_path(path: Path) -> Path:
-    """Where the truth of a recording lies."""
-    return path.with_suffix(".truth.json")
-
-
-def read_truth(path: Path) -> dict[str, float]:
-    """What drew a recording of the virtual bench, from the file beside it; nothing where there is none."""
-    try:
-        found = json.loads(truth_path(path).read_text(encoding="utf-8"))
-        return {str(name): float(value) for name, value in found.items()}
-    except (OSError, ValueError, AttributeError, TypeError):
-        return {}

@@ -19,7 +19,7 @@ from calstation.runs.engine import Engine
 from calstation.schema import read_toml
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import StepStarted
-from calstation.simulation.fault_plan import LOOKS
+from calstation.simulation.fault_plan import CAPTURES
 from calstation.simulation.hooks import BenchHooks
 from calstation.simulation.soak_judge import MILD, Judged, judge_run
 
@@ -309,8 +309,8 @@ def _product(name: str) -> dict[str, Any]:
 def _fault(kind: str, value: float | None, stages: tuple[str, ...], drawn: random.Random) -> dict[str, Any]:
     entry: dict[str, Any] = {"kind": kind} if value is None else {"kind": kind, "value": float(value)}
     if (kind, value) in STAGE_FAULTS:
-        entry["stage"] = drawn.choice((*stages, *LOOKS) if kind in _IN_LOOKS else stages)
-        if entry["stage"] not in LOOKS and drawn.random() < 0.5:
+        entry["stage"] = drawn.choice((*stages, *CAPTURES) if kind in _IN_LOOKS else stages)
+        if entry["stage"] not in CAPTURES and drawn.random() < 0.5:
             entry["step"] = drawn.randrange(6)
         entry["time_s"] = drawn.uniform(0.0, _LATEST if "step" not in entry else 3.0)
     return entry

@@ -49,7 +49,7 @@ def test_an_unknown_stage_in_the_column_names_file_and_column(calstation: Run, t
 def test_an_empty_file_is_called_empty(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     log.write_text("", encoding="utf-8")
-    assert "log.csv: is empty" in told(calstation("resolve", log))
+    assert "log.csv: The file is empty." in told(calstation("resolve", log))
 
 
 def test_parallel_axes_are_refused(calstation: Run, tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_parallel_axes_are_refused(calstation: Run, tmp_path: Path) -> None:
 
 def test_a_range_behind_the_log_reads_as_a_sentence(calstation: Run, tmp_path: Path) -> None:
     said = told(calstation("resolve", write_log(tmp_path, six_position_rows()), "--from", 99999))
-    assert "no sample from 99999 to the end; the log holds 0 to 2399" in said
+    assert "no sample from 99999 to the end, only from 0 to 2399" in said
 
 
 def test_a_gap_in_a_turn_is_named_as_the_reason(calstation: Run, tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def check(done: Done, code: int, *words: str) -> None:
 
 
 def test_no_such_log(calstation: Run, tmp_path: Path) -> None:
-    check(calstation("resolve", tmp_path / "none.csv"), 2, "none.csv", "no such file")
+    check(calstation("resolve", tmp_path / "none.csv"), 2, "none.csv", "No such file")
 
 
 def test_no_toml_beside_the_csv(calstation: Run, tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_empty_or_repeated_stages(calstation: Run, tmp_path: Path) -> None:
 
 def test_range_outside_the_log(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
-    check(calstation("resolve", log, "--from", 10**6), 2, "the log holds")
+    check(calstation("resolve", log, "--from", 10**6), 2, "The log holds")
     check(calstation("resolve", log, "--from", 20, "--to", 10), 2, "--from")
     check(calstation("resolve", log, "--from", 0, "--to", 100), 2, "six_position")
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from calstation.records.pair_store import load_pair
+from calstation.records.meta import load_pair
 from tests.cli.conftest import Done, six_position_rows, write_log
 
 Run = Callable[..., Done]

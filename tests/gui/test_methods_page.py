@@ -30,8 +30,7 @@ from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.records.convert import export_csv
 from calstation.records.limits import Check
 from calstation.records.log import open_log
-from calstation.records.meta import context_from_meta, prior_from_meta
-from calstation.records.pair_store import load_pair
+from calstation.records.meta import context_from_meta, load_pair, prior_from_meta
 from calstation.results.pair_run import pair_folder
 from calstation.simulation.recordings import record_on_bench
 from procedures import method

@@ -58,7 +58,7 @@ def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
         ("imu.sample_rate_hz", 0.0, "must be greater than 0"),
         ("imu.output", "delta", "imu.output = 'delta' is unknown; it must be 'increment' or 'rate'"),
         ("imu.gyro_lbs", 1.0, "imu.gyro_lbs is unknown"),
-        ("table.outer_axis", [1.0, 1.0, 0.0], "give a unit vector"),
+        ("table.outer_axis", [1.0, 1.0, 0.0], "Give a unit vector"),
         ("prior.gyro_bais_x", {"sigma": 1.0}, "did you mean 'gyro_bias_x'?"),
         ("prior.gyro_bias_x", {"sigma": -1.0}, "prior.gyro_bias_x.sigma = -1.0 is out of range"),
         ("product.limits", {"gyro_bia": {"within": 1.0}}, "did you mean 'gyro_bias'?"),

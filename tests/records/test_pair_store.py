@@ -6,7 +6,8 @@ import pytest
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common.context import StoredPair
-from calstation.records.pair_store import load_pair, pair_path, store_pair
+from calstation.records.meta import load_pair, pair_path, store_pair
+from tests.helpers import raises_code
 
 FIRST = StoredPair({"secondary_gyro_bias_x": 0.1 + 0.2, "clock_offset": 1e-3}, 1e-3, 0.02)
 
@@ -28,5 +29,5 @@ def test_a_damaged_file_and_a_folder_that_cannot_be_are_told(tmp_path: Path) -> 
     with pytest.raises(InputError, match="did you mean 'secondary_gyro_bias_x'"):
         load_pair(tmp_path, "P", "S")
     (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigurationError, match="cannot be written"):
+    with raises_code(ConfigurationError, "log.pair_not_written"):
         store_pair(tmp_path / "file", "P", "S", FIRST)

@@ -19,12 +19,13 @@ from records_samples import assert_same, joined, make_block
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common.samples import SampleBlock
+from calstation.messages.rendering import Text
 from calstation.records import raw_log
 from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RawLogWriter
+from calstation.records.raw_log import RawLogWriter, row_checks
 from calstation.records.raw_read import being_written, raw_blocks
-from calstation.records.row_check import row_checks
+from tests.helpers import raises_code
 
 
 def test_a_log_gives_back_what_was_written(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
@@ -71,7 +72,7 @@ def test_a_log_is_being_written_from_its_first_byte_until_it_is_closed(tmp_path:
     writer.close("stopped")
     assert not being_written(path)
     assert list(raw_blocks(path)) == []
-    with pytest.raises(InputError, match="cannot be read"):
+    with raises_code(InputError, "log.unreadable"):
         being_written(tmp_path / "none.h5")
 
 
@@ -118,33 +119,36 @@ def test_altered_cut_and_foreign_files_are_told_in_one_line(
         row["counts"][0, 2] += 1.0
         row["check"] = row_checks(row)
         file["samples"][100:101] = row
-    messages = [_message(altered)]
+    errors = [_error(altered)]
     for length in (0, 47, 100, 400):
         cut = tmp_path / "cut.h5"
         cut.write_bytes(whole[:length])
-        messages.append(_message(cut))
+        errors.append(_error(cut))
     (tmp_path / "text.h5").write_text("seq,time_s\n")
-    messages.append(_message(tmp_path / "text.h5"))
+    errors.append(_error(tmp_path / "text.h5"))
     with h5py.File(tmp_path / "foreign.h5", "w", libver="latest") as file:
         file["x"] = 1
-    messages.append(_message(tmp_path / "foreign.h5"))
-    assert "sha256" in messages[0]
-    assert all("\n" not in m and ";" in m for m in messages)
+    errors.append(_error(tmp_path / "foreign.h5"))
+    assert errors[0].code == "log.altered"
+    assert {error.code for error in errors[1:]} == {"log.damaged", "log.foreign"}
 
 
-def _message(path: Path) -> str:
+def _error(path: Path) -> InputError:
     with pytest.raises(InputError) as caught:
         list(open_log(path).blocks())
     assert str(caught.value).startswith(str(path))
-    return str(caught.value)
+    assert "\n" not in str(caught.value)
+    return caught.value
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path, meta: LogMeta) -> None:
-    with pytest.raises(ConfigurationError, match="cannot be created"):
+def test_a_file_that_cannot_be_created_is_reported(tmp_path: Path, meta: LogMeta) -> None:
+    with raises_code(ConfigurationError, "log.not_created") as caught:
         RawLogWriter(tmp_path / "absent" / "x.h5", meta)
+    assert caught.value.values["reason"] == Text("os.not_found")
     (tmp_path / "x.h5").write_text("kept")
-    with pytest.raises(ConfigurationError, match="exists already"):
+    with raises_code(ConfigurationError, "log.not_created") as caught:
         RawLogWriter(tmp_path / "x.h5", meta)
+    assert caught.value.values["reason"] == Text("os.exists")
     assert (tmp_path / "x.h5").read_text() == "kept"
 
 
@@ -156,7 +160,7 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.records.raw_read import being_written, raw_blocks
-from calstation.records.row_check import row_checks
+from calstation.records.raw_log import row_checks
 writer = RawLogWriter(Path(sys.argv[1]), LogMeta.model_validate_json(sys.argv[2]))
 begin, done = time.monotonic(), 0
 while True:
@@ -290,8 +294,9 @@ def test_a_full_disk_is_told_once_and_nothing_recorded_is_lost(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(ConfigurationError, match=r"cannot be written any more \(No space left.*make room"):
+    with raises_code(ConfigurationError, "log.not_written") as caught:
         log.sync()
+    assert caught.value.values["reason"] == Text("os.disk_full")
     log.append(make_block("rate", 500, 10))
     log.event({"event": "x"})
     log.service()
@@ -321,8 +326,9 @@ def test_a_slow_disk_keeps_nobody_waiting_and_what_it_refuses_is_told(
     assert begun.wait(60.0)
     log.append(make_block("rate", 500, 500))  # would stand still if it waited
     reached.set()
-    with pytest.raises(ConfigurationError, match=r"cannot be written any more \(Input/output error"):
+    with raises_code(ConfigurationError, "log.not_written") as caught:
         log.sync()
+    assert caught.value.values["reason"] == Text("os.io_error")
     log.close("fault")
     monkeypatch.undo()
     assert sum(len(b) for b in open_log(tmp_path / "a.h5").blocks()) >= 500
@@ -336,7 +342,7 @@ def test_a_folder_that_is_gone_is_told(tmp_path: Path, meta: LogMeta) -> None:
     log.append(make_block("rate", 0, 100))
     log.sync()
     folder.rename(tmp_path / "elsewhere")
-    with pytest.raises(ConfigurationError, match="bring its folder back"):
+    with raises_code(ConfigurationError, "log.not_written"):
         log.sync()
     log.close("fault")
     assert sum(len(b) for b in open_log(tmp_path / "elsewhere" / "a.h5").blocks()) == 100
@@ -385,7 +391,7 @@ def test_a_log_whose_disk_was_filled_by_others_is_told_and_can_be_read(
     command = [sys.executable, "-c", _FILLS_ITS_DISK, str(path), str(Path(__file__).parent)]
     told = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False).stdout
     error, kept = told.strip().splitlines()
-    assert "the log cannot be written any more (No space left on device); make room" in error
+    assert "The log cannot be written any more (the disk is full)" in error
     log = open_log(path)
     assert log.outcome is None
     assert sum(len(block) for block in log.blocks()) >= int(kept)
@@ -396,8 +402,8 @@ def test_a_disk_that_is_nearly_full_is_told_while_there_is_room_for_the_end(
 ) -> None:
     log = RawLogWriter(tmp_path / "a.h5", meta)
     log.append(make_block("rate", 0, 100))
-    monkeypatch.setattr(raw_log, "free_space", lambda path: raw_log.RESERVE - 1)
-    with pytest.raises(ConfigurationError, match=r"nearly full.*make room"):
+    log.free_space = lambda path: raw_log.RESERVE - 1
+    with raises_code(ConfigurationError, "log.disk_nearly_full"):
         log.sync()
     log.event({"event": "Fault"})
     log.close("fault")

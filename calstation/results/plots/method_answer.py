@@ -15,7 +15,7 @@ from calstation.estimation.common.stage_data import StageData, stage_data
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.records.csv_log import estimated_rows
-from calstation.records.log import Log, open_log
+from calstation.records.log import Log, open_log, read_truth
 from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import row_count
@@ -25,7 +25,6 @@ from calstation.results.plots.positions import PositionPicture, position_picture
 from calstation.results.resolve import Resolved, resolve
 from calstation.results.result import Result
 from calstation.schema import validate
-from calstation.simulation.recordings import read_truth
 from procedures import method
 
 #: Shares of the work at which a recording is read, and at which it is solved.

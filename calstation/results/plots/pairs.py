@@ -16,7 +16,7 @@ from calstation.estimation.pairs.static import pair_vector
 from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import Compensation, compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
-from calstation.records.pair_store import load_pair, pair_path
+from calstation.records.meta import load_pair, pair_path
 from calstation.results.pair_run import pair_folder
 
 #: Stretches of time into which what is left is gathered.
