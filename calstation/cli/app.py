@@ -37,9 +37,9 @@ def _given(kind: str) -> Callable[[Path | None], Path | None]:
     """An option's file by its path or its name. Raises ConfigurationError."""
 
     def look_up(path: Path | None) -> Path | None:
-        from calstation.config.library import given
+        from calstation.config.library import locate
 
-        return None if path is None else given(kind, path)
+        return None if path is None else locate(kind, path)
 
     return look_up
 

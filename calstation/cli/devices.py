@@ -10,7 +10,7 @@ from calstation.cli.show import check_json, emit_json
 from calstation.cli.usage import as_typed
 from calstation.cli.wording import RESETS
 from calstation.config import library
-from calstation.config.editing import check, kind_of, read_text
+from calstation.config.editing import check, detect_kind, read_text
 from calstation.config.request import RunRequest
 from calstation.config.station import load_station
 from calstation.connection.compatibility import incompatibilities, station_conflicts
@@ -78,9 +78,9 @@ def try_command(device: str, station: Path | None, product: Path | None, json: s
 def check_command(path: Path, json: str | None) -> int:
     """Show all that is wrong in a station, table, IMU or product file; the code of a wrong configuration then."""
     check_json(json)
-    path = library.anywhere(path)
+    path = library.locate_any(path)
     text = read_text(path)
-    kind = kind_of(path, text)
+    kind = detect_kind(path, text)
     problems = check(kind, text)
     if kind == "stations" and not problems:
         problems = station_conflicts(text)

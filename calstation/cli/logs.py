@@ -10,6 +10,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.show import check_json, emit_json, result_table
 from calstation.cli.wording import NOT_ALL, RESOLVED, word
+from calstation.config.library import pair_folder
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.pairs.static import SENSORS
 from calstation.estimation.pairs.watch import WatchEvent
@@ -17,7 +18,7 @@ from calstation.physics.units import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import truth_path
 from calstation.records.raw_log import SUFFIX
-from calstation.results.pair_run import pair_folder, watch_log
+from calstation.results.pairs import watch_log
 from calstation.results.resolve import resolve
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
 
@@ -50,12 +51,12 @@ def resolve_command(
         out = Console(file=sys.stdout)
         result_table(out, resolved.result_json)
         passed = resolved.result.passed
-        verdict = NOT_ALL if resolved.lacking and passed is None else RESOLVED[passed]
+        verdict = NOT_ALL if resolved.missing_data and passed is None else RESOLVED[passed]
         out.print(verdict, highlight=False)
-    if resolved.lacking:
+    if resolved.missing_data:
         named = ",".join(resolved.result.stages)
         raise InsufficientDataError(
-            f"{log}: {'; '.join(resolved.lacking)}; solved without it, as --stages {named} does"
+            f"{log}: {'; '.join(resolved.missing_data)}; solved without it, as --stages {named} does"
         )
     return 1 if resolved.result.passed is False else 0
 

@@ -15,10 +15,9 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from calstation.cli.show import check_json, emit_json, result_table
 from calstation.cli.usage import as_typed, options, said_as_typed
 from calstation.cli.wording import OUTCOMES, READ_BACK, REASONS, STATES, word, word_guided, word_step
-from calstation.config.request import RunRequest
+from calstation.config.request import RunRequest, computer_user
 from calstation.config.resolved import prepare_run
 from calstation.config.station import load_station
-from calstation.config.user import computer_user
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.runs.engine import INTERNAL, Engine
 from calstation.runs.resume import filled, serial_of

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
-from pydantic import BaseModel
-from tomlkit.items import AbstractTable
+from pydantic import BaseModel, ValidationError
+from tomlkit.container import OutOfOrderTableProxy
+from tomlkit.items import AbstractTable, AoT, Table
 
 from calstation.config import library
 from calstation.config.register_limits import check_register_limits
 from calstation.config.station import ProductConfig, StationConfig, schedule_values
-from calstation.config.toml_lines import line_of
+from calstation.devices.profiles.frame import FrameSection
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.devices.profiles.table import TableProfile
 from calstation.errors import ConfigurationError
@@ -23,7 +24,7 @@ from calstation.sequencer.stop_rule import named
 from procedures import method
 
 #: Keys and element numbers that lead to a value, as in pydantic's ``loc``.
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 #: Kind of file to its model.
 MODELS: dict[str, type[BaseModel]] = {
@@ -32,6 +33,9 @@ MODELS: dict[str, type[BaseModel]] = {
     "imus": ImuProfile,
     "products": ProductConfig,
 }
+
+#: Put in place of a value to find its line; a private character that no file has.
+_MARKER = "\ue000"
 
 #: What only files of a kind have, as patterns of a line's beginning.
 _MARKS = {
@@ -61,7 +65,7 @@ class Problem:
     values : what the sentence is made of, for who says it in another language
     """
 
-    place: Place
+    place: KeyPath
     kind: str
     text: str
     line: int
@@ -69,7 +73,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Entry:
+class ConfigFile:
     """A file of a kind: its name, where it is, whether it is the site's own or a shipped default."""
 
     name: str
@@ -77,15 +81,15 @@ class Entry:
     shipped: bool
 
 
-def entries(kind: str) -> list[Entry]:
+def list_files(kind: str) -> list[ConfigFile]:
     """All files of a kind, sorted; a site's file hides the shipped one of its name."""
     return [
-        Entry(name, path, path.is_relative_to(library.shipped_folder()))
+        ConfigFile(name, path, path.is_relative_to(library.shipped_folder()))
         for name, path in ((name, library.find(kind, name)) for name in library.names(kind))
     ]
 
 
-def kind_of(path: Path, text: str) -> str:
+def detect_kind(path: Path, text: str) -> str:
     """What kind of file it is: by its folder where that is one of ours, else by the tables in it.
 
     Raises ConfigurationError where neither tells.
@@ -144,7 +148,7 @@ def _of_product(product: ProductConfig) -> list[Problem]:
         problems += _no_room(product)
     problems += _unknown_targets(("targets",), product.targets)
     for stage in dict.fromkeys((*product.stages, *product.schedule)):
-        place: Place = ("schedule", stage) if stage in product.schedule else ("stages",)
+        place: KeyPath = ("schedule", stage) if stage in product.schedule else ("stages",)
         try:
             chosen = method(stage)
         except ConfigurationError as exc:
@@ -170,13 +174,13 @@ def _no_room(product: ProductConfig) -> list[Problem]:
     ]
 
 
-def _complaints(place: Place, model: type[BaseModel], data: Any) -> list[Problem]:
+def _complaints(place: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
     """What a model finds wrong with the data at `place`."""
     prefix = "".join(f"{part}." for part in place)
     found = []
     for c in complaints(model, data):
         named = _NAMED.match(str(c.values.get("error", "")))
-        where: Place = (*place, *c.place)
+        where: KeyPath = (*place, *c.place)
         if named and not place and not getattr(c.values.get("error"), "place", ()):
             own = named[1].split(".")
             where = (*(c.place[:-1] if c.place[-1:] == (own[0],) else c.place), *own)
@@ -185,7 +189,7 @@ def _complaints(place: Place, model: type[BaseModel], data: Any) -> list[Problem
     return found
 
 
-def _unknown_profile(place: Place, kind: str, name: str) -> list[Problem]:
+def _unknown_profile(place: KeyPath, kind: str, name: str) -> list[Problem]:
     known = library.names(kind)
     if name in known:
         return []
@@ -193,7 +197,7 @@ def _unknown_profile(place: Place, kind: str, name: str) -> list[Problem]:
     return [Problem(place, "no_profile", text, 0, {"value": name, "known": ", ".join(known)})]
 
 
-def _unknown_targets(place: Place, targets: Mapping[str, Any]) -> list[Problem]:
+def _unknown_targets(place: KeyPath, targets: Mapping[str, Any]) -> list[Problem]:
     """A target of no parameter would count as reached at once."""
     text = "{} is no parameter or group; remove it"
     return [
@@ -203,7 +207,7 @@ def _unknown_targets(place: Place, targets: Mapping[str, Any]) -> list[Problem]:
     ]
 
 
-def edited(text: str, changes: Mapping[Place, Any]) -> str:
+def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
     """The text with some values changed and everything else, comments included, as it was.
 
     Parameters
@@ -228,7 +232,7 @@ def edited(text: str, changes: Mapping[Place, Any]) -> str:
     return tomlkit.dumps(document)
 
 
-def _remove(table: Any, place: Place) -> None:
+def _remove(table: Any, place: KeyPath) -> None:
     key, rest = place[0], place[1:]
     if key not in table:
         return
@@ -270,3 +274,41 @@ def is_bench(path: Path) -> bool:
         return "bench" in read_toml(path)
     except ConfigurationError:
         return False
+
+
+def line_of(text: str, keys: KeyPath) -> int:
+    """Line (from 1) of the value at `keys` in a valid TOML text, or of the innermost table that would hold it."""
+    document = tomlkit.parse(text)
+    item: Any = document
+    parent: Any = None
+    last: str | int = ""
+    for key in keys:
+        try:
+            child = item[key]
+        except (KeyError, IndexError, TypeError):
+            break
+        parent, last, item = item, key, child
+    if parent is None:
+        return 1
+    while isinstance(item, AoT | OutOfOrderTableProxy) or (isinstance(item, Table) and item.is_super_table()):
+        parent, last = item, 0 if isinstance(item, AoT) else next(iter(item))
+        item = parent[last]
+    if isinstance(item, Table):
+        item.comment(_MARKER)  # stands on the line of the table's header
+    else:
+        parent[last] = _MARKER
+    return tomlkit.dumps(document).partition(_MARKER)[0].count("\n") + 1
+
+
+def frame_size(frame: Mapping[str, Any]) -> tuple[int, bool] | None:
+    """Bytes of a frame with all its fields, and whether all frames have as many; None where its section is wrong.
+
+    Parameters
+    ----------
+    frame : the section `[frame]` as it stands in the file
+    """
+    try:
+        section = FrameSection.model_validate(frame)
+    except ValidationError:
+        return None
+    return section.least_size(), section.format == "binary" and section.length is None

@@ -19,6 +19,11 @@ def site_folder() -> Path:
     return Path(os.environ.get("XDG_CONFIG_HOME", Path.home() / ".config")) / "calstation"
 
 
+def pair_folder() -> Path:
+    """Where the site stores the calibrations of IMU pairs."""
+    return site_folder() / "pairs"
+
+
 def shipped_folder() -> Path:
     """The defaults that came with the program: beside its source tree, or inside the installed package."""
     package = Path(__file__).resolve().parent.parent
@@ -39,7 +44,7 @@ def find(kind: str, name: str) -> Path:
     raise ConfigurationError(f"{kind[:-1]} profile '{name}' does not exist; choose from: {known}")
 
 
-def given(kind: str, path: Path) -> Path:
+def locate(kind: str, path: Path) -> Path:
     """The file that a person means by a path, or by the name that a file of the site or a shipped one has.
 
     Raises ConfigurationError naming the files that exist where it is neither.
@@ -54,7 +59,7 @@ def given(kind: str, path: Path) -> Path:
     return find(kind, path.name)
 
 
-def anywhere(path: Path) -> Path:
+def locate_any(path: Path) -> Path:
     """The same where the kind is not known: a path, or a name that only one kind has. Raises ConfigurationError."""
     if path.is_file() or path.suffix == ".toml" or path.parent != Path():
         return path

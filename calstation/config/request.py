@@ -1,5 +1,6 @@
 """What a listener asks the engine to do, as plain values that travel between processes."""
 
+import getpass
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -66,3 +67,11 @@ class RegisterOperation:
     source: str = ""
     transfer: str | None = None
     at_rest: bool = False
+
+
+def computer_user() -> str | None:
+    """The user's login name, None where the computer does not tell."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return None

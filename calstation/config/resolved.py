@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
-from calstation.config import library, version_store
+from calstation.config import library, versions
 from calstation.config.register_limits import check_register_limits
 from calstation.config.request import RunRequest
-from calstation.config.site_check import check_confirmed, check_place
+from calstation.config.site_check import check_confirmation, check_site
 from calstation.config.station import (
     ProductConfig,
     StationConfig,
@@ -86,8 +86,8 @@ class SourceFile:
     def read(cls, kind: str, path: Path) -> "SourceFile":
         """Read a file of a kind (``station``, ``product``, ``table``, ``imu``)."""
         text = path.read_bytes().decode()
-        version = version_store.number_of(f"{kind}s", path.stem, text)
-        section = FileSection(name=path.stem, version=version, sha256=version_store.sha256(text))
+        version = versions.version_number(f"{kind}s", path.stem, text)
+        section = FileSection(name=path.stem, version=version, sha256=versions.sha256(text))
         return cls(path, text, section)
 
 
@@ -396,9 +396,9 @@ def check_station(resolved: ResolvedConfiguration) -> None:
     """
     check_manual_rig(resolved)
     meta, path = resolved.log_meta(), resolved.sources["station"].path
-    check_place(meta, path)
+    check_site(meta, path)
     if resolved.station.bench is None:
-        check_confirmed(resolved.station.site, meta, path)
+        check_confirmation(resolved.station.site, meta, path)
 
 
 def check_manual_rig(resolved: ResolvedConfiguration) -> None:

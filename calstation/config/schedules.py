@@ -1,5 +1,6 @@
 """What may be set of a stage's schedule, from its method's own model: fields, ranges, a product's values, faults."""
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +11,13 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from calstation.config import library, versions
+from calstation.config.editing import edit_toml, read_text
 from calstation.config.request import RunRequest
 from calstation.config.resolved import resolve_configuration
+from calstation.config.versions import Version
+from calstation.errors import ConfigurationError
+from calstation.jobs.queue import ProgressCallback
 from calstation.sequencer.stop_rule import named
 from procedures import DEFAULT_STAGES, method
 
@@ -52,7 +58,7 @@ class ScheduleField:
 
 
 @dataclass(frozen=True)
-class Problem:
+class ScheduleProblem:
     """What is wrong with a value: no ``number``, not ``whole``, ``missing``, too ``low``, too ``high``, beyond the
     ``table``, not the ``name`` of a parameter or group. `bound` : the limit that it breaks, `subject` : the name.
     """
@@ -63,7 +69,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Offer:
+class ScheduleOptions:
     """What a product on a station lets choose.
 
     Attributes
@@ -92,7 +98,7 @@ class Offer:
     serial: str
 
 
-def offer(station: Path | None, product: Path | None) -> Offer:
+def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
     """Read a product and a station, defaults where None. Raises ConfigurationError with file, field and mend."""
     setup = resolve_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
@@ -100,7 +106,7 @@ def offer(station: Path | None, product: Path | None) -> Offer:
     whole = resolve_configuration(RunRequest("offer", station, product, offered))
     limits = setup.table.geometry().limits
     context = setup.solve_context()
-    return Offer(
+    return ScheduleOptions(
         product=setup.sources["product"].path,
         name=setup.product.name,
         station=setup.station.name,
@@ -122,9 +128,11 @@ def schedule_fields(stage: str) -> tuple[ScheduleField, ...]:
     return tuple(_field(name, info) for name, info in method(stage).schedule.model_fields.items())
 
 
-def problems(stage: str, values: Mapping[str, Any], table: Offer) -> dict[str, Problem]:
+def schedule_problems(
+    stage: str, values: Mapping[str, Any], table: ScheduleOptions
+) -> dict[str, ScheduleProblem]:
     """What is wrong with a schedule's values, by field; {} where they can be run on the offer's table."""
-    found: dict[str, Problem] = {}
+    found: dict[str, ScheduleProblem] = {}
     try:
         method(stage).schedule.model_validate(dict(values))
     except ValidationError as error:
@@ -135,23 +143,23 @@ def problems(stage: str, values: Mapping[str, Any], table: Offer) -> dict[str, P
     targets = values.get("targets")
     for name in targets if isinstance(targets, Mapping) else ():
         if not named(str(name)):
-            found.setdefault("targets", Problem("name", subject=str(name)))
+            found.setdefault("targets", ScheduleProblem("name", subject=str(name)))
     for name, most in (("rate_dps", table.rate), ("acceleration_dps2", table.acceleration)):
         value = values.get(name)
         if name not in found and isinstance(value, int | float) and value > most * (1.0 + 1e-9):
-            found[name] = Problem("table", most)
+            found[name] = ScheduleProblem("table", most)
     return found
 
 
-def _problem(kind: str, context: Mapping[str, Any], subject: str) -> Problem:
+def _problem(kind: str, context: Mapping[str, Any], subject: str) -> ScheduleProblem:
     bound = float(next((context[key] for key in ("ge", "gt", "le", "lt") if key in context), 0.0))
     if kind in ("greater_than", "greater_than_equal"):
-        return Problem("low", bound, subject)
+        return ScheduleProblem("low", bound, subject)
     if kind in ("less_than", "less_than_equal"):
-        return Problem("high", bound, subject)
+        return ScheduleProblem("high", bound, subject)
     if kind.startswith("int_"):
-        return Problem("whole", bound, subject)
-    return Problem("missing" if kind == "missing" else "number", bound, subject)
+        return ScheduleProblem("whole", bound, subject)
+    return ScheduleProblem("missing" if kind == "missing" else "number", bound, subject)
 
 
 def _field(name: str, info: FieldInfo) -> ScheduleField:
@@ -179,3 +187,52 @@ def _field(name: str, info: FieldInfo) -> ScheduleField:
 def _bound(info: FieldInfo, name: str) -> float | None:
     """A bound of a field by its annotation's name: ge, gt, le or lt."""
     return next((float(value) for m in info.metadata if (value := getattr(m, name, None)) is not None), None)
+
+
+def save_schedule(
+    tell: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
+) -> tuple[Path, Version]:
+    """Work for the workshop: write values of stages' schedules into a product, the site's copy of a shipped one.
+
+    Parameters
+    ----------
+    product : its file
+    changes : values by stage and field; None takes a value out, so that the method's own counts
+    author : who says so
+
+    Returns
+    -------
+    The site's file and its new version.
+
+    Raises
+    ------
+    ConfigurationError
+        where the product would be wrong, cannot hold a value, or cannot be written; it is then as it was.
+    """
+    text = edit_toml(
+        read_text(product),
+        {
+            ("schedule", stage, name): None if value == {} else value
+            for stage, values in changes.items()
+            for name, value in values.items()
+        },
+    )
+    _check(product, text, changes)
+    tell(0.5)
+    version = versions.save("products", product.stem, text, author)
+    return library.find("products", product.stem), version
+
+
+def _check(product: Path, text: str, changes: Mapping[str, Mapping[str, Any]]) -> None:
+    """A value left out of the file counts as the method's own, which may be another one than meant."""
+    stored = tomllib.loads(text).get("schedule", {})
+    for stage, values in changes.items():
+        model = method(stage).schedule
+        for name, value in values.items():
+            default = model.model_fields[name].get_default(call_default_factory=True)
+            found = stored.get(stage, {}).get(name, default)
+            if found != value:
+                raise ConfigurationError(
+                    f"{product}: schedule.{stage}.{name} cannot be empty in a product, where it means {default};"
+                    " give it a value, or leave it empty for this run only"
+                )

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,8 +11,9 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 from calstation.config import library
 from calstation.devices.links.opening import SOCKETS, host_and_port
 from calstation.devices.links.serial_link import SerialSettings
+from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.table import load_table_profile
-from calstation.errors import ConfigurationError
+from calstation.errors import CalstationError, ConfigurationError
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
 from calstation.records.meta import SiteSection
@@ -74,7 +76,7 @@ class HandoverSection(StrictModel):
 class StationSite(SiteSection):
     """`[site]` of a station: where it stands, and who has made sure of it.
 
-    confirmed_on : computers at which a person has said so, each with the place, see `station.place.vouching`
+    confirmed_on : computers at which a person has said so, each with the place, see `station.place.confirmation_key`
     """
 
     confirmed_on: list[str] = Field(default_factory=list)
@@ -102,7 +104,7 @@ class StationConfig(StrictModel):
     @model_validator(mode="after")
     def _ports(self) -> "StationConfig":
         for device, section in (("table", self.table), ("imu", self.imu)):
-            linked = device == "imu" or not rails_by_hand(self.table.profile)
+            linked = device == "imu" or not is_manual_table(self.table.profile)
             if self.bench is None and linked and not section.port:
                 raise ValueError(
                     f"{device}.port is missing; add the port, or a [bench] for the virtual bench"
@@ -125,7 +127,7 @@ class StationConfig(StrictModel):
         return self
 
 
-def rails_by_hand(profile: str) -> bool:
+def is_manual_table(profile: str) -> bool:
     """Whether a table profile is of a rig that nobody drives; one that cannot be read is told by who needs it."""
     try:
         return load_table_profile(library.find("tables", profile)).by_hand
@@ -219,3 +221,65 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
     if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in given:
         given["targets"] = dict(product.targets)
     return given
+
+
+#: The shipped station of the virtual bench with such a rig, and the shipped product that is calibrated on it.
+STATION, PRODUCT = "virtual_hand", "mems_hand"
+
+
+def uses_manual_rig(station: Path | None) -> bool:
+    """Whether the rig of a station file (the default one where None) is moved by hand."""
+    try:
+        _, config = load_station(station)
+    except CalstationError:
+        return False
+    return is_manual_table(config.table.profile)
+
+
+def manual_product() -> Path | None:
+    """The product that is calibrated by hand; None where a site has none."""
+    return library.find("products", PRODUCT) if PRODUCT in library.names("products") else None
+
+
+@dataclass(frozen=True)
+class LinkDefaults:
+    """Settings of a profile.
+
+    Attributes
+    ----------
+    profile : its file's name
+    serial : of its line
+    timeout : host time for an answer, s, None for a device that is never asked
+    unit : Modbus unit number, None where there is none
+    by_hand : rails that hands turn: there is no link at all
+    """
+
+    profile: str
+    serial: SerialSettings
+    timeout: float | None
+    unit: int | None
+    by_hand: bool = False
+
+    @property
+    def line(self) -> str:
+        """The serial settings as they are usually written, e.g. ``921600 8N1``."""
+        return self.serial.line
+
+
+def table_defaults(profile: str) -> LinkDefaults | None:
+    """Of a table profile; None where there is no sound one of that name."""
+    try:
+        table = load_table_profile(library.find("tables", profile))
+    except ConfigurationError:
+        return None
+    return LinkDefaults(profile, table.serial, table.timeout_s, table.unit, table.by_hand)
+
+
+def imu_defaults(product: Path | None) -> LinkDefaults | None:
+    """Of the IMU of a product, the default one where None; None where there is no sound one."""
+    try:
+        _, found = load_product(product)
+        profile = load_imu_profile(library.find("imus", found.imu))
+    except ConfigurationError:
+        return None
+    return LinkDefaults(found.imu, profile.link, profile.timeout_s, None)

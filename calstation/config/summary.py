@@ -2,10 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
+from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration, check_station, resolve_configuration
 from calstation.devices.imu.registers import RegisterMap
+from calstation.errors import ConfigurationError
 from calstation.physics.motion import Carry
 from calstation.physics.parameters import GROUPS, NAMES, group_indices
 from calstation.physics.table import TableGeometry
@@ -115,3 +118,31 @@ def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
             if sigma is not None:
                 found[group] = min(sigma, found.get(group, sigma))
     return found
+
+
+def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
+    """Name and file of every product that fits the station, those for the units of `instead_of` first.
+
+    A product that cannot be read fits no station.
+    """
+    wanted = _read(RunRequest("-", station, instead_of))
+    found = []
+    for name in library.names("products"):
+        path = library.find("products", name)
+        setup = _read(RunRequest("-", station, path))
+        if setup is None:
+            continue
+        try:
+            check_station(setup)
+        except ConfigurationError:
+            continue
+        other = wanted is None or setup.product.imu != wanted.product.imu
+        found.append((other, name, path))
+    return [(name, path) for _, name, path in sorted(found)]
+
+
+def _read(request: RunRequest) -> ResolvedConfiguration | None:
+    try:
+        return resolve_configuration(request)
+    except ConfigurationError:
+        return None

@@ -8,11 +8,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from calstation.config import library
-from calstation.config.editing import Place, Problem
+from calstation.config.editing import KeyPath, Problem, line_of
 from calstation.config.resolved import ManualRigError, ResolvedConfiguration, check_manual_rig
-from calstation.config.site_check import normal_unlike, this_computer, unfelt, unlike, vouched, vouching
+from calstation.config.site_check import (
+    confirmation_key,
+    contradicted_normal_gravity,
+    is_confirmed,
+    needs_surveyed_gravity,
+    this_computer,
+    unlike,
+)
 from calstation.config.station import StationConfig, load_station, schedule_values
-from calstation.config.toml_lines import line_of
 from calstation.connection.devices import port_conflict
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import ConfigurationError
@@ -37,8 +43,8 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
     except ManualRigError as error:
         values: dict[str, Value] = {"rig": setup.table.name, "product": product.name}
         yield Finding("needs_drive" if error.by_hand else "needs_hands", "look", values)
-    blind = unfelt(setup.log_meta())
-    normal = normal_unlike(site)
+    blind = needs_surveyed_gravity(setup.log_meta())
+    normal = contradicted_normal_gravity(site)
     if site.gravity_mps2 is not None and normal is not None:
         values = {"gravity": site.gravity_mps2, "normal": normal}
         values |= {"latitude": site.latitude_deg, "height": site.height_m}
@@ -47,8 +53,10 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
         yield Finding("gravity_missing", "look")
     if setup.station.bench is not None:
         return
-    if not vouched(site, needed=blind):
-        yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": vouching(site)})
+    if not is_confirmed(site, needed=blind):
+        yield Finding(
+            "place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)}
+        )
     example = load_station(library.find("stations", EXAMPLE))[1].site
     if (site.latitude_deg, site.longitude_deg, site.height_m) == (
         example.latitude_deg,
@@ -68,13 +76,13 @@ def station_conflicts(text: str) -> list[Problem]:
     ]
 
 
-def _gravity(station: StationConfig) -> Iterator[tuple[Place, str]]:
-    normal = normal_unlike(station.site)
+def _gravity(station: StationConfig) -> Iterator[tuple[KeyPath, str]]:
+    normal = contradicted_normal_gravity(station.site)
     if normal is not None:
         yield ("site", "gravity_mps2"), unlike(station.site, normal)
 
 
-def _ports(station: StationConfig) -> Iterator[tuple[Place, str]]:
+def _ports(station: StationConfig) -> Iterator[tuple[KeyPath, str]]:
     table, imu = station.table.port, station.imu.port
     try:
         profile = load_table_profile(library.find("tables", station.table.profile))

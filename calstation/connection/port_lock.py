@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from calstation.config.user import computer_user
+from calstation.config.request import computer_user
 from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.errors import DeviceFaultError
 from calstation.records.locked import take

@@ -14,7 +14,7 @@ from calstation.results.result import Result, load_result
 
 
 @dataclass(frozen=True)
-class Finished:
+class FinishedRun:
     """A result with what it is to be compared with.
 
     Attributes
@@ -35,7 +35,7 @@ class Finished:
         return self.result.to_json()
 
 
-def finished(tell: ProgressCallback, path: Path, runs: Path) -> Finished:
+def load_finished_run(tell: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
     """Work for the workshop: read a result JSON or a log; a log without a result is solved.
 
     `runs` : folder whose runs are the unit's history. Raises InputError or ConfigurationError with file and mend.
@@ -56,7 +56,7 @@ def finished(tell: ProgressCallback, path: Path, runs: Path) -> Finished:
         history = History(runs)
         history.refresh()
         previous = history.previous(result.serial, result.started_utc)
-    return Finished(result, log, previous, solved_now)
+    return FinishedRun(result, log, previous, solved_now)
 
 
 def _log_of(path: Path, result: Result) -> Path | None:

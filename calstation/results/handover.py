@@ -106,7 +106,7 @@ class HandOver:
         self._delivery = _deliver(self._runs, self._folder, self._make)
 
 
-def expect(runs: Path, name: str) -> None:
+def register_pending(runs: Path, name: str) -> None:
     """Put a run, by its log's stem, down as to be handed over. Raises OSError."""
     folder = runs / WAITING
     folder.mkdir(exist_ok=True)
@@ -114,7 +114,7 @@ def expect(runs: Path, name: str) -> None:
     sync_folder(folder)
 
 
-def deliver_waiting(tell: ProgressCallback, runs: Path, station: Path | None) -> Delivery:
+def deliver_pending(tell: ProgressCallback, runs: Path, station: Path | None) -> Delivery:
     """Work for the workshop: hand over what waits beside the runs to the folder of a station file."""
     path, config = load_station(station)
     return _deliver(runs, *_target(runs, path, config))

@@ -12,7 +12,7 @@ from calstation.jobs.queue import ProgressCallback
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import RawLogContents, being_written, read_contents, solved_stages
 from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
-from calstation.results.merge_previous import InForce
+from calstation.results.merge_previous import VerifiedRegister
 from calstation.results.result import Result
 
 #: Runs read between two words of progress.
@@ -96,12 +96,12 @@ class History:
             values = {**run.values, **values}
         return values
 
-    def in_force(self, serial: str) -> Mapping[str, InForce]:
+    def verified_registers(self, serial: str) -> Mapping[str, VerifiedRegister]:
         """Registers as the latest run that found them wrote and proved them; kept ones are of an earlier run."""
-        found: dict[str, InForce] = {}
+        found: dict[str, VerifiedRegister] = {}
         for run in self._ask(lambda: self._index.of(serial, ("passed",))):
             written = {
-                name: InForce(value, sigma, run.record.started_utc)
+                name: VerifiedRegister(value, sigma, run.record.started_utc)
                 for name, (value, sigma) in run.written.items()
             }
             found = {**written, **found}

@@ -24,7 +24,7 @@ _CONTRADICTED = 6.0
 
 
 @dataclass(frozen=True)
-class InForce:
+class VerifiedRegister:
     """A register as a run wrote and proved it: value and sigma, SI; when that run was begun, ISO 8601."""
 
     value: float
@@ -37,7 +37,7 @@ class PreviousValue:
     """A parameter that was found far better before, and what it is found to be now; SI."""
 
     name: str
-    before: InForce
+    before: VerifiedRegister
     now: float
     sigma: float
     contradicted: bool
@@ -61,20 +61,20 @@ class PreviousValue:
         }
 
 
-def found_better(
+def better_previous_values(
     held: Mapping[str, float],
     belief: Belief,
     estimated: Iterable[str],
-    in_force: Mapping[str, InForce],
+    in_force: Mapping[str, VerifiedRegister],
     *,
-    behind: bool,
+    after_registers: bool,
 ) -> tuple[PreviousValue, ...]:
     """Parameters that were found far better before, of those estimated now.
 
     Parameters
     ----------
     held : the unit's registers now, by parameter, SI; one that was changed since by other hands is worth nothing
-    behind : the stream follows the registers, so that what is found now is what they leave over
+    after_registers : the stream follows the registers, so that what is found now is what they leave over
     """
     better = []
     for name in estimated:
@@ -85,21 +85,21 @@ def found_better(
         sigma = float(np.sqrt(belief.covariance[i, i]))
         if not BETTER * before.sigma < sigma:
             continue
-        now = float(belief.mean[i]) + (held[name] if behind else 0.0)
+        now = float(belief.mean[i]) + (held[name] if after_registers else 0.0)
         apart = abs(now - held[name]) > _CONTRADICTED * float(np.hypot(sigma, before.sigma))
         better.append(PreviousValue(name, before, now, sigma, apart))
     return tuple(better)
 
 
-def given(
-    belief: Belief, kept: Iterable[PreviousValue], held: Mapping[str, float], *, behind: bool
+def condition_on(
+    belief: Belief, kept: Iterable[PreviousValue], held: Mapping[str, float], *, after_registers: bool
 ) -> Belief:
     """What is known of all parameters, given that the kept ones are what the registers say; arguments as above."""
     chosen = tuple(kept)
     if not chosen:
         return belief
     index = [INDEX[k.name] for k in chosen]
-    value = np.array([0.0 if behind else held[k.name] for k in chosen])
+    value = np.array([0.0 if after_registers else held[k.name] for k in chosen])
     innovation = value - belief.mean[index]
     covariance = belief.covariance[np.ix_(index, index)] + np.diag([k.before.sigma**2 for k in chosen])
     scale = np.sqrt(np.diag(covariance))  # units are apart by many powers of ten

@@ -125,7 +125,7 @@ class Preview:
         return self.stages[-1].end if self.stages else 0.0
 
 
-def forecast(tell: ProgressCallback, request: RunRequest) -> Preview:
+def compute_preview(tell: ProgressCallback, request: RunRequest) -> Preview:
     """Work for the workshop: foretell the run that `request` asks for; its serial number may be empty.
 
     Raises ConfigurationError with file, field and mend where it could not be run at all.

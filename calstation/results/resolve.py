@@ -18,12 +18,12 @@ from calstation.results.solver_chain import Watch, solve
 class Resolved:
     """The result JSON and the stages' remarks, (message id, values).
 
-    lacking : what stages that could not be solved lack, a sentence with the mend each
+    missing_data : what stages that could not be solved lack, a sentence with the mend each
     """
 
     result: Result
     messages: tuple[tuple[str, dict[str, Any]], ...]
-    lacking: tuple[str, ...] = ()
+    missing_data: tuple[str, ...] = ()
 
     @property
     def result_json(self) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def resolve(
     chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
     facts = log.facts()
     if log.holes and stages is None and first_seq is None and last_seq is None:
-        _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.lacking])
+        _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data])
     solutions = tuple(chain.solutions)
     ending = Ending(
         "resolved",
@@ -65,7 +65,7 @@ def resolve(
         online = log.results[-1].get("parameters", {})
         solved = {name: row.model_dump() for name, row in solved_parameters(solutions).items()}
         judgement = judgement.with_more(offline_online(section, solved, online))
-    if chain.lacking and judgement.passed:
+    if chain.missing_data and judgement.passed:
         judgement = replace(judgement, passed=None)
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
@@ -76,9 +76,9 @@ def resolve(
         damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.holes]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
         messages.insert(0, ("log_damaged", {"file": path.name, **summary(log.holes)}))
-    if chain.lacking:
-        result = result.model_copy(update={"missing_data": dict(chain.lacking)})
-    return Resolved(result, tuple(messages), tuple(chain.lacking.values()))
+    if chain.missing_data:
+        result = result.model_copy(update={"missing_data": dict(chain.missing_data)})
+    return Resolved(result, tuple(messages), tuple(chain.missing_data.values()))
 
 
 def _check_complete(log: Log, solved: list[str]) -> None:

@@ -38,8 +38,10 @@ def one_blas_thread() -> Iterator[None]:
 class StageChain:
     """Solves stages one after another, each with the joint posterior of the one before as its prior.
 
-    Everything the solvers are told comes from the log's meta. `solutions` in order; `lacking`: what each stage that was
-    left out lacks, with the mend.
+    Attributes
+    ----------
+    solutions : in order
+    missing_data : why a stage was skipped, by stage
     """
 
     def __init__(self, meta: LogMeta) -> None:
@@ -55,7 +57,7 @@ class StageChain:
         imu = self._context.imu
         self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
         self.solutions: list[Solution] = []
-        self.lacking: dict[str, str] = {}
+        self.missing_data: dict[str, str] = {}
 
     def warm(self) -> None:
         """Compile the solvers' kernels, or load them from their cache."""
@@ -115,10 +117,10 @@ class StageChain:
         self.solutions.append(solution)
         return solution
 
-    def leave_out(self, lacks: str) -> None:
+    def skip_stage(self, lacks: str) -> None:
         """Give the stage begun up: the next begins with what was known before it."""
         self._solver = None
-        self.lacking[self._stage] = lacks
+        self.missing_data[self._stage] = lacks
 
 
 def solve(
@@ -177,7 +179,7 @@ def _solve_as_recorded(blocks: Blocks, chain: StageChain, source: str | Path, pr
         )
     _finish_or_leave_out(chain, stage, source, progress, seq)
     if not chain.solutions:
-        raise InsufficientDataError(f"{source}: {next(iter(chain.lacking.values()))}")
+        raise InsufficientDataError(f"{source}: {next(iter(chain.missing_data.values()))}")
 
 
 def _finish_or_leave_out(
@@ -187,7 +189,7 @@ def _finish_or_leave_out(
     try:
         _finish(chain, stage, source, progress, seq)
     except InsufficientDataError as exc:
-        chain.leave_out(str(exc).removeprefix(f"{source}: "))
+        chain.skip_stage(str(exc).removeprefix(f"{source}: "))
 
 
 def _check_name(stage: str, source: str | Path) -> None:

@@ -29,7 +29,12 @@ from calstation.registers.verification import (
     without_register,
 )
 from calstation.results.judge import is_partial, judge
-from calstation.results.merge_previous import InForce, PreviousValue, found_better, given
+from calstation.results.merge_previous import (
+    PreviousValue,
+    VerifiedRegister,
+    better_previous_values,
+    condition_on,
+)
 from calstation.results.solver_chain import StageChain
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.control import StopRequested
@@ -59,7 +64,7 @@ class Finalization:
     tell: Callable[[Event], None]
     registers: dict[str, Any]
     check_cancelled: Callable[[], None]
-    in_force: Mapping[str, InForce] = field(default_factory=dict)
+    in_force: Mapping[str, VerifiedRegister] = field(default_factory=dict)
     _done: Transferred | None = None
     _covariance: FloatArray | None = None
 
@@ -133,7 +138,7 @@ class Finalization:
         behind = self.setup.after_registers
         better: tuple[PreviousValue, ...] = ()
         if is_partial(self.meta):
-            better = found_better(old, belief, estimated, self.in_force, behind=behind)
+            better = better_previous_values(old, belief, estimated, self.in_force, after_registers=behind)
         kept = [parameter for parameter in better if not parameter.contradicted]
         for parameter in better:
             self.tell(
@@ -141,7 +146,7 @@ class Finalization:
             )
         if kept:
             self.registers["kept"] = {parameter.name: parameter.to_json() for parameter in kept}
-        belief = given(belief, kept, old, behind=behind)
+        belief = condition_on(belief, kept, old, after_registers=behind)
         self._covariance = without_register(belief, old)
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
         wanted = compose(self.meta.registers, found) if behind else {name: found[name] for name in estimated}

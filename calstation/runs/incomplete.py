@@ -10,7 +10,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.records.log import Log, open_log
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import being_written, solved_stages
-from calstation.results.handover import expect
+from calstation.results.handover import register_pending
 from calstation.results.judge import Ending, build_result, judge
 from calstation.results.result import write_json
 from calstation.results.solver_chain import StageChain
@@ -74,5 +74,5 @@ def _settle(log: Log) -> None:
     )
     result = build_result(log.meta, prior, (), judge(log.meta, prior, ()), ending)
     with suppress(OSError):  # the result is there all the same
-        expect(log.path.parent, log.path.stem)
+        register_pending(log.path.parent, log.path.stem)
     write_json(log.path.with_suffix(".json"), result.to_json())

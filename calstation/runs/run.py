@@ -7,11 +7,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config.request import RunRequest
+from calstation.config.request import RunRequest, computer_user
 from calstation.config.resolved import ResolvedConfiguration, prepare_run
-from calstation.config.site_check import refuse_other_place, there
+from calstation.config.site_check import check_seen_latitude, there
 from calstation.config.station import load_station
-from calstation.config.user import computer_user
 from calstation.connection.devices import Devices, connected
 from calstation.devices.imu.transfer import flash_registers
 from calstation.devices.interfaces import Imu
@@ -22,7 +21,7 @@ from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RESERVE, RawLogWriter, free_space
 from calstation.registers.interrupted import UnverifiedTransfer, check_interrupted, recover_interrupted
 from calstation.registers.preconditions import check_flash
-from calstation.results.handover import HandOver, expect
+from calstation.results.handover import HandOver, register_pending
 from calstation.results.history import History
 from calstation.results.judge import Ending, build_result, judge
 from calstation.results.result import write_json
@@ -85,7 +84,7 @@ class _Place:
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
         log = RawLogWriter(self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta)
         with suppress(OSError):  # then the result itself has no room either, which is told
-            expect(self.folder, log.path.stem)
+            register_pending(self.folder, log.path.stem)
         self.hooks.log_opened(log)
         return log
 
@@ -106,7 +105,7 @@ class _Run:
 
         Raises ConfigurationError where the station cannot be where its file says.
         """
-        refuse_other_place(self.meta, tuple(self.chain.solutions))
+        check_seen_latitude(self.meta, tuple(self.chain.solutions))
         if not self.place.setup.product.end_on_failure:
             return True
         if judge(self.meta, self.chain.prior, tuple(self.chain.solutions)).passed:
@@ -133,7 +132,7 @@ class _Run:
             self.log.sync()
 
         after = before.copy(self.log, self.chain, self.place.check_cancelled, tell)
-        refuse_other_place(self.meta, tuple(self.chain.solutions))
+        check_seen_latitude(self.meta, tuple(self.chain.solutions))
         return after
 
 
@@ -256,7 +255,7 @@ def _drive(run: _Run, devices: Devices) -> Ended:
         run.tell,
         run.registers,
         run.place.check_cancelled,
-        run.place.history.in_force(run.meta.imu.serial),
+        run.place.history.verified_registers(run.meta.imu.serial),
     )
     sequencer = Sequencer(
         replace(task, stages=task.stages[len(solved) :]),

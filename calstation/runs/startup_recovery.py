@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calstation.jobs.queue import ProgressCallback
-from calstation.results.handover import Delivery, deliver_waiting
+from calstation.results.handover import Delivery, deliver_pending
 from calstation.results.history import History
 from calstation.runs.incomplete import finish_incomplete
 
@@ -22,4 +22,4 @@ def recover_startup(tell: ProgressCallback, runs: Path, station: Path | None) ->
     dead = finish_incomplete(runs) if runs.is_dir() else []
     tell(0.3)
     History(runs).refresh(lambda fraction: tell(0.3 + 0.4 * fraction))
-    return StartupRecovery(tuple(dead), deliver_waiting(tell, runs, station))
+    return StartupRecovery(tuple(dead), deliver_pending(tell, runs, station))

@@ -14,7 +14,7 @@ from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.station import DEFAULT_PRODUCT, DEFAULT_STATION
 from calstation.errors import ConfigurationError
-from calstation.results.handover import deliver_waiting
+from calstation.results.handover import deliver_pending
 from calstation.runs.engine import Engine
 from calstation.schema import read_toml
 from calstation.sequencer.control import Command
@@ -218,7 +218,7 @@ def soak(
         seconds = time.monotonic() - begin
         done.runs.append(judge_run(planned, request, heard.hung, heard.memory, seconds, report))
         on_run(done)
-    delivery = deliver_waiting(lambda *_, **__: None, folder / "runs", folder / "station.toml")
+    delivery = deliver_pending(lambda *_, **__: None, folder / "runs", folder / "station.toml")
     done.undelivered = delivery.waiting
     return done
 

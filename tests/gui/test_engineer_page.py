@@ -30,7 +30,7 @@ from calstation.gui.engineer.residuals_view import face
 from calstation.gui.text import language
 from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
-from calstation.results.finished_run import Finished
+from calstation.results.finished_run import FinishedRun
 from tests.gui.conftest import PRODUCT, SERIAL, Operator, Place
 
 STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
@@ -236,7 +236,7 @@ def test_a_schedule_is_checked_as_typed_previewed_and_saved_to_its_product(
     engineer.until(lambda: "version" in engineer.says())
     stored = tomllib.loads(engineer.place.product.read_text(encoding="utf-8"))
     assert stored["schedule"]["rate"] == {**PRODUCT["schedule"]["rate"], "dwell_s": 6.5}
-    assert versions.list("products", "short")[0].author == "wang"
+    assert versions.list_versions("products", "short")[0].author == "wang"
     assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() == "6.5"
     assert "are the product's" in engineer.why_not("save_product_button")
 
@@ -364,7 +364,7 @@ def at_the_registers(engineer: Engineer, **bench: Any) -> None:
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
     result = {"unit": {"serial": SERIAL}, "parameters": found, "log": {"file": "x.h5"}, "registers": None}
-    engineer.page._desk.take(Finished(result, None, {}))
+    engineer.page._desk.take(FinishedRun(result, None, {}))
     engineer.turn_to(5)
     engineer.until(lambda: bool(engineer.cells("register_table")))
     engineer.press("read_registers_button")
@@ -376,12 +376,12 @@ def test_a_result_of_another_profile_asks_for_its_own_product(engineer: Engineer
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
     result = {"unit": {"serial": SERIAL}, "parameters": found, "log": {"file": "x.h5"}, "registers": None}
-    engineer.page._desk.take(Finished(result, None, {}))
+    engineer.page._desk.take(FinishedRun(result, None, {}))
     engineer.turn_to(5)
     engineer.until(lambda: bool(engineer.cells("register_table")))
     used = {"imu": {"name": "bench_mems", "version": None, "sha256": ""}}
     other = {**result, "product": "MEMS grade C", "configuration": used}
-    engineer.page._desk.take(Finished(other, None, {}))
+    engineer.page._desk.take(FinishedRun(other, None, {}))
     engineer.until(
         lambda: (
             "choose the result's own product, 'MEMS grade C'" in engineer.says().replace("Choose", "choose")

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QApplication, QComboBox, QFileDialog, QLabel, QPus
 from pytestqt.qtbot import QtBot
 
 from calstation.config import library
+from calstation.config.library import pair_folder
 from calstation.config.request import RunRequest
 from calstation.connection.live_imu import OtherUnit
 from calstation.errors import InputError
@@ -31,7 +32,6 @@ from calstation.records.convert import export_csv
 from calstation.records.limits import Check
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, load_pair, prior_from_meta
-from calstation.results.pair_run import pair_folder
 from calstation.simulation.recordings import record_on_bench
 from procedures import method
 from tests.gui.conftest import Operator, Place

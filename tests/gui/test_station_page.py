@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from calstation.config import access as role
-from calstation.config import library, version_store
+from calstation.config import library, versions
 from calstation.config.editing import check_data
 from calstation.config.request import RunRequest
 from calstation.config.site_check import this_computer
@@ -247,7 +247,7 @@ def test_a_right_value_is_saved_as_a_version_with_its_comments(hands: Hands, pla
     hands.press("save_station_button")
     assert saved(place.station)["site"]["latitude_deg"] == 39.9
     assert place.station.read_text(encoding="utf-8").startswith("# our line\n")
-    latest = version_store.kept("stations", "test")[0]
+    latest = versions.list_versions("stations", "test")[0]
     assert latest.author == hands.page.drafts.author
     assert told
     assert hands.find(QLabel, "unsaved_label").text() == "✓ Saved: test"
@@ -275,7 +275,7 @@ def test_a_shipped_file_is_saved_as_the_sites_own(hands: Hands, place: Any) -> N
     own = place.home / "tables" / "bench.toml"
     assert saved(own)["outer"]["high_deg"] == 400
     assert "CiA 402" in own.read_text(encoding="utf-8")
-    assert [v.number for v in version_store.kept("tables", "bench")] == [2, 1]
+    assert [v.number for v in versions.list_versions("tables", "bench")] == [2, 1]
 
 
 def test_axes_are_three_numbers_and_a_unit_vector(hands: Hands) -> None:
@@ -650,7 +650,7 @@ def test_versions_are_listed_compared_and_taken_back(hands: Hands, place: Any) -
     assert "turns = 2" in profiles.editor.toPlainText()
     hands.press("save_station_button")
     assert saved(own)["schedule"]["rate"]["turns"] == 2
-    assert version_store.kept("products", "nav_a")[0].number == 4
+    assert versions.list_versions("products", "nav_a")[0].number == 4
 
 
 def test_form_and_text_of_one_file_never_differ(hands: Hands) -> None:

@@ -14,7 +14,7 @@ from serial.tools import list_ports
 from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
 
 from calstation.config.library import find
-from calstation.config.site_check import vouching
+from calstation.config.site_check import confirmation_key
 from calstation.connection import identify as who_answers
 from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link, discover_ports
 from calstation.devices.links.serial_link import SerialLink, SerialSettings
@@ -370,7 +370,7 @@ def test_a_place_that_was_confirmed_at_another_computer_is_told() -> None:
     with terminal(unit.answer, unit.sends) as port:
         asked = order(imu={"port": port, "timeout_s": 0.3})
         told = []
-        for computers in ([], ["other-plant"], ["other-plant", vouching(asked.station.site)]):
+        for computers in ([], ["other-plant"], ["other-plant", confirmation_key(asked.station.site)]):
             site = asked.station.site.model_copy(update={"confirmed_on": computers})
             station = asked.station.model_copy(update={"site": site})
             told.append(check_imu_link(tell, LinkTestRequest(station)).find("place_not_confirmed"))

@@ -7,7 +7,7 @@ import pytest
 
 from calstation.errors import InputError
 from calstation.records.convert import export_csv
-from calstation.results.finished_run import finished
+from calstation.results.finished_run import load_finished_run
 from tests.station.conftest import Place
 
 
@@ -20,22 +20,22 @@ def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(place: Pla
     first = place.run("six_position")
     place.write(seed=6)
     second = place.run("six_position")
-    by_result = finished(tell, Path(second.result_file), runs)
-    by_log = finished(tell, Path(second.log), runs)
+    by_result = load_finished_run(tell, Path(second.result_file), runs)
+    by_log = load_finished_run(tell, Path(second.log), runs)
     assert by_result.result_json == by_log.result_json == second.result
     text = (Path(second.result_file)).read_text(encoding="utf-8")
     assert json.dumps(by_result.result_json, indent=1, ensure_ascii=False) + "\n" == text
     assert by_result.log == by_log.log == Path(second.log)
     assert not by_result.solved_now
     assert by_result.previous == {n: row["value"] for n, row in first.result["parameters"].items()}
-    assert finished(tell, Path(first.result_file), runs).previous == {}
+    assert load_finished_run(tell, Path(first.result_file), runs).previous == {}
 
 
 def test_a_log_without_a_result_is_solved(place: Place) -> None:
     verdict = place.run("six_position")
     csv = place.folder / "foreign.csv"
     export_csv(Path(verdict.log), csv)
-    found = finished(tell, csv, place.folder / "nowhere")
+    found = load_finished_run(tell, csv, place.folder / "nowhere")
     assert found.solved_now
     assert found.previous == {}
     assert found.result_json["parameters"] == verdict.result["parameters"]
@@ -44,7 +44,7 @@ def test_a_log_without_a_result_is_solved(place: Place) -> None:
 def test_a_result_whose_log_has_gone_is_still_shown(place: Place) -> None:
     verdict = place.run("six_position")
     Path(verdict.log).unlink()
-    assert finished(tell, Path(verdict.result_file), place.folder / "runs").log is None
+    assert load_finished_run(tell, Path(verdict.result_file), place.folder / "runs").log is None
 
 
 @pytest.mark.parametrize("text", ["{", json.dumps({"schema": "other"}), "[]"])
@@ -52,4 +52,4 @@ def test_what_is_no_result_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "x.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"x\.json: no"):
-        finished(tell, path, tmp_path)
+        load_finished_run(tell, path, tmp_path)

@@ -8,7 +8,7 @@ import pytest
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.planned import profile
 from calstation.physics.parameters import INDEX
-from calstation.results.preview import MOST_ROUNDS, Preview, forecast
+from calstation.results.preview import MOST_ROUNDS, Preview, compute_preview
 from calstation.sequencer.events import StageStarted
 from tests.station.conftest import PRODUCT, QUICK, Place
 
@@ -27,12 +27,12 @@ class Told:
 
 def foretold(place: Place, *stages: str, **schedule: dict[str, object]) -> Preview:
     """The forecast of these stages, with departures from the product's schedule by stage."""
-    return forecast(Told(), replace(place.request(*stages), schedule=schedule))
+    return compute_preview(Told(), replace(place.request(*stages), schedule=schedule))
 
 
 @pytest.mark.long
 def test_the_sigmas_foretold_are_those_that_the_run_reports(place: Place) -> None:
-    told = forecast(Told(), place.request())
+    told = compute_preview(Told(), place.request())
     result = place.run().result
     assert [s.stage for s in told.stages] == result["stages"]
     assert len(result["parameters"]) == 30
@@ -110,7 +110,7 @@ def test_targets_end_a_repeated_stage_as_they_would_in_the_run(place: Place) -> 
 
 def test_no_unit_needs_to_be_named_and_progress_is_told(place: Place) -> None:
     told = Told()
-    forecast(told, place.request("rate", serial="not yet"))
+    compute_preview(told, place.request("rate", serial="not yet"))
     assert told.fractions == sorted(told.fractions)
     assert 0.0 < told.fractions[-1] < 1.0
     assert set(told.notes) == {"rate"}

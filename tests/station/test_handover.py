@@ -11,7 +11,14 @@ import pytest
 
 from calstation.config.station import StationConfig
 from calstation.results import handover
-from calstation.results.handover import COLUMNS, CSV_NAME, WAITING, HandOver, deliver_waiting, expect
+from calstation.results.handover import (
+    COLUMNS,
+    CSV_NAME,
+    WAITING,
+    HandOver,
+    deliver_pending,
+    register_pending,
+)
 from calstation.sequencer.events import Event, Message
 from tests.station.conftest import STATION
 
@@ -54,7 +61,7 @@ class Factory:
             "log": {"sha256": "1f", "file": f"{name}.h5"},
             **more,
         }
-        expect(self.runs, name)
+        register_pending(self.runs, name)
         (self.runs / f"{name}.json").write_text(json.dumps(result), encoding="utf-8")
         return result
 
@@ -137,7 +144,7 @@ def test_a_window_hands_over_what_waits(factory: Factory) -> None:
     station = {**STATION, "bench": {}, "handover": {"folder": "share"}}
     factory.station.write_text(tomli_w.dumps(station), encoding="utf-8")
     factory.result("SN-1_a")
-    delivery = deliver_waiting(lambda *_: None, factory.runs, factory.station)
+    delivery = deliver_pending(lambda *_: None, factory.runs, factory.station)
     assert (delivery.done, delivery.waiting, delivery.folder) == (1, 0, factory.folder)
 
 
@@ -166,7 +173,7 @@ def test_one_that_cannot_go_does_not_hold_the_others(factory: Factory) -> None:
 def test_a_line_written_just_before_the_power_failed_is_not_written_twice(factory: Factory) -> None:
     factory.result("SN-1_a")
     factory.hand_over()
-    expect(factory.runs, "SN-1_a")
+    register_pending(factory.runs, "SN-1_a")
     factory.hand_over()
     assert len(factory.rows()) == 1
 
@@ -184,7 +191,7 @@ def test_a_torn_line_does_not_spoil_the_next(factory: Factory) -> None:
 def test_a_run_that_is_going_on_waits_and_a_deleted_one_is_forgotten(factory: Factory) -> None:
     (factory.runs / "SN-1_a.h5").touch()
     for name in ("SN-1_a", "SN-2_gone"):
-        expect(factory.runs, name)
+        register_pending(factory.runs, name)
     factory.hand_over()
     assert [path.name for path in (factory.runs / WAITING).glob("S*")] == ["SN-1_a"]
     assert factory.events == []

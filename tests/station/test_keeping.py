@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from calstation.cli.wording import MESSAGES
-from calstation.config.user import computer_user
+from calstation.config.request import computer_user
 from calstation.estimation.common.context import Belief
 from calstation.gui.text.messages import event_sentence
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.results.history import History
-from calstation.results.merge_previous import InForce, found_better, given
+from calstation.results.merge_previous import VerifiedRegister, better_previous_values, condition_on
 from calstation.sequencer.events import Message
 from tests.station.conftest import Place
 from tests.station.test_history import refreshed, write
 
 SCALE, BIAS = INDEX["accel_scale_x"], INDEX["accel_bias_x"]
-BEFORE = {"accel_scale_x": InForce(5e-4, 1e-7, "2026-11-21T08:00:00+00:00")}
+BEFORE = {"accel_scale_x": VerifiedRegister(5e-4, 1e-7, "2026-11-21T08:00:00+00:00")}
 
 
 def belief(scale: float = 3e-4, sigma: float = 85e-6) -> Belief:
@@ -32,13 +32,15 @@ def belief(scale: float = 3e-4, sigma: float = 85e-6) -> Belief:
 
 
 def better(held: float, found: Belief, *, behind: bool = False) -> list[tuple[str, bool]]:
-    earlier = found_better({"accel_scale_x": held}, found, ("accel_scale_x",), BEFORE, behind=behind)
+    earlier = better_previous_values(
+        {"accel_scale_x": held}, found, ("accel_scale_x",), BEFORE, after_registers=behind
+    )
     return [(parameter.name, parameter.contradicted) for parameter in earlier]
 
 
 def test_what_was_found_far_better_is_kept() -> None:
     assert better(5e-4, belief()) == [("accel_scale_x", False)]
-    assert better(5e-4, belief(0.0), behind=True) == [("accel_scale_x", False)]
+    assert better(5e-4, belief(0.0), after_registers=True) == [("accel_scale_x", False)]
 
 
 def test_as_good_now_or_no_longer_in_the_unit_is_not_kept() -> None:
@@ -49,18 +51,18 @@ def test_as_good_now_or_no_longer_in_the_unit_is_not_kept() -> None:
 
 def test_a_unit_that_has_changed_is_not_kept() -> None:
     assert better(5e-4, belief(3e-3)) == [("accel_scale_x", True)]
-    assert better(5e-4, belief(3e-3), behind=True) == [("accel_scale_x", True)]
+    assert better(5e-4, belief(3e-3), after_registers=True) == [("accel_scale_x", True)]
 
 
 @pytest.mark.parametrize("behind", [False, True])
 def test_the_others_fit_what_is_kept(behind: bool) -> None:
     found, held = belief(3e-4 - 5e-4 * behind), {"accel_scale_x": 5e-4}
-    kept = found_better(held, found, held, BEFORE, behind=behind)
-    after = given(found, kept, held, behind=behind)
+    kept = better_previous_values(held, found, held, BEFORE, after_registers=behind)
+    after = condition_on(found, kept, held, after_registers=behind)
     assert after.mean[SCALE] == pytest.approx(5e-4 * (not behind), abs=1e-8)
     assert after.mean[BIAS] == pytest.approx(-2e-3, rel=1e-4)
     assert after.sigma[BIAS] == pytest.approx(1e-5, rel=0.01)
-    assert given(found, (), held, behind=behind) is found
+    assert condition_on(found, (), held, after_registers=behind) is found
 
 
 def test_in_force_is_what_was_proved_last_and_not_what_was_kept(tmp_path: Path) -> None:
@@ -73,8 +75,8 @@ def test_in_force_is_what_was_proved_last_and_not_what_was_kept(tmp_path: Path) 
     run("c", 3, outcome="failed")
     run("d", 4, verified=False)
     for history in (refreshed(tmp_path), History(tmp_path)):
-        found = history.in_force("SN-1")["gyro_scale_x"]
-        assert found == InForce(1e-4, 1.0, "2026-11-01T08:00:00+00:00")
+        found = history.verified_registers("SN-1")["gyro_scale_x"]
+        assert found == VerifiedRegister(1e-4, 1.0, "2026-11-01T08:00:00+00:00")
 
 
 @pytest.mark.long

@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 
 from calstation.config.site_check import (
-    check_confirmed,
+    check_confirmation,
     check_latitude,
-    check_place,
+    check_seen_latitude,
+    check_site,
+    confirmation_key,
     latitude_untold,
-    refuse_other_place,
     there,
-    vouching,
 )
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
@@ -41,7 +41,7 @@ def meta(noise: dict[str, float], *stages: str, **site: Any) -> LogMeta:
 
 @pytest.mark.parametrize("gravity", [9.79547, 9.7928, 9.7981])
 def test_surveyed_gravity_within_what_the_earth_does_is_believed(gravity: float) -> None:
-    check_place(meta(MEMS, "six_position", gravity_mps2=gravity), HERE)
+    check_site(meta(MEMS, "six_position", gravity_mps2=gravity), HERE)
 
 
 @pytest.mark.parametrize(
@@ -53,15 +53,15 @@ def test_a_slip_in_gravity_latitude_or_height_contradicts_the_others(
     noise: dict[str, float], wrong: dict[str, float]
 ) -> None:
     with pytest.raises(ConfigurationError, match=r"station.toml: site.gravity_mps2 = .*; correct"):
-        check_place(meta(noise, "rate", **{"gravity_mps2": 9.79547, **wrong}), HERE)
+        check_site(meta(noise, "rate", **{"gravity_mps2": 9.79547, **wrong}), HERE)
 
 
 def test_only_who_feels_the_earth_turn_needs_no_surveyed_gravity() -> None:
-    check_place(meta(NAV, "six_position"), HERE)
-    check_place(meta(MEMS, "rate"), HERE)  # turned both ways, a gyro's scale factor carries no latitude
+    check_site(meta(NAV, "six_position"), HERE)
+    check_site(meta(MEMS, "rate"), HERE)  # turned both ways, a gyro's scale factor carries no latitude
     for stage in ("six_position", "excitation", "multi_position"):
         with pytest.raises(ConfigurationError, match=r"site.gravity_mps2 is missing.*; add"):
-            check_place(meta(MEMS, "rate", stage), HERE)
+            check_site(meta(MEMS, "rate", stage), HERE)
 
 
 def standing(*told: str, **otherwise: float) -> StationSite:
@@ -69,7 +69,7 @@ def standing(*told: str, **otherwise: float) -> StationSite:
     return StationSite.model_validate({**here, **otherwise, "confirmed_on": list(told)})
 
 
-CONFIRMED = vouching(standing())
+CONFIRMED = confirmation_key(standing())
 
 
 @pytest.mark.parametrize(
@@ -89,16 +89,16 @@ def test_a_station_file_from_another_place_needs_a_person_here(
 ) -> None:
     run = meta(noise, "six_position")
     if not refused:
-        check_confirmed(site, run, HERE)
+        check_confirmation(site, run, HERE)
         return
     with pytest.raises(
         ConfigurationError, match=rf"site.confirmed_on {refused}.* latitude 34.25°, .*; make sure.* confirm"
     ):
-        check_confirmed(site, run, HERE)
+        check_confirmation(site, run, HERE)
 
 
 def test_stages_that_carry_no_gravity_need_nobody() -> None:
-    check_confirmed(standing(), meta(MEMS, "rate"), HERE)
+    check_confirmation(standing(), meta(MEMS, "rate"), HERE)
 
 
 def solved(latitude: LatitudeEstimate | None, nis: float = 1.0) -> tuple[Solution, ...]:
@@ -113,14 +113,14 @@ def test_a_latitude_seen_elsewhere_is_a_check_that_fails_and_ends_the_run() -> N
         assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
         assert there([check]) is agrees
     with pytest.raises(ConfigurationError, match=r"as at 34.38° \(sigma 0.01°\); correct latitude"):
-        refuse_other_place(told, solved(LatitudeEstimate(0.60, 1e-4)))
+        check_seen_latitude(told, solved(LatitudeEstimate(0.60, 1e-4)))
 
 
 def test_where_nothing_is_seen_nothing_is_said() -> None:
     told = meta(NAV, "rate")
     for solutions in ((), solved(None)):
         assert check_latitude(told, solutions) == []
-        refuse_other_place(told, solutions)
+        check_seen_latitude(told, solutions)
 
 
 def test_what_does_not_fit_together_names_a_latitude_that_no_rest_has_told() -> None:

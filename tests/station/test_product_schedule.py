@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from calstation.config import library, versions
-from calstation.config.product_schedule import save_schedule
+from calstation.config.schedules import save_schedule
 from calstation.config.station import load_product
 from calstation.errors import ConfigurationError
 
@@ -35,7 +35,7 @@ def test_a_shipped_product_gets_a_copy_of_the_sites_with_the_new_values(
     assert product.schedule["excitation"]["targets"] == {"gyro_bias": 1e-7}
     assert "# Largest magnitude of a sound unit's values" in path.read_text(encoding="utf-8")
     assert version.author == "wang"
-    assert versions.list("products", "nav_a")[0] == version
+    assert versions.list_versions("products", "nav_a")[0] == version
 
     again, _ = save_schedule(tell, path, {"excitation": {"targets": {}, "rounds": 1}}, "wang")
     _, product = load_product(again)

@@ -9,8 +9,8 @@ import tomli_w
 from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.resolved import prepare_run
-from calstation.config.schedules import offer
-from calstation.config.station import load_station, rails_by_hand
+from calstation.config.schedules import schedule_options
+from calstation.config.station import is_manual_table, load_station
 from calstation.config.summary import run_summary
 from calstation.connection.link_test import LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError
@@ -19,7 +19,7 @@ from calstation.physics.parameters import PARAMETERS
 from calstation.physics.rotation import rotation_matrix
 from calstation.records.log import open_log
 from calstation.registers.verification import AppliedRegisters, verify_output
-from calstation.results.preview import forecast
+from calstation.results.preview import compute_preview
 from calstation.results.resolve import resolve
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.events import Message, PositionGuided
@@ -95,7 +95,7 @@ def test_what_needs_a_table_is_refused_in_a_sentence_before_anything_is_opened(r
     with pytest.raises(
         ConfigurationError, match=r"product.toml: schedule.multi_position.manual must be true"
     ):
-        forecast(no_tell, rig.request())
+        compute_preview(no_tell, rig.request())
 
 
 def test_what_is_carried_needs_rails(rig: Rig) -> None:
@@ -111,11 +111,11 @@ def test_before_the_run_time_and_positions_are_known_and_sigmas_are_not(rig: Rig
     assert len(planned.positions) == 20
     assert np.allclose(np.linalg.norm(planned.positions, axis=1), 1.0)
     assert planned.positions[0] == (0.0, 0.0, 1.0)
-    foretold = forecast(no_tell, rig.request())
+    foretold = compute_preview(no_tell, rig.request())
     assert foretold.stages[0].end == pytest.approx(planned.stages[0].duration)
     assert "by hand cannot be foretold" in foretold.stages[0].error
     assert np.abs(foretold.inner).max() == pytest.approx(2.0 * np.pi)
-    assert offer(rig.station, rig.product).offered == ("multi_position",)
+    assert schedule_options(rig.station, rig.product).offered == ("multi_position",)
 
 
 def test_rails_need_no_port_and_have_no_link_to_test(tmp_path: Path) -> None:
@@ -132,7 +132,7 @@ def test_rails_need_no_port_and_have_no_link_to_test(tmp_path: Path) -> None:
     path.write_text(tomli_w.dumps({**file, "table": {"profile": "bench"}}), encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"table\.port is missing"):
         load_station(path)
-    assert not rails_by_hand("bench")
+    assert not is_manual_table("bench")
 
 
 def test_the_shipped_station_and_product_belong_together() -> None:

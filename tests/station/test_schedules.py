@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from calstation.config.resolved import prepare_run
-from calstation.config.schedules import Problem, offer, problems, schedule_fields
+from calstation.config.schedules import ScheduleProblem, schedule_fields, schedule_options, schedule_problems
 from calstation.errors import ConfigurationError
 from tests.station.conftest import PRODUCT, Place
 
@@ -30,7 +30,7 @@ def test_fields_tell_kind_unit_range_and_words() -> None:
 
 def test_an_offer_holds_whole_schedules_with_the_product_before_the_method(place: Place) -> None:
     place.write({"stages": ["six_position", "rate"]})
-    offered = offer(place.station, place.product)
+    offered = schedule_options(place.station, place.product)
     assert offered.stages == ("six_position", "rate")
     assert offered.offered == ("six_position", "rate", "excitation", "azimuth_flip")
     assert offered.schedules["six_position"] == PRODUCT["schedule"]["six_position"]
@@ -42,23 +42,23 @@ def test_an_offer_holds_whole_schedules_with_the_product_before_the_method(place
 @pytest.mark.parametrize(
     ("stage", "change", "field", "problem"),
     [
-        ("rate", {"turns": 0}, "turns", Problem("low", 1.0)),
-        ("rate", {"turns": 51}, "turns", Problem("high", 50.0)),
-        ("rate", {"turns": 1.5}, "turns", Problem("whole")),
-        ("rate", {"dwell_s": "abc"}, "dwell_s", Problem("number")),
-        ("rate", {"dwell_s": None}, "dwell_s", Problem("number")),
-        ("rate", {"rate_dps": 0.0}, "rate_dps", Problem("low", 0.0)),
-        ("rate", {"rate_dps": 130.0}, "rate_dps", Problem("table", 120.0)),
-        ("excitation", {"targets": {"gyro_bias": -1.0}}, "targets", Problem("low", 0.0, "gyro_bias")),
-        ("excitation", {"targets": {"gyro_bais": 1.0}}, "targets", Problem("name", 0.0, "gyro_bais")),
+        ("rate", {"turns": 0}, "turns", ScheduleProblem("low", 1.0)),
+        ("rate", {"turns": 51}, "turns", ScheduleProblem("high", 50.0)),
+        ("rate", {"turns": 1.5}, "turns", ScheduleProblem("whole")),
+        ("rate", {"dwell_s": "abc"}, "dwell_s", ScheduleProblem("number")),
+        ("rate", {"dwell_s": None}, "dwell_s", ScheduleProblem("number")),
+        ("rate", {"rate_dps": 0.0}, "rate_dps", ScheduleProblem("low", 0.0)),
+        ("rate", {"rate_dps": 130.0}, "rate_dps", ScheduleProblem("table", 120.0)),
+        ("excitation", {"targets": {"gyro_bias": -1.0}}, "targets", ScheduleProblem("low", 0.0, "gyro_bias")),
+        ("excitation", {"targets": {"gyro_bais": 1.0}}, "targets", ScheduleProblem("name", 0.0, "gyro_bais")),
         ("excitation", {"rounds": None}, "", None),
     ],
 )
 def test_a_wrong_value_is_told_by_its_field(
-    place: Place, stage: str, change: dict[str, object], field: str, problem: Problem | None
+    place: Place, stage: str, change: dict[str, object], field: str, problem: ScheduleProblem | None
 ) -> None:
-    offered = offer(place.station, place.product)
-    found = problems(stage, {**offered.schedules[stage], **change}, offered)
+    offered = schedule_options(place.station, place.product)
+    found = schedule_problems(stage, {**offered.schedules[stage], **change}, offered)
     if problem is None:
         assert found == {}
         return

@@ -10,9 +10,17 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from calstation.config import library
-from calstation.config.editing import MODELS, Problem, check, edited, entries, new_name, read_text
-from calstation.config.site_advice import advice, normal
-from calstation.config.toml_lines import line_of
+from calstation.config.editing import (
+    MODELS,
+    Problem,
+    check,
+    edit_toml,
+    line_of,
+    list_files,
+    new_name,
+    read_text,
+)
+from calstation.config.site_check import normal_gravity_at, site_advice
 from calstation.errors import ConfigurationError
 from calstation.schema import load
 
@@ -147,7 +155,7 @@ def test_the_check_and_the_loader_say_the_same(tmp_path: Path) -> None:
 
 def test_comments_and_order_outlive_a_change() -> None:
     before = shipped("stations", "example_hardware")
-    after = edited(
+    after = edit_toml(
         before,
         {
             ("site", "latitude_deg"): 12.5,
@@ -169,8 +177,8 @@ def test_comments_and_order_outlive_a_change() -> None:
 
 def test_a_table_that_becomes_empty_goes_with_its_last_value() -> None:
     text = '[imu]\nport = "x" # here\n\n[imu.serial]\nbaud = 1\n'
-    assert tomllib.loads(edited(text, {("imu", "serial", "baud"): None})) == {"imu": {"port": "x"}}
-    assert edited(text, {("imu", "other"): None}) == text
+    assert tomllib.loads(edit_toml(text, {("imu", "serial", "baud"): None})) == {"imu": {"port": "x"}}
+    assert edit_toml(text, {("imu", "other"): None}) == text
 
 
 KEYS = st.text(alphabet="abc", min_size=1, max_size=3)
@@ -210,10 +218,10 @@ def test_every_value_of_a_text_has_a_line_that_holds_it(data: dict[str, object])
 
 def test_a_sites_file_hides_the_shipped_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
-    assert all(entry.shipped for entry in entries("tables"))
+    assert all(entry.shipped for entry in list_files("tables"))
     (tmp_path / "tables").mkdir()
     (tmp_path / "tables" / "bench.toml").write_text("", encoding="utf-8")
-    (entry,) = [entry for entry in entries("tables") if entry.name == "bench"]
+    (entry,) = [entry for entry in list_files("tables") if entry.name == "bench"]
     assert (entry.shipped, entry.path) == (False, tmp_path / "tables" / "bench.toml")
     assert new_name("tables", "mine-2") == "mine-2"
     for bad in ("", "../x", "a b", "-x", "bench"):
@@ -222,25 +230,25 @@ def test_a_sites_file_hides_the_shipped_one(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_normal_gravity_is_shown_for_a_place_and_only_for_one() -> None:
-    assert normal(45.0, 0.0) == pytest.approx(9.80620, abs=1e-5)
-    assert normal(None, 0.0) is None
-    assert normal(91, 0) is None
+    assert normal_gravity_at(45.0, 0.0) == pytest.approx(9.80620, abs=1e-5)
+    assert normal_gravity_at(None, 0.0) is None
+    assert normal_gravity_at(91, 0) is None
 
 
 def test_gravity_that_no_place_has_is_told_with_its_cost() -> None:
-    right = normal(34.25, 400.0)
+    right = normal_gravity_at(34.25, 400.0)
     assert right is not None
-    assert advice(34.25, 108.9, 400.0, 0.0, right * (1 + 2.9e-4)) == ()
-    (found,) = advice(34.25, 108.9, 400.0, 0.0, right * (1 + 1.2e-3))
+    assert site_advice(34.25, 108.9, 400.0, 0.0, right * (1 + 2.9e-4)) == ()
+    (found,) = site_advice(34.25, 108.9, 400.0, 0.0, right * (1 + 1.2e-3))
     assert found.id == "gravity_off"
     assert found.values["ppm"] == pytest.approx(1200.0)
-    assert advice("x", 1.0, None, 0.0, 9.8) == ()  # type: ignore[arg-type]
+    assert site_advice("x", 1.0, None, 0.0, 9.8) == ()  # type: ignore[arg-type]
 
 
 def test_a_place_that_is_hardly_meant_is_told() -> None:
-    assert [f.id for f in advice(0.0, 0.0, 0.0, 0.0, None)] == ["null_island"]
-    assert [f.id for f in advice(-85.0, 10.0, 0.0, None, None)] == ["azimuth_hopeless"]
-    assert advice(-85.0, 10.0, 0.0, 12.0, None) == ()
+    assert [f.id for f in site_advice(0.0, 0.0, 0.0, 0.0, None)] == ["null_island"]
+    assert [f.id for f in site_advice(-85.0, 10.0, 0.0, None, None)] == ["azimuth_hopeless"]
+    assert site_advice(-85.0, 10.0, 0.0, 12.0, None) == ()
 
 
 def test_the_station_in_the_guide_is_right() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calstation.config import library
-from calstation.config.compatibility import compatible_products
 from calstation.config.request import RunRequest
 from calstation.config.resolved import prepare_run
+from calstation.config.summary import compatible_products
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError

@@ -25,17 +25,17 @@ def test_a_change_is_the_sites_own_file_and_the_shipped_one_is_kept(home: Path) 
     assert (home / "products" / "nav_a.toml").read_text("utf-8") == CHANGED
     assert (version.number, version.author) == (2, "wang")
     assert version.sha256 == hashlib.sha256(CHANGED.encode()).hexdigest()
-    assert [v.number for v in versions.list("products", "nav_a")] == [2, 1]
-    assert versions.list("products", "nav_a")[1].author is None
+    assert [v.number for v in versions.list_versions("products", "nav_a")] == [2, 1]
+    assert versions.list_versions("products", "nav_a")[1].author is None
     assert versions.text("products", "nav_a", 1) == SHIPPED
-    assert versions.number_of("products", "nav_a", CHANGED) == 2
-    assert versions.number_of("products", "nav_a", CHANGED + "\n") is None
+    assert versions.version_number("products", "nav_a", CHANGED) == 2
+    assert versions.version_number("products", "nav_a", CHANGED + "\n") is None
 
 
 def test_the_same_text_is_no_new_version() -> None:
     first = versions.save("products", "nav_a", CHANGED, "wang")
     assert versions.save("products", "nav_a", CHANGED, "li") == first
-    assert len(versions.list("products", "nav_a")) == 2
+    assert len(versions.list_versions("products", "nav_a")) == 2
 
 
 def test_an_old_version_comes_back_as_a_new_one(home: Path) -> None:
@@ -50,7 +50,7 @@ def test_a_file_edited_by_other_means_is_kept_before_it_is_replaced(home: Path) 
     by_hand = SHIPPED.replace("turns = 2", "turns = 4")
     (home / "products" / "nav_a.toml").write_text(by_hand, encoding="utf-8")
     versions.save("products", "nav_a", SHIPPED, "li")
-    assert [(v.number, v.author) for v in versions.list("products", "nav_a")] == [
+    assert [(v.number, v.author) for v in versions.list_versions("products", "nav_a")] == [
         (4, "li"), (3, None), (2, "wang"), (1, None),
     ]  # fmt: skip
     assert versions.text("products", "nav_a", 3) == by_hand

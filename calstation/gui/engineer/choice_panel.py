@@ -6,7 +6,7 @@ from typing import Any
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QScrollArea, QVBoxLayout, QWidget
 
-from calstation.config.schedules import Offer
+from calstation.config.schedules import ScheduleOptions
 from calstation.gui.engineer.parts import Parts
 from calstation.gui.engineer.schedule_form import ScheduleForm
 from calstation.gui.text.messages import term
@@ -23,7 +23,7 @@ class ChoicePanel(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
-        self._offer: Offer | None = None
+        self._offer: ScheduleOptions | None = None
         self._forms: dict[str, ScheduleForm] = {}
         self.parts = Parts()
         self._heading, self._lock_label = QLabel(), QLabel()
@@ -89,7 +89,7 @@ class ChoicePanel(QFrame):
         """A stage's form."""
         return self._forms[stage]
 
-    def show_offer(self, offer: Offer) -> None:
+    def show_offer(self, offer: ScheduleOptions) -> None:
         """Offer a product's stages with their schedules."""
         self._offer = offer
         for form in self._forms.values():

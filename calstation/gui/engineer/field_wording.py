@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.config.schedules import Problem, ScheduleField
+from calstation.config.schedules import ScheduleField, ScheduleProblem
 from calstation.gui.text.messages import term
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
@@ -91,7 +91,7 @@ def word_range(field: ScheduleField) -> str:
     return ""
 
 
-def word_problem(field: ScheduleField, problem: Problem) -> str:
+def word_problem(field: ScheduleField, problem: ScheduleProblem) -> str:
     """What is wrong with a field's value, and the mend."""
     unit = f" {field.unit}" if field.unit else ""
     subject = f"{term('group', problem.subject)}: " if problem.subject else ""

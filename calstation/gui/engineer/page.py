@@ -14,9 +14,8 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
 )
 
-from calstation.config.product_schedule import save_schedule
 from calstation.config.request import RunRequest
-from calstation.config.schedules import Offer, offer
+from calstation.config.schedules import ScheduleOptions, save_schedule, schedule_options
 from calstation.errors import CalstationError
 from calstation.gui.engineer.choice_panel import ChoicePanel
 from calstation.gui.engineer.error_wording import one_line
@@ -32,8 +31,8 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.labels import ElidedLabel
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.results.finished_run import Finished
-from calstation.results.preview import forecast
+from calstation.results.finished_run import FinishedRun
+from calstation.results.preview import compute_preview
 from calstation.sequencer.events import Event, Verdict
 
 _LEFT = 46 * theme.GRID
@@ -45,7 +44,7 @@ class EngineerPage(Page):
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("engineer_page")
-        self._offer: Offer | None = None
+        self._offer: ScheduleOptions | None = None
         self._problem = ""
         self._faulty = False
         self.header = self._fields = EngineerHeader(app.run)
@@ -128,7 +127,7 @@ class EngineerPage(Page):
         """Read station and product again; what is wrong with them keeps everything from working, and says so."""
         app = self.app
         try:
-            self._offer = offer(app.station_path, app.product_path)
+            self._offer = schedule_options(app.station_path, app.product_path)
             self._problem = ""
         except CalstationError as error:
             self._offer = None
@@ -181,7 +180,7 @@ class EngineerPage(Page):
         )
 
     def _preview(self) -> None:
-        self.preview.watch.watch(self.app.job_queue.submit(forecast, self._request()))
+        self.preview.watch.watch(self.app.job_queue.submit(compute_preview, self._request()))
         self.preview.begin()
 
     def _save(self) -> None:
@@ -284,7 +283,7 @@ class EngineerPage(Page):
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.open()
 
-    def _loaded(self, run: Finished) -> None:
+    def _loaded(self, run: FinishedRun) -> None:
         self._desk.take(run)
         if self.views.currentIndex() == 0 and not self.app.engine_link.running:
             self.tabs.setCurrentIndex(1)

@@ -12,7 +12,7 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.text.messages import event_sentence, fault_text, step_sentence
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.registers.unit_registers import TargetRegisters, UnitRegisters, read_unit, wanted_registers
-from calstation.results.finished_run import Finished
+from calstation.results.finished_run import FinishedRun
 from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
 
 #: Stands for the unit in a request where none is named yet.
@@ -33,7 +33,7 @@ class RegisterController(QObject):
     def __init__(self, app: AppContext, request: Callable[[], RunRequest], parent: QObject) -> None:
         super().__init__(parent)
         self._app, self._request = app, request
-        self._run: Finished | None = None
+        self._run: FinishedRun | None = None
         self._errand: RegisterOperation | None = None
         self._left = ""
         self.view = RegistersView()
@@ -47,7 +47,7 @@ class RegisterController(QObject):
         app.engine_link.event.connect(self._hear)
         app.product_changed.connect(self._take_again)
 
-    def take(self, run: Finished) -> None:
+    def take(self, run: FinishedRun) -> None:
         """Another run is looked at: find what it wants in the registers."""
         self._run = run
         self.view.show_wanted(None)

@@ -18,7 +18,7 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.text.messages import term
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.results.diagnostics import Diagnostics, diagnose
-from calstation.results.finished_run import Finished, finished
+from calstation.results.finished_run import FinishedRun, load_finished_run
 from calstation.results.preview import Preview
 
 
@@ -35,7 +35,7 @@ class ResultAnalysis(QObject):
     def __init__(self, app: AppContext, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._app = app
-        self.run: Finished | None = None
+        self.run: FinishedRun | None = None
         self._path: Path | None = None
         self._looked: Path | None = None
         self.loading, self.diagnosing = JobWatch(self), JobWatch(self)
@@ -57,7 +57,7 @@ class ResultAnalysis(QObject):
     def open(self, path: Path) -> None:
         """Look at a result or a log."""
         self._path = path
-        self.loading.watch(self._app.job_queue.submit(finished, path, self._app.runs_folder))
+        self.loading.watch(self._app.job_queue.submit(load_finished_run, path, self._app.runs_folder))
         self.changed.emit()
 
     def foresee(self, told: Preview) -> None:
@@ -94,7 +94,7 @@ class ResultAnalysis(QObject):
         parts = (str(result["unit"]["serial"]), started, word_verdict(result, stages=False))
         return "  ·  ".join(part for part in parts if part)
 
-    def _loaded(self, run: Finished) -> None:
+    def _loaded(self, run: FinishedRun) -> None:
         self.run, self._looked = run, None
         if run.result_json["parameters"]:
             self.result.show_run(run)
@@ -124,7 +124,7 @@ class ResultAnalysis(QObject):
         for lazy in self._deep:
             lazy.show_empty(word_log_error(error, path) if error else "")
 
-    def _why_no_answer(self, run: Finished) -> str:
+    def _why_no_answer(self, run: FinishedRun) -> str:
         said = self.tr("The run ended without an answer: {0}").format(
             term("badge", str(run.result_json["outcome"]))
         )

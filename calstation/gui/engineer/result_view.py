@@ -17,7 +17,7 @@ from calstation.gui.widgets.parameter_table import Column, ParameterModel, Param
 from calstation.physics.parameters import NAMES
 from calstation.physics.units import aligned, display, number
 from calstation.records.limits import Check
-from calstation.results.finished_run import Finished
+from calstation.results.finished_run import FinishedRun
 
 _NONE = "–"
 #: A change of more than so many sigmas is marked.
@@ -32,7 +32,7 @@ class ResultView(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.shown: Finished | None = None
+        self.shown: FinishedRun | None = None
         self._cells: dict[str, dict[str, str]] = {}
         self._states: dict[str, str] = {}
         self._changed: frozenset[str] = frozenset()
@@ -74,7 +74,7 @@ class ResultView(QWidget):
         column.addWidget(self.checks)
         self.retranslate()
 
-    def show_run(self, finished: Finished) -> None:
+    def show_run(self, finished: FinishedRun) -> None:
         """Show this run."""
         self.shown = finished
         result = finished.result_json

@@ -16,7 +16,13 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.schedules import Offer, Problem, ScheduleField, problems, schedule_fields
+from calstation.config.schedules import (
+    ScheduleField,
+    ScheduleOptions,
+    ScheduleProblem,
+    schedule_fields,
+    schedule_problems,
+)
 from calstation.gui.engineer.field_wording import word_description, word_field, word_problem
 from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
@@ -30,7 +36,7 @@ class ScheduleForm(QWidget):
 
     changed = Signal()
 
-    def __init__(self, stage: str, offer: Offer, parent: QWidget | None = None) -> None:
+    def __init__(self, stage: str, offer: ScheduleOptions, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.stage = stage
         self._offer = offer
@@ -66,7 +72,7 @@ class ScheduleForm(QWidget):
     @property
     def sound(self) -> bool:
         """Whether every value may be run."""
-        return not problems(self.stage, self.values, self._offer)
+        return not schedule_problems(self.stage, self.values, self._offer)
 
     def fill(self, values: Mapping[str, Any]) -> None:
         """Show these values."""
@@ -103,7 +109,7 @@ class ScheduleForm(QWidget):
         self.changed.emit()
 
     def _check(self) -> None:
-        found = problems(self.stage, self.values, self._offer)
+        found = schedule_problems(self.stage, self.values, self._offer)
         product = self._offer.schedules[self.stage]
         for name, row in self._rows.items():
             row.show_problem(found.get(name))
@@ -118,7 +124,7 @@ class _Row(QWidget):
     def __init__(self, field: ScheduleField) -> None:
         super().__init__()
         self.field = field
-        self._problem: Problem | None = None
+        self._problem: ScheduleProblem | None = None
         self.caption = QLabel()
         self.note = QLabel()
         self.note.setProperty("kind", "error")
@@ -144,7 +150,7 @@ class _Row(QWidget):
         self.setToolTip(word_description(self.field))
         self.show_problem(self._problem)
 
-    def show_problem(self, problem: Problem | None) -> None:
+    def show_problem(self, problem: ScheduleProblem | None) -> None:
         """Say what is wrong, or nothing."""
         self._problem = problem
         self.note.setText(word_problem(self.field, problem) if problem else "")

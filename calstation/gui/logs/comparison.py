@@ -13,7 +13,7 @@ from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import aligned, display, number
-from calstation.results.offline_solve import in_sigma
+from calstation.results.offline import in_sigma
 from calstation.results.plots.index import LogIndex
 from calstation.results.resolve import Resolved
 
@@ -226,7 +226,7 @@ class Comparison(QWidget):
                     len(self._lost), len(result["parameters"])
                 )
             )
-        notes += [word_log_error(sentence) for sentence in self._solved.lacking]
+        notes += [word_log_error(sentence) for sentence in self._solved.missing_data]
         return notes + [event_sentence(key, values) for key, values in self._solved.messages]
 
 

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.jobs.queue import JobQueue
-from calstation.results.offline_solve import drop_partial, export_log, export_result
+from calstation.results.offline import drop_partial, export_log, export_result
 from calstation.results.plots.index import LogIndex
 
 

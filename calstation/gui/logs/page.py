@@ -37,7 +37,7 @@ from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.labels import EmptyState
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.results.history import History
-from calstation.results.offline_solve import offline_solve
+from calstation.results.offline import offline_solve
 from calstation.results.plots.index import LogIndex, log_index, samples
 from calstation.results.plots.min_max_pyramid import Columns
 from calstation.results.resolve import Resolved

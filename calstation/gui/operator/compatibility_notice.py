@@ -4,8 +4,8 @@ from functools import partial
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.config.compatibility import compatible_products
 from calstation.config.resolved import ManualRigError
+from calstation.config.summary import compatible_products
 from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets.notice import Choice
 

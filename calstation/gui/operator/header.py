@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.user import computer_user
+from calstation.config.request import computer_user
 from calstation.gui.widgets import theme
 
 

@@ -9,8 +9,8 @@ from pydantic import BaseModel
 from PySide6.QtCore import QObject, QSettings, Signal
 
 from calstation.config import editing, library, versions
-from calstation.config.editing import Place, Problem
-from calstation.config.user import computer_user
+from calstation.config.editing import KeyPath, Problem
+from calstation.config.request import computer_user
 from calstation.errors import ConfigurationError
 
 
@@ -77,20 +77,20 @@ class Draft(QObject):
         if self.path is not None:
             self.open(self.path)
 
-    def value(self, place: Place) -> Any:
+    def value(self, place: KeyPath) -> Any:
         """The value at a place, None if there is none."""
         return _at(self.data, place)
 
-    def differs(self, place: Place) -> bool:
+    def differs(self, place: KeyPath) -> bool:
         """Whether the value at a place differs from the stored one."""
         return self.dirty and _at(self._stored, place) != self.value(place)
 
-    def set(self, changes: Mapping[Place, Any]) -> None:
+    def set(self, changes: Mapping[KeyPath, Any]) -> None:
         """Change values; None removes one. Text that is not valid TOML stays as it is."""
         if any(problem.kind in ("toml", "file") for problem in self.problems):
             self.changed.emit()
             return
-        text = editing.edited(self.text, changes)
+        text = editing.edit_toml(self.text, changes)
         if text != self.text:
             self.rewrite(text)
 
@@ -166,7 +166,7 @@ class Drafts(QObject):
         """
         text = editing.read_text(source)
         if kind == "stations":
-            text = editing.edited(text, {("name",): name})
+            text = editing.edit_toml(text, {("name",): name})
         versions.save(kind, editing.new_name(kind, name), text, self.author)
         self.saved.emit(kind)
         return library.find(kind, name)
@@ -197,7 +197,7 @@ def _parsed(text: str) -> Mapping[str, Any]:
         return {}
 
 
-def _at(data: Mapping[str, Any], place: Place) -> Any:
+def _at(data: Mapping[str, Any], place: KeyPath) -> Any:
     found: Any = data
     for key in place:
         try:

@@ -6,7 +6,7 @@ from typing import Any
 
 from PySide6.QtWidgets import QFrame, QGridLayout, QSizePolicy, QWidget
 
-from calstation.config.editing import Place, Problem
+from calstation.config.editing import KeyPath, Problem
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.inputs import Editor
 from calstation.gui.text.bind import bind, on_language_change
@@ -42,7 +42,7 @@ class Field(QWidget):
     def __init__(
         self,
         draft: Draft,
-        place: Place,
+        place: KeyPath,
         editor: Editor,
         words: Words,
         *,
@@ -52,7 +52,7 @@ class Field(QWidget):
     ) -> None:
         super().__init__()
         self.draft, self.place, self.editor = draft, place, editor
-        self.places: tuple[Place, ...] = (place,)
+        self.places: tuple[KeyPath, ...] = (place,)
         self._hint, self._default = hint, default
         self._advice: Words = str
         name = "_".join(map(str, place))
@@ -121,7 +121,7 @@ class Field(QWidget):
             self.editor.style().polish(self.editor)
         self.editor.setAccessibleDescription(text)
 
-    def _is_mine(self, place: Place) -> bool:
+    def _is_mine(self, place: KeyPath) -> bool:
         """Whether a problem of this place is shown here; a list shows those of its elements."""
         return place in self.places or (place[:-1] == self.place and isinstance(place[-1], int))
 
@@ -170,7 +170,7 @@ def set_tab_order(widgets: Sequence[QWidget]) -> None:
 
 
 #: Rules over several values, by the entry they are about.
-_RULES: dict[Place, str] = {
+_RULES: dict[KeyPath, str] = {
     ("outer",): "field.travel",
     ("inner",): "field.travel",
     ("outer_axis",): "field.unit_vector",

@@ -5,8 +5,7 @@ from typing import Any
 
 from PySide6.QtWidgets import QWidget
 
-from calstation.config.link_defaults import LinkDefaults, imu_defaults, table_defaults
-from calstation.config.station import StationConfig
+from calstation.config.station import LinkDefaults, StationConfig, imu_defaults, table_defaults
 from calstation.connection.link_test import FoundPort, discover_ports
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config import editing, library
-from calstation.config.editing import Place
+from calstation.config.editing import KeyPath
 from calstation.config.station import DEFAULT_STATION
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
@@ -38,7 +38,7 @@ from calstation.gui.widgets.notice import Choice, NoticeBar
 _NAV = 26 * theme.GRID
 _LINK = ("port", "timeout_s", "serial")
 #: Entries of the station file in each of the first sections.
-_PLACES: tuple[tuple[Place, ...], ...] = (
+_PLACES: tuple[tuple[KeyPath, ...], ...] = (
     (("name",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK), ("table", "unit")),
     tuple(("imu", key) for key in _LINK),
@@ -279,7 +279,7 @@ class StationPage(Page):
         """Offer all stations and the current one, which may be elsewhere."""
         with QSignalBlocker(self.station_box):
             self.station_box.clear()
-            paths = [entry.path for entry in editing.entries("stations")]
+            paths = [entry.path for entry in editing.list_files("stations")]
             current = self.drafts.station.path
             if current is not None and _key(current) not in map(_key, paths):
                 paths.append(current)

@@ -7,8 +7,8 @@ from PySide6.QtCore import QSignalBlocker
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QListWidget, QTabWidget, QWidget
 
-from calstation.config import editing, library, version_store
-from calstation.config.version_store import Version
+from calstation.config import editing, library, versions
+from calstation.config.versions import Version
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.inputs import ChoiceBox
@@ -181,7 +181,7 @@ class ProfilesSection(QWidget):
         if self._compared is not None:
             name = self.tr("version {0}").format(self._compared.number)
             try:
-                other = version_store.text(draft.kind, draft.name, self._compared.number)
+                other = versions.text(draft.kind, draft.name, self._compared.number)
             except ConfigurationError as error:
                 self._diff.show_lines([str(error)])
                 return
@@ -196,7 +196,7 @@ class ProfilesSection(QWidget):
             return
         self.views.setCurrentIndex(_COMPARE)
         try:
-            text = version_store.text(draft.kind, draft.name, version.number)
+            text = versions.text(draft.kind, draft.name, version.number)
         except ConfigurationError as error:
             self._diff.show_lines([str(error)])
             return
@@ -209,7 +209,7 @@ class ProfilesSection(QWidget):
         self.views.setCurrentIndex(_TEXT)
 
     def _show_origin(self, draft: Draft) -> None:
-        shipped = any(entry.path == draft.path and entry.shipped for entry in editing.entries(draft.kind))
+        shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
         self._about.setText(
             self.tr("came with the program; saving makes this site's copy")
             if shipped

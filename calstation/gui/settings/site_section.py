@@ -7,9 +7,8 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.config import site_advice
-from calstation.config.editing import Place
-from calstation.config.site_check import this_computer, vouching
+from calstation.config.editing import KeyPath
+from calstation.config.site_check import confirmation_key, normal_gravity_at, site_advice, this_computer
 from calstation.config.station import StationConfig
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Form, Row, panel, set_tab_order
@@ -19,7 +18,7 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import Words, button, column, enable, label, row
 
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
-_CONFIRMED: Place = ("site", "confirmed_on")
+_CONFIRMED: KeyPath = ("site", "confirmed_on")
 #: Gravity in m/s² shown until the surveyed value is typed: it occurs nowhere, so no run starts with it.
 _NOWHERE = 9.7
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
@@ -134,7 +133,7 @@ class SiteSection(QWidget):
             )
         )
         latitude, height = (self._draft.value(("site", name)) for name in ("latitude_deg", "height_m"))
-        normal = site_advice.normal(latitude, height)
+        normal = normal_gravity_at(latitude, height)
         self._normal.setText(f"{normal:.5f} m/s²" if normal is not None else "–")
 
     def _choose(self, place: tuple[str, str], given: bool) -> None:
@@ -144,7 +143,7 @@ class SiteSection(QWidget):
 
     def _advice(self) -> dict[str, Any]:
         values = (self._draft.value(("site", name)) for name in _NAMES)
-        return {found.id: found.values for found in site_advice.advice(*values)}
+        return {found.id: found.values for found in site_advice(*values)}
 
     def _gravity_advice(self) -> str:
         off = self._advice().get("gravity_off")
@@ -218,7 +217,7 @@ class _Confirmation(QWidget):
     def _key(self) -> str:
         """The key of a confirmation here, "" while something is wrong with the file."""
         station = self._draft.model
-        return vouching(station.site) if isinstance(station, StationConfig) else ""
+        return confirmation_key(station.site) if isinstance(station, StationConfig) else ""
 
     def _confirm(self) -> None:
         here = f"{this_computer()}: "

@@ -5,8 +5,8 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QFormLayout, QWidget
 
-from calstation.config import library, version_store
-from calstation.config.station import rails_by_hand
+from calstation.config import library, versions
+from calstation.config.station import is_manual_table
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import Field, Form, Row, panel, set_tab_order
 from calstation.gui.settings.inputs import ChoiceBox, NumberEdit, WordEdit
@@ -114,7 +114,7 @@ class StationSection(QWidget):
     @property
     def _by_hand(self) -> bool:
         """Whether the table is a rig turned by hand."""
-        return rails_by_hand(str(self._draft.value(("table", "profile")) or ""))
+        return is_manual_table(str(self._draft.value(("table", "profile")) or ""))
 
     def _summary_texts(self, bench: bool) -> list[tuple[str, str]]:
         """The other sections, in a line each."""
@@ -148,13 +148,13 @@ class StationSection(QWidget):
         if draft.path.is_relative_to(library.shipped_folder()):
             origin = self.tr("It came with the program; saving a change makes a copy for this site.")
         else:
-            number = version_store.number_of(draft.kind, draft.name, draft.saved)
+            number = versions.version_number(draft.kind, draft.name, draft.saved)
             origin = (
                 self.tr("Version {0} of this site's own file.").format(number)
                 if number is not None
                 else self.tr("This site's own file, not saved from here yet.")
             )
-        digest = self.tr("SHA-256 {0}, as in every result").format(version_store.sha256(draft.saved)[:12])
+        digest = self.tr("SHA-256 {0}, as in every result").format(versions.sha256(draft.saved)[:12])
         return f"{draft.path}\n{origin}\n{digest}"
 
     def _choose_folder(self) -> None:

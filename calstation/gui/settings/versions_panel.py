@@ -5,8 +5,8 @@ from datetime import datetime
 from PySide6.QtCore import Signal, SignalInstance
 from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
 
-from calstation.config import version_store
-from calstation.config.version_store import Version
+from calstation.config import versions
+from calstation.config.versions import Version
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
@@ -49,7 +49,7 @@ class VersionsPanel(QWidget):
     def show_versions(self, draft: Draft) -> None:
         """Show the versions of a draft's file."""
         self._draft = draft
-        self._versions = version_store.kept(draft.kind, draft.name)
+        self._versions = versions.list_versions(draft.kind, draft.name)
         self._show()
 
     def lock(self, reason: str) -> None:
@@ -65,7 +65,7 @@ class VersionsPanel(QWidget):
     def _show(self) -> None:
         chosen = self._list.currentRow()
         self._list.clear()
-        digest = version_store.sha256(self._draft.saved) if self._draft is not None else ""
+        digest = versions.sha256(self._draft.saved) if self._draft is not None else ""
         stored = next((v.number for v in self._versions if v.sha256 == digest), None)
         for version in self._versions:
             self._list.addItem(QListWidgetItem(self._line(version, version.number == stored)))

@@ -27,7 +27,7 @@ _HOLES = "holes.npy"
 
 
 @dataclass(frozen=True)
-class Span:
+class StageSpan:
     """A stretch of a log in one stage: its samples, and the sequence numbers of the first and last of them."""
 
     stage: str
@@ -70,7 +70,7 @@ class LogIndex:
     stored: dict[str, Any] | None
     facts: LogFacts
     folder: Path
-    spans: tuple[Span, ...]
+    spans: tuple[StageSpan, ...]
     steps: Marks
     gaps: Marks
     spoilt: Marks
@@ -164,7 +164,7 @@ class _Gathered:
     """Stages and marks of consecutive blocks."""
 
     def __init__(self) -> None:
-        self._spans: list[Span] = []
+        self._spans: list[StageSpan] = []
         self._step: int | None = None
         self._last: int | None = None
         self._steps, self._gaps, self._spoilt = _Marker(), _Marker(), _Marker()
@@ -193,7 +193,7 @@ class _Gathered:
         if self._spans and self._spans[-1].stage == block.stage and not self._parted:
             before = self._spans.pop()
             first, count = before.first_seq, before.samples + count
-        self._spans.append(Span(block.stage, first, last, count))
+        self._spans.append(StageSpan(block.stage, first, last, count))
         self._parted = False
 
     def log_index(self, log: Log, folder: Path, scale: FloatArray) -> LogIndex:

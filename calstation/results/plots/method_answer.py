@@ -21,7 +21,7 @@ from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import row_count
 from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
-from calstation.results.plots.positions import PositionPicture, position_picture
+from calstation.results.plots.positions import PositionPlotData, position_plot_data
 from calstation.results.resolve import Resolved, resolve
 from calstation.results.result import Result
 from calstation.schema import validate
@@ -62,7 +62,7 @@ class MethodAnswer:
     resolved: Resolved
     before: Mapping[str, tuple[float, float | None]]
     schedule: Mapping[str, Any]
-    picture: PositionPicture | GimbalPlotData | PairPlotData
+    picture: PositionPlotData | GimbalPlotData | PairPlotData
 
     @property
     def parameters(self) -> Mapping[str, Any]:
@@ -114,7 +114,7 @@ def found_vector(meta: LogMeta, parameters: Mapping[str, Any]) -> FloatArray:
 
 def _picture(
     log: Log, stage: str, result: Result, schedule: Mapping[str, Any]
-) -> PositionPicture | GimbalPlotData | PairPlotData:
+) -> PositionPlotData | GimbalPlotData | PairPlotData:
     details = result.details.get(stage, {})
     if stage == "gimbal":
         return gimbal_plot_data(details, schedule)
@@ -123,7 +123,7 @@ def _picture(
     if stage == "cross_calibration":
         return pair_plot_data(data, context, prior_from_meta(log.meta), details)
     found = found_vector(log.meta, {name: row.model_dump() for name, row in result.parameters.items()})
-    return position_picture(data, context, prior_from_meta(log.meta).mean, found, log.meta.product)
+    return position_plot_data(data, context, prior_from_meta(log.meta).mean, found, log.meta.product)
 
 
 def data_of(log: Log, stage: str) -> StageData:

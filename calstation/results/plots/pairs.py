@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from calstation.config.library import pair_folder
 from calstation.estimation.common.context import Belief, SolveContext, StoredPair
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.pairs.fit import ACCEL_BIAS, ACCEL_MATRIX, GYRO_BIAS, GYRO_MATRIX, LEVER, OFFSET
@@ -17,14 +18,13 @@ from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import Compensation, compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
 from calstation.records.meta import load_pair, pair_path
-from calstation.results.pair_run import pair_folder
 
 #: Stretches of time into which what is left is gathered.
 _COLUMNS = 800
 
 
 @dataclass(frozen=True)
-class Left:
+class PairResiduals:
     """What a secondary's sensor shows beyond what the primary makes of it: rms over stretches of time.
 
     time : of their middles from the recording's start, s, shape (k,); before, after : rad/s or m/s², shape (k,)
@@ -38,7 +38,7 @@ class Left:
 
 
 @dataclass(frozen=True)
-class Kept:
+class StoredPairFile:
     """What the site keeps of a pair; utc is empty where nothing is kept yet.
 
     values : how many; static : what gyro (rad/s) and accel (m/s²) showed at rest right after, None where unknown
@@ -62,13 +62,13 @@ class SecondaryPlotData:
 
     number: int
     serial: str
-    left: Mapping[str, Left]
+    left: Mapping[str, PairResiduals]
     check: Mapping[str, Any] | None
     static: Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
-class Happening:
+class PairEvent:
     """What happened at `time`, s from the recording's start; kind and values as `estimation.pair_watch.WatchEvent`.
 
     number : of the secondary, 0 for all
@@ -89,8 +89,8 @@ class PairPlotData:
 
     primary: str
     secondaries: tuple[SecondaryPlotData, ...]
-    kept: tuple[Kept, ...]
-    happened: tuple[Happening, ...]
+    kept: tuple[StoredPairFile, ...]
+    happened: tuple[PairEvent, ...]
     duration: float
 
 
@@ -111,15 +111,15 @@ def pair_plot_data(
     return PairPlotData(
         context.imu.serial,
         tuple(shown),
-        kept_pairs(context, pair_folder()),
+        stored_pairs(context, pair_folder()),
         happened,
         float(data.time[-1]) - begin,
     )
 
 
-def _happening(told: Mapping[str, Any], begin: float) -> Happening:
+def _happening(told: Mapping[str, Any], begin: float) -> PairEvent:
     values = {key: value for key, value in told.items() if key not in ("kind", "time", "number")}
-    return Happening(told["kind"], told["time"] - begin, told["number"], values)
+    return PairEvent(told["kind"], told["time"] - begin, told["number"], values)
 
 
 def stored_values(context: SolveContext) -> dict[str, float]:
@@ -131,7 +131,7 @@ def stored_values(context: SolveContext) -> dict[str, float]:
     }
 
 
-def kept_pairs(context: SolveContext, folder: Path) -> tuple[Kept, ...]:
+def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, ...]:
     """What is kept in `folder` of a recording's pairs. Raises InputError on a damaged file."""
     kept = []
     for s in context.secondaries:
@@ -143,11 +143,11 @@ def kept_pairs(context: SolveContext, folder: Path) -> tuple[Kept, ...]:
             if stored.values
             else ""
         )
-        kept.append(Kept(s.number, s.imu.serial, file, utc, len(stored.values), static))
+        kept.append(StoredPairFile(s.number, s.imu.serial, file, utc, len(stored.values), static))
     return tuple(kept)
 
 
-def _left(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, Left]:
+def _left(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, PairResiduals]:
     """What is left in the band of the fit, with the values stored before and with those found."""
     rows, parts = [], []
     for value in (before, after):
@@ -164,7 +164,7 @@ def _left(data: PairData, c: Compensation, before: FloatArray, after: FloatArray
         columns = [_rms(data.time[row], part[sensor], edges) for row, part in zip(rows, parts, strict=True)]
         rms = [float(np.sqrt(part[sensor].mean())) if len(part[sensor]) else 0.0 for part in parts]
         middle = 0.5 * (edges[1:] + edges[:-1]) - begin
-        found[sensor] = Left(middle, columns[0], columns[1], (rms[0], rms[1]))
+        found[sensor] = PairResiduals(middle, columns[0], columns[1], (rms[0], rms[1]))
     return found
 
 

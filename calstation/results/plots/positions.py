@@ -13,7 +13,7 @@ from calstation.records.meta import ProductSection
 
 
 @dataclass(frozen=True)
-class PositionPicture:
+class PositionPlotData:
     """Rests and motions of a recording, with the parameters before and with those found.
 
     Attributes
@@ -39,13 +39,13 @@ class PositionPicture:
     angle_limit: float | None
 
 
-def position_picture(
+def position_plot_data(
     data: StageData,
     context: SolveContext,
     before: FloatArray,
     found: FloatArray,
     product: ProductSection | None,
-) -> PositionPicture:
+) -> PositionPlotData:
     """Compute it; `before` and `found`: all 30 parameters, SI."""
     site = context.site
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
@@ -61,7 +61,7 @@ def position_picture(
     gravity_rule = checks.gravity_at_rest if checks is not None else None
     motion_rule = checks.motion_angle if checks is not None else None
     start = int(data.seq[0])
-    return PositionPicture(
+    return PositionPlotData(
         gravity=gravity,
         up=force / np.linalg.norm(force, axis=1, keepdims=True),
         rest_time=_seconds([r.first_seq for r in evidence.rests], start, data.dt),

@@ -17,7 +17,7 @@ from calstation.gui.widgets.checks_table import ChecksTable
 from calstation.records.limits import Check
 from calstation.results.plots.gimbal import GimbalPlotData
 from calstation.results.plots.method_answer import MethodAnswer
-from calstation.results.plots.positions import PositionPicture
+from calstation.results.plots.positions import PositionPlotData
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class AnswerViews:
     def show_answer(self, answer: MethodAnswer) -> None:
         """Fill all of them."""
         picture = answer.picture
-        if self.positions is not None and isinstance(picture, PositionPicture):
+        if self.positions is not None and isinstance(picture, PositionPlotData):
             self.positions.show_picture(picture)
         if self.gimbal is not None and isinstance(picture, GimbalPlotData):
             self.gimbal.show_picture(picture)

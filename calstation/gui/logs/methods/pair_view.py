@@ -15,9 +15,9 @@ from calstation.gui.logs.methods.timeline import Timeline
 from calstation.gui.widgets import theme
 from calstation.physics.parameters import pair_name
 from calstation.physics.units import DEGREE, display, number
-from calstation.results.pair_check import Followed, PairChecked
+from calstation.results.pairs import PairCheckResult, PairProgress
 from calstation.results.plots.method_answer import MethodAnswer
-from calstation.results.plots.pairs import Kept, Left, PairPlotData, SecondaryPlotData
+from calstation.results.plots.pairs import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile
 
 #: What is left is drawn in °/s and m/s²: it is mostly that of motion.
 _RATE, _FORCE = DEGREE, 1.0
@@ -31,7 +31,7 @@ class PairCheckView(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._answer: MethodAnswer | None = None
-        self._checked: PairChecked | None = None
+        self._checked: PairCheckResult | None = None
         self.schedule_label, self._why, self._kept = QLabel(), QLabel(), QLabel()
         self.schedule_label.setWordWrap(True)
         self._why.setWordWrap(True)
@@ -87,23 +87,23 @@ class PairCheckView(QWidget):
         self._answer, self._checked = answer, None
         picture = answer.picture
         assert isinstance(picture, PairPlotData)
-        end = Followed(picture.duration, picture.duration, "waiting", 0.0, picture.happened)
+        end = PairProgress(picture.duration, picture.duration, "waiting", 0.0, picture.happened)
         self.timeline.show_followed(end if picture.happened else None)
         self.retranslate()
 
-    def show_followed(self, followed: Followed | None) -> None:
+    def show_followed(self, followed: PairProgress | None) -> None:
         """How far the watch has come."""
         self.timeline.show_followed(followed)
         self._show_watch(followed)
 
-    def show_checked(self, checked: PairChecked) -> None:
+    def show_checked(self, checked: PairCheckResult) -> None:
         """The watch has come to its end."""
         self._checked = checked
         self.timeline.show_followed(checked.followed)
         self.retranslate()
 
     @property
-    def kept(self) -> tuple[Kept, ...]:
+    def kept(self) -> tuple[StoredPairFile, ...]:
         """What is kept of the pairs at hand."""
         if self._checked is not None:
             return self._checked.kept
@@ -137,7 +137,7 @@ class PairCheckView(QWidget):
             self.retranslate()
         super().changeEvent(event)
 
-    def _show_watch(self, followed: Followed | None) -> None:
+    def _show_watch(self, followed: PairProgress | None) -> None:
         self._unwatched.setVisible(followed is None)
         self.timeline.setVisible(followed is not None)
         why = "" if followed is None else why_given_up(followed)
@@ -195,7 +195,7 @@ class PairCheckView(QWidget):
             state,
         )
 
-    def _word_kept(self, kept: Kept) -> str:
+    def _word_kept(self, kept: StoredPairFile) -> str:
         if not kept.utc:
             return self.tr("IMU {0}, {1}: nothing is kept of it yet.").format(kept.number, kept.serial)
         when = datetime.fromisoformat(kept.utc).astimezone().strftime("%Y-%m-%d %H:%M")
@@ -282,7 +282,7 @@ class PairLeftView(QWidget):
             self.retranslate()
         super().changeEvent(event)
 
-    def _draw(self, plot: MethodPlot, left: Left, title: str, size: float) -> None:
+    def _draw(self, plot: MethodPlot, left: PairResiduals, title: str, size: float) -> None:
         c = theme.colours()
         plot.line(left.time, left.before / size, c.caution)
         plot.line(left.time, left.after / size, c.accent)

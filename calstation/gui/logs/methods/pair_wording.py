@@ -8,8 +8,8 @@ from PySide6.QtCore import QCoreApplication
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.figures import three_digits
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
-from calstation.results.pair_check import Followed
-from calstation.results.plots.pairs import Happening
+from calstation.results.pairs import PairProgress
+from calstation.results.plots.pairs import PairEvent
 
 SENSORS = ("gyro", "accel")
 _UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
@@ -30,7 +30,7 @@ def shown(sensor: str, value: float) -> str:
     return f"{three_digits(value / size)} {unit}"
 
 
-def word_state(followed: Followed) -> str:
+def word_state(followed: PairProgress) -> str:
     """What is waited for now."""
     if followed.state == "checking":
         return QCoreApplication.translate("pairs", "waiting for a rest to check at")
@@ -43,7 +43,7 @@ def word_state(followed: Followed) -> str:
     return QCoreApplication.translate("pairs", "following the recording")
 
 
-def short_happening(h: Happening) -> str:
+def short_happening(h: PairEvent) -> str:
     """What happened, in a few words."""
     name = QCoreApplication.translate("pairs", "IMU {0}").format(h.number)
     said = {
@@ -57,7 +57,7 @@ def short_happening(h: Happening) -> str:
     return said.get(h.kind, h.kind.replace("_", " "))
 
 
-def why_given_up(followed: Followed) -> str:
+def why_given_up(followed: PairProgress) -> str:
     """Why the last calibration was given up, "" where none was."""
     reasons = [str(h.values["why"]) for h in followed.happened if h.kind == "given_up"]
     return word_log_error(reasons[-1]) if reasons else ""

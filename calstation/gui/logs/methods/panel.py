@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.manual_rig import STATION, guided_product, hand_rig
+from calstation.config.station import STATION, manual_product, uses_manual_rig
 from calstation.errors import CalstationError
 from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.log_wording import word_log_error
@@ -30,7 +30,7 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.results.pair_check import PairChecked, check_pair, followed_from_note
+from calstation.results.pairs import PairCheckResult, check_pair, progress_from_note
 from calstation.results.plots.method_answer import MethodAnswer, solve_method
 from calstation.simulation.recordings import record_on_bench, recordings_folder
 
@@ -102,8 +102,8 @@ class MethodPanel(QWidget):
 
     def guide_live(self) -> None:
         """To the operator page, with the product that is calibrated by hand."""
-        product = guided_product()
-        if product is not None and hand_rig(self.app.station_path):
+        product = manual_product()
+        if product is not None and uses_manual_rig(self.app.station_path):
             self.app.set_product(product)
             self.live_wanted.emit()
 
@@ -252,7 +252,7 @@ class MethodPanel(QWidget):
 
     def _follow(self, *_: object) -> None:
         job = self.checker.job
-        followed = None if job is None else followed_from_note(job.note)
+        followed = None if job is None else progress_from_note(job.note)
         if followed is not None and self.answers.check is not None:
             self.answers.check.show_followed(followed)
 
@@ -260,7 +260,7 @@ class MethodPanel(QWidget):
         if self.answers.check is not None:
             self.answers.check.show_followed(None)
 
-    def _checked(self, checked: PairChecked) -> None:
+    def _checked(self, checked: PairCheckResult) -> None:
         if self.answers.check is not None:
             self.answers.check.show_checked(checked)
         self._allow()
@@ -308,7 +308,7 @@ class MethodPanel(QWidget):
         """Why nobody can be guided now, empty where one can."""
         if self.app.engine_link.running:
             return self.tr("A calibration is going on; press STOP first.")
-        if guided_product() is None or not hand_rig(self.app.station_path):
+        if manual_product() is None or not uses_manual_rig(self.app.station_path):
             return self.tr(
                 "This station's table is no hand rig. Choose a station with one on the Station page, for example "
                 "'{0}', which is software."

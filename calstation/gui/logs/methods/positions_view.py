@@ -10,7 +10,7 @@ from calstation.gui.logs.methods.sphere import PositionSphere
 from calstation.gui.widgets import theme
 from calstation.physics.arrays import FloatArray
 from calstation.physics.units import ARCSECOND, MICRO_G
-from calstation.results.plots.positions import PositionPicture
+from calstation.results.plots.positions import PositionPlotData
 
 
 class PositionsView(QWidget):
@@ -18,7 +18,7 @@ class PositionsView(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._picture: PositionPicture | None = None
+        self._picture: PositionPlotData | None = None
         self.sphere = PositionSphere()
         self._caption = QLabel()
         self._caption.setProperty("kind", "muted")
@@ -48,7 +48,7 @@ class PositionsView(QWidget):
         row.addLayout(right, 9)
         self.retranslate()
 
-    def show_picture(self, picture: PositionPicture) -> None:
+    def show_picture(self, picture: PositionPlotData) -> None:
         """Draw it."""
         self._picture = picture
         self.sphere.show_positions(picture.up)

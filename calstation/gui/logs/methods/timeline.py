@@ -8,7 +8,7 @@ from calstation.gui.logs.methods.pair_wording import short_happening, word_state
 from calstation.gui.text.messages import duration_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
-from calstation.results.pair_check import Followed
+from calstation.results.pairs import PairProgress
 
 _TOP, _MARK, _LANE = 26.0, 16.0, 22.0
 _LANES = 2
@@ -28,11 +28,11 @@ class Timeline(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._followed: Followed | None = None
+        self._followed: PairProgress | None = None
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     @property
-    def followed(self) -> Followed | None:
+    def followed(self) -> PairProgress | None:
         """What is shown."""
         return self._followed
 
@@ -40,7 +40,7 @@ class Timeline(QWidget):
         """Room for the line and its words."""
         return QSize(80 * theme.GRID, round(_TOP + _MARK + _LANES * _LANE))
 
-    def show_followed(self, followed: Followed | None) -> None:
+    def show_followed(self, followed: PairProgress | None) -> None:
         """Show how far a recording has been followed."""
         self._followed = followed
         self.update()

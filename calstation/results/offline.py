@@ -11,7 +11,7 @@ from typing import Any
 
 from calstation.errors import ConfigurationError
 from calstation.records.convert import export_csv, partial_path
-from calstation.results.plots.index import Span
+from calstation.results.plots.index import StageSpan
 from calstation.results.resolve import Resolved, resolve
 
 _BATCH = {"rate": 2.5, "six_position": 1.0}
@@ -36,7 +36,7 @@ def offline_solve(
     stages: tuple[str, ...] | None,
     first_seq: int,
     last_seq: int,
-    spans: Sequence[Span],
+    spans: Sequence[StageSpan],
 ) -> Resolved:
     """Solve a log between two sequence numbers; the note told is the stage at hand.
 
@@ -63,7 +63,7 @@ class _Meter:
         stages: tuple[str, ...] | None,
         first_seq: int,
         last_seq: int,
-        spans: Sequence[Span],
+        spans: Sequence[StageSpan],
     ) -> None:
         self._tell = tell
         self._range = (first_seq, last_seq)

@@ -3,19 +3,25 @@
 What is kept of a pair stands in the site's own folder; the next log is compensated with it first.
 """
 
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from calstation.config.library import site_folder
+from calstation.config.library import pair_folder
 from calstation.errors import InputError
 from calstation.estimation.common.context import StoredPair
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.pairs.calibration import PairCalibration
 from calstation.estimation.pairs.static import StaticCheck
-from calstation.estimation.pairs.watch import PairWatch, WatchEvent
+from calstation.estimation.pairs.watch import PairWatch, WatchEvent, check_values
+from calstation.records.csv_log import estimated_rows
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, load_pair, prior_from_meta, store_pair
+from calstation.records.raw_log import SUFFIX
+from calstation.records.raw_read import row_count
+from calstation.results.plots.pairs import PairEvent, StoredPairFile, stored_pairs
 from calstation.results.solver_chain import one_blas_thread
 from calstation.schema import validate
 from procedures.cross_calibration import Schedule
@@ -24,17 +30,12 @@ STAGE = "cross_calibration"
 
 
 @dataclass(frozen=True)
-class Watched:
+class PairWatchResult:
     """What happened, the last check of each secondary, and what is stored of it now, by number."""
 
     events: tuple[WatchEvent, ...]
     checks: dict[int, StaticCheck]
     stored: dict[int, StoredPair]
-
-
-def pair_folder() -> Path:
-    """Where the site keeps its pairs."""
-    return site_folder() / "pairs"
 
 
 def watch_log(
@@ -43,7 +44,7 @@ def watch_log(
     command: bool = False,
     tell: Callable[[WatchEvent], None] | None = None,
     look: Callable[[float, PairWatch], None] | None = None,
-) -> Watched:
+) -> PairWatchResult:
     """Follow a log from its begin to its end.
 
     Parameters
@@ -89,7 +90,7 @@ def watch_log(
                 if look is not None:
                     look(float(second.time[-1]), watch)
         heard(watch.finish())
-    return Watched(tuple(events), watch.checks, watch.stored)
+    return PairWatchResult(tuple(events), watch.checks, watch.stored)
 
 
 def _seconds(block: SampleBlock, rate: float) -> Iterator[SampleBlock]:
@@ -101,3 +102,82 @@ def _seconds(block: SampleBlock, rate: float) -> Iterator[SampleBlock]:
 
 def _keep(folder: Path, primary: str, secondary: str, pair: StoredPair) -> None:
     store_pair(folder, primary, secondary, pair)
+
+
+@dataclass(frozen=True)
+class PairProgress:
+    """How far a recording has been followed.
+
+    Attributes
+    ----------
+    time, duration : s followed, and of the whole recording
+    state : waiting, checking or calibrating; motion : collected of what a calibration wants, 0 to 1
+    happened : so far, in order
+    """
+
+    time: float
+    duration: float
+    state: str
+    motion: float
+    happened: tuple[PairEvent, ...]
+
+    def to_note(self) -> str:
+        """As the text that travels with a job's progress."""
+        happened = [(h.kind, h.time, h.number, dict(h.values)) for h in self.happened]
+        return json.dumps([self.time, self.duration, self.state, self.motion, happened])
+
+
+def progress_from_note(note: str) -> PairProgress | None:
+    """What `PairProgress.to_note` told; None for any other note."""
+    if not note.startswith("["):
+        return None
+    time, duration, state, motion, happened = json.loads(note)
+    return PairProgress(time, duration, state, motion, tuple(PairEvent(*each) for each in happened))
+
+
+@dataclass(frozen=True)
+class PairCheckResult:
+    """A recording followed to its end: the last check of each secondary by number, and what is kept of it now."""
+
+    followed: PairProgress
+    checks: Mapping[int, Mapping[str, Any]]
+    kept: tuple[StoredPairFile, ...]
+
+    @property
+    def calibrated(self) -> frozenset[int]:
+        """Numbers of the secondaries that were off and have been calibrated."""
+        return frozenset(h.number for h in self.followed.happened if h.kind == "calibrated")
+
+
+def check_pair(tell: Callable[..., None], path: Path) -> PairCheckResult:
+    """Check at the first rest, calibrate what is off, and keep what was found in the site's own folder.
+
+    Raises InputError or ConfigurationError with file, field and mend.
+    """
+    log = open_log(path)
+    rows = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
+    duration = rows / log.meta.imu.sample_rate_hz
+    begin: list[float] = []
+    happened: list[PairEvent] = []
+
+    def since_begin(time: float) -> float:
+        if not begin:
+            begin.append(time)
+        return time - begin[0]
+
+    def heard(event: WatchEvent) -> None:
+        happened.append(PairEvent(event.kind, since_begin(event.time), event.number, event.values))
+
+    last = 0.0
+
+    def look(time: float, watch: PairWatch) -> None:
+        nonlocal last
+        now = last = since_begin(time)
+        state = PairProgress(now, duration, watch.state, watch.progress, tuple(happened))
+        tell(min(now / duration, 0.99), note=state.to_note())
+
+    tell(0.0)
+    watched = watch_log(path, pair_folder(), True, heard, look)
+    end = PairProgress(last, last, "waiting", 0.0, tuple(happened))
+    checks = {number: check_values(check) for number, check in watched.checks.items()}
+    return PairCheckResult(end, checks, stored_pairs(context_from_meta(log.meta), pair_folder()))
