@@ -128,7 +128,7 @@ def test_an_earlier_runs_stage_has_no_time_and_the_line_below_follows_the_langua
     end(told, "stopped")
     assert "已完成的阶段" in told.message
     language.setCurrentIndex(0)
-    told.until(lambda: told.message.startswith("The finished stages are kept: continue after them"))
+    told.until(lambda: told.message.startswith("The completed stages are kept: resume after them"))
 
 
 def test_a_verdict_ends_with_its_product_and_its_station(told: Operator) -> None:
@@ -183,7 +183,7 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
     operator.press("product_choice_mems_hand")
     assert operator.widget("product_combo", QComboBox).currentText() == "mems_hand"
     assert "cannot run" not in operator.says()
-    assert "The bench's own hands turn the rails" in operator.says()
+    assert "The simulated operator turns the rails" in operator.says()
     assert operator.widget("start_button").isEnabled()
 
     app.set_station(library.find("stations", "virtual_bench"))

@@ -85,7 +85,7 @@ def painted(image: QImage, colour: str) -> int:
         ("moving", "Moving", "转动中"),
         ("still", "Hold still", "保持静止"),
         ("enough", "Enough: go on", "已够，请继续"),
-        ("repeat", "Too soon: once more", "动得太早，再来一次"),
+        ("repeat", "Too soon: repeat", "动得太早，再来一次"),
     ],
 )
 def test_every_state_has_a_large_word_in_both_languages(
@@ -93,10 +93,10 @@ def test_every_state_has_a_large_word_in_both_languages(
 ) -> None:
     panel.take(guided(state))
     assert panel.badge.text() == word
-    assert panel.place_label.text() == "position 4 of 38"
+    assert panel.count_label.text() == "position 4 of 38"
     language.use("zh_CN")
     qtbot.waitUntil(lambda: panel.badge.text() == chinese, timeout=30_000)
-    assert panel.place_label.text() == "第 4 个位置，共 38 个"
+    assert panel.count_label.text() == "第 4 个位置，共 38 个"
 
 
 def test_every_state_has_a_shape_of_its_own(panel: PositionPanel) -> None:
@@ -142,7 +142,7 @@ def test_the_unit_stands_in_the_picture_as_gravity_says(panel: PositionPanel) ->
 
 def test_behind_the_last_position_nothing_more_is_asked_until_the_check(panel: PositionPanel) -> None:
     panel.take(guided("enough", suffices=True))
-    panel.rest()
+    panel.finish_stage()
     assert panel.badge.text() == "All positions done"
     assert "Leave the unit alone" in panel.task_label.text()
     assert not panel.finish_button.isVisible()
@@ -160,14 +160,14 @@ def test_upside_down_is_drawn_too(panel: PositionPanel) -> None:
 def test_it_may_be_finished_once_the_positions_suffice(panel: PositionPanel, qtbot: QtBot) -> None:
     panel.take(guided("moving"))
     assert not panel.finish_button.isEnabled()
-    assert "not lie all around" in panel.finish_button.toolTip()
+    assert "not sufficient" in panel.finish_button.toolTip()
     panel.take(guided("moving", suffices=True))
     with qtbot.waitSignal(panel.finish_wanted):
         panel.finish_button.click()
     assert not panel.finish_button.isEnabled()
     panel.take(guided("moving", 2, stage=""))
     assert not panel.finish_button.isVisible()
-    assert panel.place_label.text() == "check 2 of 38"
+    assert panel.count_label.text() == "check 2 of 38"
 
 
 def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
@@ -177,7 +177,7 @@ def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
     assert page is not None
     page._loading.plan(planned)
     assert page._loading.rails.isVisibleTo(page._loading)
-    assert "hands are software" in operator.says()
+    assert "operator are simulated" in operator.says()
     run, link = window.app.run, window.app.engine_link
     monkeypatch.setattr(type(link), "running", property(lambda self: True))
     sent: list[Command] = []
@@ -187,7 +187,7 @@ def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
     link.event.emit(StateChanged("preparing", "idle"))
     operator.until(lambda: window.findChild(Preparation).isVisible())
     assert "Homing" not in operator.says()
-    assert "The unit is asked who it is." in operator.says()
+    assert "The unit is identified." in operator.says()
     link.event.emit(StateChanged("running", "preparing"))
     link.event.emit(StageStarted("multi_position", 0, 1, 400.0))
     link.event.emit(guided("enough", suffices=True))

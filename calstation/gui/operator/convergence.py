@@ -1,4 +1,4 @@
-"""How sigma comes down to its target: one line per parameter group, the target as the dashed line at one."""
+"""Convergence of the sigmas: one line per parameter group, as a multiple of its target, which is dashed."""
 
 import time
 from collections.abc import Mapping
@@ -9,15 +9,16 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import LineLabel, LineLabels, ThemedPlot
 from calstation.physics.units import DISPLAY
 
-#: Points kept per line; of more, every other one is dropped.
+#: Points kept per line; beyond that every other one is dropped.
 _KEPT = 2000
 
-#: Least time that the width shows, min.
+#: Least span of the time axis, min.
 _SHORTEST = 0.1
 
 #: Host time between two drawings, s.
@@ -25,7 +26,7 @@ _DRAW_EVERY = 0.25
 
 
 class Convergence(QFrame):
-    """Takes sigmas per group over device time and draws them as multiples of their targets."""
+    """Plots the sigma of each group over device time as a multiple of its target."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -36,15 +37,16 @@ class Convergence(QFrame):
         self._curves: dict[str, pg.PlotCurveItem] = {}
         self._now = 0.0
         self._drawn = 0.0
-        self._title = QLabel()
-        self._title.setProperty("kind", "muted")
+        title = QLabel()
+        bind(title, lambda: self.tr("Sigma as a multiple of its target"))
+        title.setProperty("kind", "muted")
         self._plot = ThemedPlot()
         self._plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self._plot.getAxis("left").setWidth(7 * theme.GRID)
         self._plot.getViewBox().setMouseEnabled(x=False, y=False)
         box = self._plot.getViewBox()
-        box.sigTransformChanged.connect(self._name_lines)
-        box.sigResized.connect(self._name_lines)
+        box.sigTransformChanged.connect(self._label_lines)
+        box.sigResized.connect(self._label_lines)
         self._target = pg.InfiniteLine(0.0, angle=0)
         self._plot.addItem(self._target)
         self._labels = LineLabels(38 * theme.GRID)
@@ -55,13 +57,13 @@ class Convergence(QFrame):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(theme.GRID, theme.GRID, theme.GRID, theme.GRID)
         layout.setSpacing(0)
-        layout.addWidget(self._title)
+        layout.addWidget(title)
         layout.addLayout(row, 1)
-        self.retranslate()
+        on_language_change(self, self._show_labels)
         self._dress()
 
     def start(self, targets: Mapping[str, float]) -> None:
-        """A new run with these targets per group, SI."""
+        """Start a new run with these targets per group, SI."""
         for curve in self._curves.values():
             self._plot.removeItem(curve)
         self._targets = dict(targets)
@@ -77,7 +79,7 @@ class Convergence(QFrame):
         self.draw()
 
     def take(self, at: float, sigma: Mapping[str, float]) -> None:
-        """Sigmas per group, SI, at device time `at`, s since the first stage began."""
+        """Add sigmas per group, SI, at device time `at`, s since the start of the first stage."""
         self._now = max(self._now, at)
         for group, value in sigma.items():
             if group not in self._targets or not value > 0.0:
@@ -95,12 +97,12 @@ class Convergence(QFrame):
             self.draw()
 
     def arrived(self, group: str) -> bool:
-        """Whether a group's sigma is at or below its target."""
+        """Whether the sigma of a group has reached its target."""
         ratios = self._ratios.get(group)
         return bool(ratios) and ratios is not None and ratios[-1] <= 1.0
 
     def draw(self) -> None:
-        """Bring the picture up to date."""
+        """Update the plot."""
         self._drawn = time.monotonic()
         shown = [ratio for ratios in self._ratios.values() for ratio in ratios]
         low = np.log10(min([0.3, *shown])) - 0.1
@@ -113,19 +115,15 @@ class Convergence(QFrame):
         self._plot.getAxis("left").setTicks([[(d, f"{10.0**d:g}") for d in decades], []])
         self._plot.setYRange(low, high, padding=0.0)
         self._plot.setXRange(0.0, max(_SHORTEST, self._now / 60.0), padding=0.0)
-        self._name_lines()
+        self._label_lines()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._title.setText(self.tr("Sigma as a multiple of its target"))
+    def _show_labels(self) -> None:
         self._plot.setLabel("bottom", self.tr("device time, min"))
-        self._name_lines()
+        self._label_lines()
 
     def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language or theme."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        elif event.type() == QEvent.Type.PaletteChange:
+        """Follow the theme."""
+        if event.type() == QEvent.Type.PaletteChange:
             self._dress()
         super().changeEvent(event)
 
@@ -134,9 +132,9 @@ class Convergence(QFrame):
         self._target.setPen(pg.mkPen(c.text, width=1, style=Qt.PenStyle.DashLine))
         for curve in self._curves.values():
             curve.setPen(pg.mkPen(c.muted, width=1))
-        self._name_lines()
+        self._label_lines()
 
-    def _name_lines(self) -> None:
+    def _label_lines(self) -> None:
         c = theme.colours()
         box = self._plot.getViewBox()
 

@@ -1,6 +1,6 @@
 """A run in progress: preparation steps, table, traces and convergence, or the guide of a manual rig."""
 
-from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QStackedWidget, QVBoxLayout, QWidget
 
 from calstation.gui.operator.convergence import Convergence
@@ -8,6 +8,7 @@ from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
 from calstation.gui.shell.run_status import RunStatus
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
@@ -21,28 +22,27 @@ from calstation.sequencer.events import (
     Trace,
 )
 
-#: By the message that opens each; the first opens with START.
+#: Steps, by the message that starts each; the first starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
 
-#: Says that an errand's preparation is over; a run's stages take this list's place.
+#: Message that ends the preparation of a register operation; the first stage ends that of a run.
 _DONE = "registers_writing"
 
 _HOMING = _STEPS.index("homing")
-#: Messages that open a step in place of its own, where the unit is carried by hand.
+#: Messages that start a step on a manual rig, with the message of the step.
 _SAME = {"checking_gravity": "checking_mounting"}
 
 
 class Preparation(QFrame):
-    """A list that ticks itself off; skipped steps are ticked with the next one."""
+    """The steps from START to the first stage, ticked off one by one; skipped steps are ticked with the next one."""
 
     def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self._run = run
         self._at = 0
-        self._shown_carried = False
-        self._title = QLabel()
-        self._title.setProperty("kind", "section")
+        title = QLabel()
+        title.setProperty("kind", "section")
         self._icons = [StateIcon(20) for _ in _STEPS]
         self._names = [QLabel() for _ in _STEPS]
         self._texts = [QLabel() for _ in _STEPS]
@@ -59,71 +59,55 @@ class Preparation(QFrame):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
         layout.setSpacing(2 * theme.GRID)
-        layout.addWidget(self._title)
+        layout.addWidget(title)
         layout.addLayout(grid)
         layout.addStretch(1)
-        run.changed.connect(self.refresh)
-        self.retranslate()
+        run.changed.connect(self._refresh)
+        bind(title, lambda: self.tr("Preparing"))
+        on_language_change(self, self._refresh)
 
-    @property
-    def _carried(self) -> bool:
-        """Whether the unit is carried by hand: then nothing is homed."""
-        return self._run.run_summary is not None and self._run.run_summary.by_hand
-
-    def refresh(self) -> None:
-        """Follow the run."""
+    def _refresh(self) -> None:
         if self._run.state == "starting":
             self._at = 0
         elif self._run.latest is not None:
-            said = _SAME.get(self._run.latest[1], self._run.latest[1])
-            self._at = _STEPS.index(said) if said in _STEPS else len(_STEPS) if said == _DONE else self._at
-        if self._carried != self._shown_carried:
-            self.retranslate()
-            return
-        for row, (icon, name) in enumerate(zip(self._icons, self._names, strict=True)):
-            kind = "good" if row < self._at else "active" if row == self._at else "none"
-            icon.set_kind(kind)
+            message = _SAME.get(self._run.latest[1], self._run.latest[1])
+            if message in _STEPS:
+                self._at = _STEPS.index(message)
+            elif message == _DONE:
+                self._at = len(_STEPS)
+        by_hand = self._run.run_summary is not None and self._run.run_summary.by_hand
+        for row, (name_words, text_words) in enumerate(self._steps(by_hand)):
+            icon, name, text = self._icons[row], self._names[row], self._texts[row]
+            icon.set_kind("good" if row < self._at else "active" if row == self._at else "none")
             name.setFont(theme.font(theme.SECTION, bold=row == self._at))
+            name.setText(name_words)
+            text.setText(text_words)
+            for widget in (icon, name, text):
+                widget.setVisible(not (by_hand and row == _HOMING))
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        carried = self._shown_carried = self._carried
-        self._title.setText(self.tr("Preparing"))
-        for widget in (self._icons[_HOMING], self._names[_HOMING], self._texts[_HOMING]):
-            widget.setVisible(not carried)
-        names = (
-            self.tr("Connecting"),
-            self.tr("Unit ready"),
-            self.tr("Homing"),
-            self.tr("Warm-up"),
-            self.tr("Gravity") if carried else self.tr("Mounting"),
+    def _steps(self, by_hand: bool) -> tuple[tuple[str, str], ...]:
+        """Name and text of each step."""
+        identify = self.tr("The table and the unit are identified.")
+        mounting = self.tr("Gravity and two small turns show whether the unit is mounted correctly.")
+        if by_hand:
+            identify = self.tr("The unit is identified.")
+            mounting = self.tr(
+                "The magnitude of gravity shows whether the unit measures correctly. Leave it alone."
+            )
+        return (
+            (self.tr("Connecting"), identify),
+            (self.tr("Unit ready"), self.tr("The unit starts and tests itself.")),
+            (
+                self.tr("Homing"),
+                self.tr("The table searches its reference slowly. Keep hands clear."),
+            ),
+            (self.tr("Warm-up"), self.tr("The unit reaches its operating temperature. Nothing to do.")),
+            (self.tr("Gravity") if by_hand else self.tr("Mounting"), mounting),
         )
-        texts = (
-            self.tr("The unit is asked who it is.")
-            if carried
-            else self.tr("Table and unit are asked who they are."),
-            self.tr("The unit starts and tests itself."),
-            self.tr("The table looks for its reference, slowly. Keep hands clear."),
-            self.tr("The unit comes to its temperature. Nothing to do."),
-            self.tr("Gravity's length shows whether the unit measures right. Leave it alone.")
-            if carried
-            else self.tr("Gravity and two small turns show whether the unit sits right."),
-        )
-        for name, word in zip(self._names, names, strict=True):
-            name.setText(word)
-        for text, word in zip(self._texts, texts, strict=True):
-            text.setText(word)
-        self.refresh()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
 
 class LiveView(QWidget):
-    """Shows the events of a run; `finish_wanted()` : the operator has done enough positions."""
+    """Shows the events of a run; `finish_wanted()` : the operator ends the stage early."""
 
     finish_wanted = Signal()
 
@@ -149,7 +133,7 @@ class LiveView(QWidget):
         column.addWidget(self._lower, 4)
 
     def start(self) -> None:
-        """A run begins."""
+        """Prepare for a new run."""
         run_summary = self._run.run_summary
         self.table.forget()
         self._traces.start()
@@ -159,17 +143,17 @@ class LiveView(QWidget):
             self.position.plan(run_summary)
 
     def stop(self) -> None:
-        """The run has ended."""
+        """Stop with the end of the run."""
         self._traces.stop()
 
     def take(self, event: Event) -> None:
-        """Show what has happened."""
+        """Show an event."""
         if isinstance(event, TableMoved):
             self.table.take(event)
         elif isinstance(event, PositionGuided):
             self.position.take(event)
         elif isinstance(event, StageEnded):
-            self.position.rest()
+            self.position.finish_stage()
         elif isinstance(event, Trace):
             self._traces.take(event)
         elif isinstance(event, StageProgress):
@@ -178,19 +162,19 @@ class LiveView(QWidget):
             self._convergence.take(self._run.done, _largest(event))
 
     def refresh(self) -> None:
-        """What belongs to where the run stands."""
+        """Show the widgets that belong to the state of the run."""
         run = self._run
-        carried = run.run_summary is not None and run.run_summary.by_hand
+        by_hand = run.run_summary is not None and run.run_summary.by_hand
         begun = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
         self._lower.setCurrentIndex(1 if begun else 0)
-        self.table.setVisible(not carried)
-        self.position.setVisible(carried and begun)
+        self.table.setVisible(not by_hand)
+        self.position.setVisible(by_hand and begun)
         for widget in (self._upper, self._lower):
-            widget.setVisible(not (carried and begun))
+            widget.setVisible(not (by_hand and begun))
 
 
 def _largest(event: StageSolved) -> dict[str, float]:
-    """The largest sigma of every group that a stage solved as a whole."""
+    """The largest sigma of every group."""
     found: dict[str, list[float]] = {}
     for name, row in event.parameters.items():
         found.setdefault(PARAMETERS[INDEX[name]].group, []).append(row["sigma"])

@@ -3,12 +3,13 @@
 import itertools
 
 import numpy as np
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPolygonF, QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from calstation.config.summary import RunSummary
 from calstation.gui.operator.projection import CIRCLE, basis, box, depth, flat, head, letter, pen
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.physics.arrays import FloatArray
@@ -24,16 +25,20 @@ _AXIS = 0.74
 _RING, _THICK = 1.3, 0.1
 _EXTENT = 1.38
 _DOT = 0.055
-#: Opacity of what lies behind the unit.
+#: Opacity behind the unit.
 _PALE = 0.35
-#: Opacity of the next position where it lies there.
+#: Opacity of the next position behind the unit.
 _FAR = 0.6
-#: Positions nearer to each other are one dot.
+#: Cosine of the angle below which two positions are one dot.
 _ALIKE = np.cos(np.deg2rad(20.0))
 
 
 class PositionPicture(QWidget):
-    """Draws `PositionGuided` events; `set_plan` tells how the rig is built and which positions are asked for."""
+    """Draws the unit on a manual rig: its attitude to gravity, positions done and to do, and how long it has rested.
+
+    Only the direction of gravity is measured. The heading is taken from the angles asked for and kept from there on, so
+    that the drawing turns with the unit.
+    """
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -43,6 +48,7 @@ class PositionPicture(QWidget):
         self._guided: PositionGuided | None = None
         self.setMinimumSize(160, 160)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        on_language_change(self, self.update)
 
     def sizeHint(self) -> QSize:
         """Square."""
@@ -54,18 +60,24 @@ class PositionPicture(QWidget):
         inner: tuple[float, float, float],
         positions: tuple[tuple[float, float, float], ...],
     ) -> None:
-        """Rails as unit vectors in b at home, and gravity's direction in b at every position to come."""
+        """Set the rig and its positions.
+
+        Parameters
+        ----------
+        outer, inner : rail axes as unit vectors in b at home
+        positions : direction of gravity in b at each position
+        """
         self._outer, self._inner = outer, inner
         self._planned = _distinct(np.array(positions).reshape(-1, 3))
         self.forget()
 
     def forget(self) -> None:
-        """Nothing is measured: the unit lies level."""
+        """Show the unit level, before anything is measured."""
         self._guided, self._attitude = None, np.eye(3)
         self.update()
 
     def take(self, guided: PositionGuided) -> None:
-        """Show where the unit stands."""
+        """Show the attitude and the progress of a position."""
         arrived = len(guided.done) // 3 >= guided.index
         if guided.state == "enough":
             known = (guided.outer, guided.inner) if arrived else (guided.outer_before, guided.inner_before)
@@ -74,14 +86,8 @@ class PositionPicture(QWidget):
         self._guided = guided
         self.update()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.update()
-        super().changeEvent(event)
-
     def _asked(self, outer: float, inner: float) -> FloatArray:
-        """Attitude at rail angles, rad, level frame."""
+        """Attitude b to level frame at rail angles, rad, shape (3, 3)."""
         return np.asarray(axis_rotation(self._outer, outer) @ axis_rotation(self._inner, inner))
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -101,7 +107,7 @@ class PositionPicture(QWidget):
         painter.end()
 
     def _ring(self, painter: QPainter) -> None:
-        """Fills clockwise from the top as the rest goes on."""
+        """A ring that fills clockwise from the top while the unit rests."""
         c, now = theme.colours(), self._guided
         frame = QRectF(-_RING, -_RING, 2.0 * _RING, 2.0 * _RING)
         painter.setBrush(Qt.BrushStyle.NoBrush)
@@ -116,7 +122,7 @@ class PositionPicture(QWidget):
         painter.drawArc(frame, 90 * 16, round(-share * 360 * 16))
 
     def _globe(self, painter: QPainter) -> None:
-        """A sphere that turns with the unit, by three circles across its axes; their far halves dotted."""
+        """A sphere that turns with the unit: three circles across its axes, pale at the back."""
         c = theme.colours()
         painter.setPen(pen(c.line, 0.012))
         painter.drawEllipse(QPointF(0.0, 0.0), 1.0, 1.0)
@@ -130,7 +136,7 @@ class PositionPicture(QWidget):
         painter.setOpacity(1.0)
 
     def _dots(self, painter: QPainter, *, behind: bool) -> None:
-        """Positions done as full dots, those to do as rings, the next one as a large ring."""
+        """Positions done as dots, those to do as rings, the next one as a large ring."""
         c, now = theme.colours(), self._guided
         done = np.array(now.done if now is not None else ()).reshape(-1, 3)
         wanted = None if now is None else self._asked(now.outer, now.inner).T @ _UP
@@ -169,7 +175,7 @@ class PositionPicture(QWidget):
             letter(self, painter, name, flat((_AXIS + 0.14) * direction), colour)
 
     def _gravity(self, painter: QPainter) -> None:
-        """The mark at the top to which the next dot is to come, and the arrow down."""
+        """The mark at the top, where the next position has to come, and an arrow down."""
         c = theme.colours()
         top = flat(1.02 * _UP)
         painter.setPen(Qt.PenStyle.NoPen)
@@ -188,7 +194,7 @@ class PositionPicture(QWidget):
 
 
 def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:
-    """The attitude turned the shortest way so that `up` (b) points up."""
+    """The attitude, shape (3, 3), turned the shortest way until `up`, shape (3,) in b, points up."""
     seen = attitude @ up
     axis = np.cross(seen, _UP)
     size = float(np.linalg.norm(axis))
@@ -199,7 +205,7 @@ def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:
 
 
 def _distinct(directions: FloatArray) -> FloatArray:
-    """Unit vectors of which none are alike, in order, shape (k, 3)."""
+    """The first of every cluster of unit vectors, shape (n, 3), in order, shape (k, 3)."""
     found: list[FloatArray] = []
     for direction in directions:
         if not found or max(float(direction @ other) for other in found) < _ALIKE:
@@ -207,16 +213,16 @@ def _distinct(directions: FloatArray) -> FloatArray:
     return np.array(found).reshape(-1, 3)
 
 
-#: Read from two metres, px; on a wide panel a third larger.
+#: Text sizes, px, legible from two metres; a third larger on a wide panel.
 _WORD, _SENTENCE = theme.VERDICT // 2, theme.VERDICT // 3
 _WIDE = 170 * theme.GRID
 _KINDS = {"waiting": "waiting", "moving": "active", "still": "paused", "enough": "good", "repeat": "caution"}
-#: A rail that is asked for by less than this from where it is need not be named, rad.
-_TURNED = np.deg2rad(1.0)
+#: Least turn of a rail that is asked for, rad.
+_LEAST_TURN = np.deg2rad(1.0)
 
 
 class PositionPanel(QFrame):
-    """Shows `PositionGuided` events; `finish_wanted()` : the operator has done enough positions."""
+    """Shows `PositionGuided` events; `finish_wanted()` : the operator ends the stage early."""
 
     finish_wanted = Signal()
 
@@ -227,86 +233,81 @@ class PositionPanel(QFrame):
         self._finishing = self._over = False
         self.picture = PositionPicture()
         self.badge = StateBadge(_WORD)
-        self.task_label, self.place_label, self._note = QLabel(), QLabel(), QLabel()
+        self.task_label, self.count_label, self._note = QLabel(), QLabel(), QLabel()
         self._note.setProperty("kind", "muted")
         for label in (self.task_label, self._note):
             label.setWordWrap(True)
         self.finish_button = QPushButton()
         self.finish_button.setObjectName("finish_positions_button")
         self.finish_button.clicked.connect(self._finish)
+        bind(self.finish_button, lambda: self.tr("Enough positions: finish"))
         column = QWidget()
         column.setMinimumWidth(60 * theme.GRID)
         column.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        words = QVBoxLayout(column)
-        words.setContentsMargins(0, 0, 0, 0)
-        words.setSpacing(2 * theme.GRID)
-        words.addStretch(1)
-        words.addWidget(self.badge, 0, Qt.AlignmentFlag.AlignLeft)
-        words.addWidget(self.task_label)
-        words.addWidget(self.place_label)
-        words.addStretch(1)
-        words.addWidget(self._note)
-        words.addWidget(self.finish_button, 0, Qt.AlignmentFlag.AlignLeft)
+        texts = QVBoxLayout(column)
+        texts.setContentsMargins(0, 0, 0, 0)
+        texts.setSpacing(2 * theme.GRID)
+        texts.addStretch(1)
+        texts.addWidget(self.badge, 0, Qt.AlignmentFlag.AlignLeft)
+        texts.addWidget(self.task_label)
+        texts.addWidget(self.count_label)
+        texts.addStretch(1)
+        texts.addWidget(self._note)
+        texts.addWidget(self.finish_button, 0, Qt.AlignmentFlag.AlignLeft)
         row = QHBoxLayout(self)
         row.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
         row.setSpacing(3 * theme.GRID)
         row.addWidget(self.picture, 1)
         row.addWidget(column, 1)
         self._enlarge(1.0)
-        self.retranslate()
+        on_language_change(self, self._refresh)
 
     def plan(self, run_summary: RunSummary) -> None:
-        """A run begins: its rig and its positions."""
+        """Prepare for a run: its rig and its positions."""
         self._guided, self._finishing, self._over = None, False, False
         self.picture.set_plan(run_summary.outer_axis, run_summary.inner_axis, run_summary.positions)
-        self.retranslate()
+        self._refresh()
 
     def take(self, guided: PositionGuided) -> None:
-        """Show where the position stands."""
+        """Show the progress of a position."""
         self._guided, self._over = guided, False
         self.picture.take(guided)
-        self.retranslate()
+        self._refresh()
 
-    def rest(self) -> None:
-        """The stage's last position is done."""
+    def finish_stage(self) -> None:
+        """Show that all positions of the stage are done."""
         self._over = True
-        self.retranslate()
+        self._refresh()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
+    def _refresh(self) -> None:
         now = self._guided
-        self.finish_button.setText(self.tr("Enough positions: finish"))
         if self._over:
             self.badge.show_state("good", self.tr("All positions done"))
-            self.task_label.setText(self.tr("Leave the unit alone while its errors are computed and judged."))
+            self.task_label.setText(
+                self.tr("Leave the unit alone while the results are computed and checked.")
+            )
         elif now is None:
             self.badge.show_state("none", self.tr("Wait"))
             self.task_label.setText(self.tr("Leave the unit alone until the first position is asked for."))
         if self._over or now is None:
-            self.place_label.setText("")
+            self.count_label.setText("")
             self._note.setText("")
             self.finish_button.setVisible(False)
             return
         self.badge.show_state(_KINDS[now.state], self._state(now.state))
         self.task_label.setText(self._task(now))
-        self.place_label.setText(self._place(now))
-        self._say_finish(now)
+        self.count_label.setText(self._count(now))
+        self._show_finish(now)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Larger words where there is room."""
+        """Use larger text if there is room."""
         self._enlarge(4.0 / 3.0 if event.size().width() >= _WIDE else 1.0)
         super().resizeEvent(event)
 
     def _enlarge(self, times: float) -> None:
         self.badge.set_size(round(times * _WORD))
         self.task_label.setFont(theme.font(round(times * _SENTENCE), bold=True))
-        self.place_label.setFont(theme.font(round(times * _SENTENCE)))
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
+        self.count_label.setFont(theme.font(round(times * _SENTENCE)))
 
     def _state(self, state: str) -> str:
         return {
@@ -314,7 +315,7 @@ class PositionPanel(QFrame):
             "moving": self.tr("Moving"),
             "still": self.tr("Hold still"),
             "enough": self.tr("Enough: go on"),
-            "repeat": self.tr("Too soon: once more"),
+            "repeat": self.tr("Too soon: repeat"),
         }[state]
 
     def _task(self, now: PositionGuided) -> str:
@@ -324,13 +325,13 @@ class PositionPanel(QFrame):
                 seconds=max(np.ceil(now.wanted - now.rest), 0.0)
             )
         if now.state == "repeat":
-            return self.tr(
-                "It was moved before it had rested. Let go, and leave it for {seconds:.0f} s."
-            ).format(seconds=now.wanted)
+            return self.tr("It was moved too soon. Let go, and leave it for {seconds:.0f} s.").format(
+                seconds=now.wanted
+            )
         outer, inner = f"{np.rad2deg(now.outer):.0f}°", f"{np.rad2deg(now.inner):.0f}°"
         turns = (
-            abs(now.outer - now.outer_before) > _TURNED,
-            abs(now.inner - now.inner_before) > _TURNED,
+            abs(now.outer - now.outer_before) > _LEAST_TURN,
+            abs(now.inner - now.inner_before) > _LEAST_TURN,
         )
         if turns == (True, True):
             words = self.tr(
@@ -346,31 +347,29 @@ class PositionPanel(QFrame):
             )
         return words.format(outer=outer, inner=inner).replace("-", "−")
 
-    def _place(self, now: PositionGuided) -> str:
+    def _count(self, now: PositionGuided) -> str:
         words = self.tr("position {index} of {count}") if now.stage else self.tr("check {index} of {count}")
         return words.format(index=now.index, count=now.count)
 
-    def _say_finish(self, now: PositionGuided) -> None:
-        """Whether it may end here, and why not."""
+    def _show_finish(self, now: PositionGuided) -> None:
+        """Whether the stage may end here, or why not."""
         if not now.stage:
-            self._note.setText(self.tr("The registers are written; these two rests prove them."))
+            self._note.setText(self.tr("The registers are written; these two rests verify them."))
         elif self._finishing:
             self._note.setText(self.tr("Finishing: the positions done are being solved."))
         elif now.suffices:
-            self._note.setText(
-                self.tr("The positions done lie all around and tell everything; more make it more exact.")
-            )
+            self._note.setText(self.tr("The positions done are sufficient; more improve the accuracy."))
         else:
             self._note.setText(
-                self.tr("Rings on the globe are still to do; bring the large one to the mark on top.")
+                self.tr("Rings on the globe are still to do; turn the large one to the mark at the top.")
             )
         self.finish_button.setVisible(bool(now.stage))
         self.finish_button.setEnabled(now.suffices and not self._finishing)
         self.finish_button.setToolTip(
-            "" if now.suffices else self.tr("Not yet: the positions done do not lie all around.")
+            "" if now.suffices else self.tr("Not yet: the positions done are not sufficient.")
         )
 
     def _finish(self) -> None:
         self._finishing = True
         self.finish_wanted.emit()
-        self.retranslate()
+        self._refresh()

@@ -1,4 +1,4 @@
-"""How solids of the level frame are drawn: seen from the front, a little from the right and above."""
+"""Parallel projection of the level frame to the screen: seen from the front, slightly from the right and above."""
 
 import numpy as np
 from PySide6.QtCore import QPointF, Qt
@@ -9,10 +9,10 @@ from calstation.gui.widgets import theme
 from calstation.physics.arrays import FloatArray
 
 _VIEW_AZIMUTH, _VIEW_ELEVATION = np.deg2rad(28.0), np.deg2rad(24.0)
-#: Angles of a drawn circle, rad.
+#: Angles of the points of a circle, rad.
 CIRCLE = np.linspace(0.0, 2.0 * np.pi, 73)
 
-#: A box's faces as places among its corners, with the axis that each is across.
+#: Faces of a box: the axis across each, and the indices of its corners.
 _FACES = (
     (0, (0, 1, 3, 2)),
     (0, (4, 5, 7, 6)),
@@ -24,7 +24,7 @@ _FACES = (
 
 _CA, _SA = float(np.cos(_VIEW_AZIMUTH)), float(np.sin(_VIEW_AZIMUTH))
 _CE, _SE = float(np.cos(_VIEW_ELEVATION)), float(np.sin(_VIEW_ELEVATION))
-#: From the table towards who looks at it, level frame.
+#: Direction towards the viewer, level frame, shape (3,).
 VIEWER = np.array([_SA * _CE, -_CA * _CE, _SE])
 
 
@@ -33,7 +33,7 @@ _SCREEN = np.array([[_CA, _SA * _SE], [_SA, -_CA * _SE], [0.0, -_CE]])
 
 
 def flat(p: FloatArray) -> QPointF:
-    """A point of the level frame on the screen."""
+    """A point of the level frame, shape (3,), on the screen."""
     return QPointF(*(p @ _SCREEN).tolist())
 
 
@@ -43,12 +43,12 @@ def polygon(points: FloatArray) -> QPolygonF:
 
 
 def depth(p: FloatArray) -> float:
-    """How far a point lies away from who looks."""
+    """Distance of a point, shape (3,), from the viewer; 0 at the origin."""
     return float(-p @ VIEWER)
 
 
 def basis(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors that span the plane across `normal`."""
+    """Two unit vectors, shape (3,), that span the plane across `normal`, shape (3,)."""
     helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
     u = np.cross(normal, helper)
     u /= np.linalg.norm(u)
@@ -64,7 +64,7 @@ def pen(colour: str, width: float) -> QPen:
 
 
 def box(painter: QPainter, corners: FloatArray) -> None:
-    """A box by its corners in the level frame, shape (8, 3), last axis fastest; its faces from back to front."""
+    """Draw a box by its corners in the level frame, shape (8, 3), last axis fastest."""
     c = theme.colours()
     faces = [
         (float(np.mean(corners[list(face)] @ -VIEWER)), axis, corners[list(face)]) for axis, face in _FACES
@@ -79,7 +79,7 @@ def box(painter: QPainter, corners: FloatArray) -> None:
 
 
 def head(painter: QPainter, tip: QPointF, colour: str) -> None:
-    """The head of an arrow from the middle."""
+    """Draw the head of an arrow from the centre to `tip`."""
     length = float(np.hypot(tip.x(), tip.y()))
     if length < 0.1:
         painter.setBrush(QColor(colour))
@@ -94,7 +94,16 @@ def head(painter: QPainter, tip: QPointF, colour: str) -> None:
 
 
 def letter(on: QWidget, painter: QPainter, name: str, at: QPointF, colour: str) -> None:
-    """A letter of one size whatever the picture's scale, on a rim of the panel's colour."""
+    """Draw a letter with an outline, in one size at any scale of the painter.
+
+    Parameters
+    ----------
+    on : the painted widget
+    painter : active on that widget
+    name : the letter
+    at : its centre, in coordinates of the painter
+    colour : of the letter
+    """
     painter.save()
     point = painter.transform().map(at)
     painter.resetTransform()

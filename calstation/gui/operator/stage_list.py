@@ -1,6 +1,6 @@
-"""The stages of the run as a list: number, name, state, progress and time left."""
+"""The stages of a run as a list: number, name, state, progress and time left."""
 
-from PySide6.QtCore import QEvent, QModelIndex, QPersistentModelIndex, QRectF, QSize, Qt
+from PySide6.QtCore import QModelIndex, QPersistentModelIndex, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
 
 from calstation.config.summary import RunSummary
 from calstation.gui.shell.run_status import RunStatus, StageState, planned
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.text.messages import duration_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state, state_colour
@@ -38,7 +39,7 @@ class _Row(QStyledItemDelegate):
     """Draws one stage."""
 
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
-        """Rows of one height."""
+        """All rows have the same height."""
         return QSize(24 * theme.GRID, _ROW)
 
     def paint(
@@ -47,7 +48,7 @@ class _Row(QStyledItemDelegate):
         option: QStyleOptionViewItem,
         index: QModelIndex | QPersistentModelIndex,
     ) -> None:
-        """Shape and name left, state and time right, a bar along the bottom while it runs."""
+        """Shape and name at the left, state and time at the right, a progress bar below while it runs."""
         c = theme.colours()
         box = QRectF(option.rect)
         kind, fraction = index.data(_KIND), index.data(_FRACTION)
@@ -81,16 +82,17 @@ class _Row(QStyledItemDelegate):
 
 
 class StageList(QFrame):
-    """The list with the time left for all of it below."""
+    """The list, and the time left for all of it below."""
 
     def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self._run = run
         self._planned: RunSummary | None = None
-        self._title = QLabel()
-        self._title.setProperty("kind", "section")
-        self._title.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        title = QLabel()
+        bind(title, lambda: self.tr("Stages"))
+        title.setProperty("kind", "section")
+        title.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
         self.list = QListWidget()
         self.list.setObjectName("stage_list")
         self.list.setItemDelegate(_Row(self.list))
@@ -108,22 +110,22 @@ class StageList(QFrame):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(1, 1, 1, theme.GRID)
         layout.setSpacing(0)
-        layout.addWidget(self._title)
+        layout.addWidget(title)
         layout.addWidget(self.list, 1)
         layout.addWidget(self._left)
         layout.addWidget(self._note)
         run.changed.connect(self.refresh)
-        self.refresh()
+        on_language_change(self, self.refresh)
 
     def plan(self, run_summary: RunSummary | None) -> None:
-        """What the next run would do, shown while none is going on."""
+        """Show the next run while none is in progress."""
         self._planned = run_summary
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the run, or what the next one would be."""
+        """Show the run, or the next one."""
         planning = self._run.state == "idle"
-        stages = self._planned_stages() if planning else self._run.stages
+        stages = ([] if self._planned is None else planned(self._planned)) if planning else self._run.stages
         while self.list.count() > len(stages):
             self.list.takeItem(self.list.count() - 1)
         for number, stage in enumerate(stages):
@@ -133,19 +135,7 @@ class StageList(QFrame):
                 item.setFlags(Qt.ItemFlag.ItemIsEnabled)
                 self.list.addItem(item)
             self._fill(item, number, stage, planning)
-        self._title.setText(self.tr("Stages"))
-        self._say_left(stages, planning)
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.refresh()
-        super().changeEvent(event)
-
-    def _planned_stages(self) -> list[StageState]:
-        if self._planned is None:
-            return []
-        return planned(self._planned)
+        self._show_left(stages, planning)
 
     def _fill(self, item: QListWidgetItem, number: int, stage: StageState, planning: bool) -> None:
         kind = _SHAPES[stage.state]
@@ -186,7 +176,7 @@ class StageList(QFrame):
             return ""
         return duration_text(self._run.left(stage) / pace)
 
-    def _say_left(self, stages: list[StageState], planning: bool) -> None:
+    def _show_left(self, stages: list[StageState], planning: bool) -> None:
         run_summary = self._planned if planning else self._run.run_summary
         virtual = run_summary is not None and run_summary.virtual
         if planning and stages:

@@ -1,7 +1,7 @@
 """The table drawn at its encoder angles, with the angles, the rates and whether it moves."""
 
 import numpy as np
-from PySide6.QtCore import QEvent, QPointF, QSize, Qt
+from PySide6.QtCore import QPointF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
@@ -17,6 +17,7 @@ from calstation.gui.operator.projection import (
     pen,
     polygon,
 )
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.physics.arrays import FloatArray
@@ -25,18 +26,18 @@ from calstation.sequencer.events import TableMoved
 
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
 _AXIS = 0.92
-#: Opacity of a table whose angles nobody knows.
+#: Opacity of a table whose angles are unknown.
 _PALE = 0.5
-#: Half of what must fit into the picture, in ring radii.
+#: Half of the width of the drawing, ring radii.
 _EXTENT = 1.38
 
 
-#: Of the unit's box on the disc, along the disc's two directions and its normal, ring radii.
+#: Corners of the unit's box on the disc, along two directions of the disc and its normal, ring radii.
 _CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
 
 
 class TablePicture(QWidget):
-    """Draws the table at two joint angles; `set_axes` tells how it is built."""
+    """Draws the table at its joint angles: outer ring, inner disc and the axes of the unit."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -58,13 +59,13 @@ class TablePicture(QWidget):
         self.update()
 
     def set_angles(self, outer: float, inner: float, *, known: bool = True) -> None:
-        """Joint angles, rad; pale where they are not known."""
+        """Joint angles, rad; the table is pale while they are unknown."""
         if (outer, inner, known) != (*self._angles, self._known):
             self._angles, self._known = (outer, inner), known
             self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw from back to front."""
+        """Draw the table, pale if its angles are unknown."""
         if self._known:
             self._draw(QPainter(self))
             return
@@ -98,7 +99,7 @@ class TablePicture(QWidget):
         painter.end()
 
     def _posts(self, painter: QPainter, *, behind: bool) -> None:
-        """The stand: a post to each end of the outer axis."""
+        """The stand, a post at each end of the outer axis."""
         c = theme.colours()
         floor = -0.95
         for side in (1.0, -1.0):
@@ -127,7 +128,7 @@ class TablePicture(QWidget):
         box(painter, (_CORNERS @ self._frame) @ unit.T)
 
     def _axes(self, painter: QPainter, unit: FloatArray, normal: FloatArray, facing: bool) -> None:
-        """x, y and z as arrows; what lies behind the disc is dashed."""
+        """x, y and z as arrows, dashed behind the disc."""
         arrows = sorted(enumerate("xyz"), key=lambda pair: -depth(unit[:, pair[0]]))
         for i, name in arrows:
             direction = unit[:, i]
@@ -152,7 +153,9 @@ class TablePanel(QFrame):
         self.picture = TablePicture()
         self.badge = StateBadge()
         self._moved: TableMoved | None = None
-        self._names = [QLabel(), QLabel()]
+        names = (QLabel(), QLabel())
+        bind(names[0], lambda: self.tr("outer"))
+        bind(names[1], lambda: self.tr("inner"))
         self.angle_labels = [QLabel(), QLabel()]
         self._rates = [QLabel(), QLabel()]
         grid = QGridLayout()
@@ -162,7 +165,7 @@ class TablePanel(QFrame):
         for row in range(2):
             self._rates[row].setProperty("kind", "muted")
             self.angle_labels[row].setFont(theme.font(theme.SECTION, bold=True))
-            for column, label in enumerate((self._names[row], self.angle_labels[row], self._rates[row])):
+            for column, label in enumerate((names[row], self.angle_labels[row], self._rates[row])):
                 grid.addWidget(label, row, column, right if column else Qt.AlignmentFlag.AlignLeft)
         grid.setColumnStretch(1, 1)
         grid.setColumnMinimumWidth(2, 9 * theme.GRID)
@@ -172,43 +175,31 @@ class TablePanel(QFrame):
         layout.addWidget(self.badge)
         layout.addWidget(self.picture, 1)
         layout.addLayout(grid)
-        self.retranslate()
+        on_language_change(self, self._show_state)
 
     def set_axes(self, outer: tuple[float, float, float], inner: tuple[float, float, float]) -> None:
         """The axes as unit vectors in b at home."""
         self.picture.set_axes(outer, inner)
 
     def take(self, moved: TableMoved) -> None:
-        """Show where the table is."""
+        """Show angles and rates."""
         self._moved = moved
         self.picture.set_angles(moved.outer, moved.inner)
         for label, angle in zip(self.angle_labels, (moved.outer, moved.inner), strict=True):
             label.setText(f"{np.rad2deg(angle):z.3f}°".replace("-", "−"))
         for label, rate in zip(self._rates, (moved.outer_rate, moved.inner_rate), strict=True):
             label.setText(f"{np.rad2deg(rate):z.1f} °/s".replace("-", "−"))
-        self._say()
+        self._show_state()
 
     def forget(self) -> None:
-        """Nobody knows where the table is."""
+        """Show a table whose angles are unknown."""
         self._moved = None
         self.picture.set_angles(0.0, 0.0, known=False)
         for label in (*self.angle_labels, *self._rates):
             label.setText("–")
-        self._say()
+        self._show_state()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._names[0].setText(self.tr("outer"))
-        self._names[1].setText(self.tr("inner"))
-        self._say()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
-    def _say(self) -> None:
+    def _show_state(self) -> None:
         if self._moved is None:
             self.badge.show_state("none", self.tr("table not connected"))
         elif self._moved.moving:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QTimer
+from PySide6.QtCore import QTimer
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
     QButtonGroup,
@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.plot import LineLabel, LineLabels, ThemedPlot
 from calstation.physics.arrays import FloatArray
@@ -22,7 +23,7 @@ from calstation.sequencer.events import Trace
 
 
 class RingBuffer:
-    """Keeps the newest `capacity` rows of `columns` numbers; reading gives them in order without copying twice."""
+    """Keeps the newest `capacity` rows of `columns` numbers; reading returns them in order."""
 
     def __init__(self, capacity: int, columns: int) -> None:
         self._capacity = capacity
@@ -31,7 +32,7 @@ class RingBuffer:
         self.written = 0
 
     def append(self, rows: FloatArray) -> None:
-        """Take new rows, shape (n, columns)."""
+        """Append rows, shape (n, columns)."""
         rows = rows[-self._capacity :]
         count = len(rows)
         if self._end + count > len(self._rows):
@@ -43,22 +44,22 @@ class RingBuffer:
         self.written += count
 
     def latest(self) -> FloatArray:
-        """A view of the rows kept, oldest first, shape (n, columns); valid until the next `append`."""
+        """The rows, oldest first, shape (n, columns); a view, valid until the next `append`."""
         return self._rows[max(0, self._end - self._capacity) : self._end]
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all rows."""
         self._end = 0
         self.written += 1
 
 
-#: Ticks kept: a quarter of an hour of device time.
+#: Ticks kept, a quarter of an hour of device time.
 _KEPT = 16_384
 
-#: Between two drawings, ms.
+#: Interval between two drawings, ms.
 _EVERY = 33
 
-#: Lengths of time that can be chosen, s.
+#: Spans that can be chosen, s.
 WINDOWS = (10.0, 60.0, 600.0)
 
 _FIRST_WINDOW = 1
@@ -66,7 +67,7 @@ _PER_DEGREE = 180.0 / np.pi
 
 
 class _Plot(QWidget):
-    """One sensor's three lines with their names at the ends."""
+    """The three lines of a sensor with their names at the ends."""
 
     def __init__(self, first: int, factor: float) -> None:
         super().__init__()
@@ -90,7 +91,7 @@ class _Plot(QWidget):
         row.addWidget(self._labels)
 
     def show_rows(self, rows: np.ndarray, span: float) -> None:
-        """Draw rows of time and six outputs; the newest `span` s fill the width."""
+        """Draw rows, shape (n, 7): time, s, and six outputs; the newest `span` s fill the width."""
         times = rows[:, 0] - (rows[-1, 0] if len(rows) else 0.0)
         values = rows[:, 1:][:, self._columns] * self._factor
         step = max(1, len(rows) // 2000)
@@ -104,7 +105,7 @@ class _Plot(QWidget):
         self.name_lines(values[-1] if len(rows) else None)
 
     def name_lines(self, ends: np.ndarray | None) -> None:
-        """Put x, y and z at the height where the lines end."""
+        """Label the lines at the height of their ends, shape (3,)."""
         if ends is None:
             self._labels.show_labels([])
             return
@@ -120,7 +121,7 @@ class _Plot(QWidget):
 
 
 class Traces(QFrame):
-    """Both plots, and the buttons for their length of time and for holding them."""
+    """Both plots with the buttons for their span and for holding them."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -130,15 +131,21 @@ class Traces(QFrame):
         self._gyro, self._accel = _Plot(0, _PER_DEGREE), _Plot(3, 1.0)
         self._accel.plot.setXLink(self._gyro.plot)
         self._gyro.plot.getAxis("bottom").setStyle(showValues=False)
-        self._titles = [QLabel(), QLabel()]
+        titles = (QLabel(), QLabel())
+        bind(titles[0], lambda: self.tr("Gyro, °/s"))
+        bind(titles[1], lambda: self.tr("Accelerometer, m/s²"))
         self._spans = QButtonGroup(self)
         self.hold_button = QPushButton()
+        bind(self.hold_button, lambda: self.tr("Hold"))
+        bind(self.hold_button.setToolTip, lambda: self.tr("Holds the plot; the run and its recording go on."))
         self.hold_button.setCheckable(True)
         self.hold_button.toggled.connect(self._hold)
         buttons = QVBoxLayout()
         buttons.setSpacing(theme.GRID)
-        for number in range(len(WINDOWS)):
+        names = (lambda: self.tr("10 s"), lambda: self.tr("1 min"), lambda: self.tr("10 min"))
+        for number, name in enumerate(names):
             button = QPushButton()
+            bind(button, name)
             button.setCheckable(True)
             button.setChecked(number == _FIRST_WINDOW)
             self._spans.addButton(button, number)
@@ -148,7 +155,7 @@ class Traces(QFrame):
         buttons.addWidget(self.hold_button)
         grid = QGridLayout()
         grid.setSpacing(0)
-        for row, (title, plot) in enumerate(zip(self._titles, (self._gyro, self._accel), strict=True)):
+        for row, (title, plot) in enumerate(zip(titles, (self._gyro, self._accel), strict=True)):
             title.setProperty("kind", "muted")
             grid.addWidget(title, 2 * row, 0)
             grid.addWidget(plot, 2 * row + 1, 0)
@@ -162,49 +169,34 @@ class Traces(QFrame):
         self._timer = QTimer(self)
         self._timer.setInterval(_EVERY)
         self._timer.timeout.connect(self._draw)
-        self.retranslate()
+        on_language_change(
+            self, lambda: self._accel.plot.setLabel("bottom", self.tr("device time before now, s"))
+        )
         self._show()
 
     @property
     def span(self) -> float:
-        """Length of time shown while the plots follow, s."""
+        """Span shown while the plots follow, s."""
         return WINDOWS[self._spans.checkedId()]
 
     def take(self, trace: Trace) -> None:
-        """Keep what has come; it is drawn when it is time to draw."""
+        """Store a trace; the timer draws it."""
         times = np.array(trace.time)
         self._ring.append(np.column_stack((times, np.array(trace.output).reshape(len(times), 6))))
 
     def start(self) -> None:
-        """A new run: forget the last one."""
+        """Start with a new run."""
         self._ring.clear()
         self.hold_button.setChecked(False)
         self._timer.start()
 
     def stop(self) -> None:
-        """The run is over; what is drawn stays."""
+        """Stop with the end of the run; the lines stay."""
         self._draw()
         self._timer.stop()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._titles[0].setText(self.tr("Gyro, °/s"))
-        self._titles[1].setText(self.tr("Accelerometer, m/s²"))
-        texts = (self.tr("10 s"), self.tr("1 min"), self.tr("10 min"))
-        for number, text in enumerate(texts):
-            self._spans.button(number).setText(text)
-        self.hold_button.setText(self.tr("Hold"))
-        self.hold_button.setToolTip(self.tr("Holds the picture; the run and its recording go on."))
-        self._accel.plot.setLabel("bottom", self.tr("device time before now, s"))
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
     def _zoomed(self) -> None:
-        """Wheel or drag: hold the picture, so that it does not run away from who looks at it."""
+        """Hold the plot when the user zooms or drags it."""
         self.hold_button.setChecked(True)
 
     def _choose_span(self, number: int) -> None:
