@@ -5,6 +5,7 @@
     <name>Convergence</name>
     <message>
         <source>Sigma as a multiple of its target</source>
+        <extracomment>Points kept per line; beyond that every other one is dropped. Least span of the time axis, min. Host time between two drawings, s.</extracomment>
         <translation>标准差与目标值之比</translation>
     </message>
     <message>
@@ -32,23 +33,27 @@
     </message>
     <message>
         <source>A serial number is filled in</source>
-        <translation>编号已经填好</translation>
+        <translation>序列号已经填好</translation>
     </message>
     <message>
         <source>The unit is on its rails</source>
         <translation>产品已装在导轨架上</translation>
     </message>
     <message>
+        <source>This station is the virtual bench: unit, rails and operator are simulated.</source>
+        <translation>本工位是虚拟台架：产品、导轨和操作员均为模拟。</translation>
+    </message>
+    <message>
         <source>Press START</source>
         <translation>按“开始全参数标定”</translation>
     </message>
     <message>
-        <source>Watch</source>
-        <translation>看着就行</translation>
+        <source>The simulated operator turns the rails from position to position.</source>
+        <translation>模拟操作员会逐个位置转动导轨，您不用动手。</translation>
     </message>
     <message>
-        <source>This station is the virtual bench: unit, rails and hands are software.</source>
-        <translation>本工位是虚拟台：产品、导轨和手都由软件模拟。</translation>
+        <source>Watch</source>
+        <translation>观察即可</translation>
     </message>
     <message>
         <source>Fix the unit to the inner rail</source>
@@ -68,19 +73,19 @@
     </message>
     <message>
         <source>The scanner&apos;s Enter checks the number and moves on to START; a click or Space starts.</source>
-        <translation>扫码枪的回车只核对编号并跳到开始按钮；点击或按空格键才启动。</translation>
+        <translation>扫码枪的回车只核对序列号并跳到开始按钮；点击或按空格键才启动。</translation>
     </message>
     <message>
         <source>The screen then asks for one position after another; STOP or Esc end it at any time.</source>
         <translation>随后屏幕逐个提示位置；随时可按“停止”或 Esc 结束。</translation>
     </message>
     <message>
-        <source>This station is the virtual bench: table and unit are software, nothing moves.</source>
-        <translation>本工位是虚拟台：转台和产品都由软件模拟，没有任何东西在动。</translation>
+        <source>Any other number of the product&apos;s pattern is another unit.</source>
+        <translation>换成符合产品规则的其他序列号，就是另一台产品。</translation>
     </message>
     <message>
-        <source>Any other number of the product&apos;s pattern is another unit.</source>
-        <translation>换成符合产品规则的其他编号，就是另一台产品。</translation>
+        <source>This station is the virtual bench: table and unit are simulated, nothing moves.</source>
+        <translation>本工位是虚拟台架：转台和产品均为模拟，设备不会实际运动。</translation>
     </message>
     <message>
         <source>The whole calibration takes about a minute here.</source>
@@ -89,10 +94,6 @@
     <message>
         <source>STOP works at any time, and so does the Esc key.</source>
         <translation>任何时候都可以按“停止”，或按 Esc 键。</translation>
-    </message>
-    <message>
-        <source>The bench&apos;s own hands turn the rails from position to position; you turn nothing.</source>
-        <translation>虚拟台自带的手会逐个位置转动导轨，您不用动手。</translation>
     </message>
     <message>
         <source>Fix the unit in the fixture</source>
@@ -104,7 +105,7 @@
     </message>
     <message>
         <source>Scan its serial number</source>
-        <translation>扫描产品编号</translation>
+        <translation>扫描产品序列号</translation>
     </message>
     <message>
         <source>Stand clear, then press START</source>
@@ -123,6 +124,7 @@
     <name>OperatorPage</name>
     <message>
         <source>Operator</source>
+        <extracomment>Of the progress bar.</extracomment>
         <translation>操作员</translation>
     </message>
     <message>
@@ -238,6 +240,7 @@
     <name>PositionPanel</name>
     <message>
         <source>Enough positions: finish</source>
+        <extracomment>Text sizes, px, legible from two metres; a third larger on a wide panel. Least turn of a rail that is asked for, rad.</extracomment>
         <translation>位置已够，结束采集</translation>
     </message>
     <message>
@@ -245,8 +248,8 @@
         <translation>全部位置已完成</translation>
     </message>
     <message>
-        <source>Leave the unit alone while its errors are computed and judged.</source>
-        <translation>正在解算和判定，请勿触碰产品。</translation>
+        <source>Leave the unit alone while the results are computed and checked.</source>
+        <translation>正在解算和检查结果，请勿触碰产品。</translation>
     </message>
     <message>
         <source>Wait</source>
@@ -273,16 +276,32 @@
         <translation>已够，请继续</translation>
     </message>
     <message>
-        <source>Too soon: once more</source>
+        <source>Too soon: repeat</source>
         <translation>动得太早，再来一次</translation>
+    </message>
+    <message>
+        <source>It was moved too soon. Let go, and leave it for {seconds:.0f} s.</source>
+        <translation>静止时间不够就动了。请松手，静置 {seconds:.0f} 秒。</translation>
+    </message>
+    <message>
+        <source>The registers are written; these two rests verify them.</source>
+        <translation>寄存器已写入，用这两次静止来验证。</translation>
+    </message>
+    <message>
+        <source>The positions done are sufficient; more improve the accuracy.</source>
+        <translation>已完成的位置分布充分，足以解算；再多做几个会更准。</translation>
+    </message>
+    <message>
+        <source>Rings on the globe are still to do; turn the large one to the mark at the top.</source>
+        <translation>球面上的空心圈是还没做的位置；把大圈转到顶部的标记处。</translation>
+    </message>
+    <message>
+        <source>Not yet: the positions done are not sufficient.</source>
+        <translation>还不行：已完成的位置分布不够充分。</translation>
     </message>
     <message>
         <source>Hands off. {seconds:.0f} s left.</source>
         <translation>请勿触碰，还剩 {seconds:.0f} 秒。</translation>
-    </message>
-    <message>
-        <source>It was moved before it had rested. Let go, and leave it for {seconds:.0f} s.</source>
-        <translation>静止时间不够就动了。请松手，静置 {seconds:.0f} 秒。</translation>
     </message>
     <message>
         <source>Turn the outer rail to about {outer} and the inner rail to about {inner}, then let go.</source>
@@ -309,30 +328,15 @@
         <translation>验证 {index}/{count}</translation>
     </message>
     <message>
-        <source>The registers are written; these two rests prove them.</source>
-        <translation>寄存器已写入，用这两次静止来验证。</translation>
-    </message>
-    <message>
         <source>Finishing: the positions done are being solved.</source>
         <translation>正在结束：用已完成的位置解算。</translation>
-    </message>
-    <message>
-        <source>The positions done lie all around and tell everything; more make it more exact.</source>
-        <translation>已完成的位置分布充分，足以解算；再多做几个会更准。</translation>
-    </message>
-    <message>
-        <source>Rings on the globe are still to do; bring the large one to the mark on top.</source>
-        <translation>球面上的空心圈是还没做的位置；把大圈转到顶部的标记处。</translation>
-    </message>
-    <message>
-        <source>Not yet: the positions done do not lie all around.</source>
-        <translation>还不行：已完成的位置分布不够充分。</translation>
     </message>
 </context>
 <context>
     <name>PositionPicture</name>
     <message>
         <source>down</source>
+        <extracomment>Half of the box along x, y, z; the globe&apos;s radius is 1. Radius and width of the ring that fills while it rests. Opacity behind the unit. Opacity of the next position behind the unit. Cosine of the angle below which two positions are one dot.</extracomment>
         <translation>下</translation>
     </message>
 </context>
@@ -340,7 +344,24 @@
     <name>Preparation</name>
     <message>
         <source>Preparing</source>
+        <extracomment>Steps, by the message that starts each; the first starts with START. Message that ends the preparation of a register operation; the first stage ends that of a run. Messages that start a step on a manual rig, with the message of the step.</extracomment>
         <translation>准备</translation>
+    </message>
+    <message>
+        <source>The table and the unit are identified.</source>
+        <translation type="unfinished"></translation>
+    </message>
+    <message>
+        <source>Gravity and two small turns show whether the unit is mounted correctly.</source>
+        <translation>用重力和两次小角度转动检查产品安装是否正确。</translation>
+    </message>
+    <message>
+        <source>The unit is identified.</source>
+        <translation>识别产品。</translation>
+    </message>
+    <message>
+        <source>The magnitude of gravity shows whether the unit measures correctly. Leave it alone.</source>
+        <translation>用重力大小检查产品输出是否正常。请勿触碰。</translation>
     </message>
     <message>
         <source>Connecting</source>
@@ -355,8 +376,16 @@
         <translation>回零</translation>
     </message>
     <message>
+        <source>The table searches its reference slowly. Keep hands clear.</source>
+        <translation>转台慢速寻找零位。手请离开。</translation>
+    </message>
+    <message>
         <source>Warm-up</source>
         <translation>预热</translation>
+    </message>
+    <message>
+        <source>The unit reaches its operating temperature. Nothing to do.</source>
+        <translation>产品达到工作温度，不用做什么。</translation>
     </message>
     <message>
         <source>Mounting</source>
@@ -367,32 +396,8 @@
         <translation>重力检查</translation>
     </message>
     <message>
-        <source>The unit is asked who it is.</source>
-        <translation>询问产品的身份。</translation>
-    </message>
-    <message>
-        <source>Table and unit are asked who they are.</source>
-        <translation>确认转台和产品的身份。</translation>
-    </message>
-    <message>
         <source>The unit starts and tests itself.</source>
         <translation>产品启动并自检。</translation>
-    </message>
-    <message>
-        <source>The table looks for its reference, slowly. Keep hands clear.</source>
-        <translation>转台慢速寻找零位。手请离开。</translation>
-    </message>
-    <message>
-        <source>The unit comes to its temperature. Nothing to do.</source>
-        <translation>产品达到稳定温度，不用做什么。</translation>
-    </message>
-    <message>
-        <source>Gravity&apos;s length shows whether the unit measures right. Leave it alone.</source>
-        <translation>用重力大小检查产品输出是否正常。请勿触碰。</translation>
-    </message>
-    <message>
-        <source>Gravity and two small turns show whether the unit sits right.</source>
-        <translation>用重力和两次小角度转动检查产品装得对不对。</translation>
     </message>
 </context>
 <context>
@@ -462,7 +467,7 @@
     </message>
     <message>
         <source>Serial number</source>
-        <translation>编号</translation>
+        <translation>序列号</translation>
     </message>
 </context>
 <context>
@@ -481,11 +486,11 @@
     </message>
     <message>
         <source>ok</source>
-        <translation>通过</translation>
+        <translation>完成</translation>
     </message>
     <message>
         <source>not ok</source>
-        <translation>不通过</translation>
+        <translation>未通过</translation>
     </message>
     <message>
         <source>stopped</source>
@@ -619,6 +624,7 @@
     <name>TablePanel</name>
     <message>
         <source>outer</source>
+        <extracomment>Opacity of a table whose angles are unknown. Half of the width of the drawing, ring radii. Corners of the unit&apos;s box on the disc, along two directions of the disc and its normal, ring radii.</extracomment>
         <translation>外框</translation>
     </message>
     <message>
@@ -642,11 +648,16 @@
     <name>Traces</name>
     <message>
         <source>Gyro, °/s</source>
+        <extracomment>Ticks kept, a quarter of an hour of device time. Interval between two drawings, ms. Spans that can be chosen, s.</extracomment>
         <translation>陀螺，°/s</translation>
     </message>
     <message>
         <source>Accelerometer, m/s²</source>
         <translation>加表，m/s²</translation>
+    </message>
+    <message>
+        <source>Holds the plot; the run and its recording go on.</source>
+        <translation>画面定格，标定和记录照常进行。</translation>
     </message>
     <message>
         <source>10 s</source>
@@ -665,10 +676,6 @@
         <translation>定格</translation>
     </message>
     <message>
-        <source>Holds the picture; the run and its recording go on.</source>
-        <translation>画面定格，标定和记录照常进行。</translation>
-    </message>
-    <message>
         <source>device time before now, s</source>
         <translation>距现在的设备时间，s</translation>
     </message>
@@ -677,6 +684,7 @@
     <name>VerdictPanel</name>
     <message>
         <source>Understood</source>
+        <extracomment>Least height of the block that holds the word, px. Most height of a row of figures, px; they move together where room is scarce. Height of the shape beside the word, in that of the block; the word is a little smaller.</extracomment>
         <translation>知道了</translation>
     </message>
     <message>
@@ -729,80 +737,10 @@
     </message>
 </context>
 <context>
-    <name>advice</name>
-    <message>
-        <source>Every value is inside its limits.</source>
-        <translation>各项都在限差之内。</translation>
-    </message>
-    <message>
-        <source>({count} near its limit.)</source>
-        <translation>（{count} 项临界。）</translation>
-    </message>
-    <message>
-        <source>The run was stopped; the table is at rest, its axes are off.</source>
-        <translation>标定已停止；转台静止，轴使能已断开。</translation>
-    </message>
-    <message>
-        <source>The run did not reach its end.</source>
-        <translation>标定没有做完。</translation>
-    </message>
-    <message>
-        <source>No stage was solved.</source>
-        <translation>没有一个阶段得到结果。</translation>
-    </message>
-    <message>
-        <source>({count} more checks failed.)</source>
-        <translation>（另有 {count} 项不通过。）</translation>
-    </message>
-    <message>
-        <source>Remove the unit, scan the next.</source>
-        <translation>取下产品，扫描下一个。</translation>
-    </message>
-    <message>
-        <source>Reseat the unit: screws tight, cable free, table undisturbed. Then repeat.</source>
-        <translation>请重新安装产品：螺钉拧紧，电缆不受力，转台不受干扰。然后重做。</translation>
-    </message>
-    <message>
-        <source>Set the unit aside and scan the next.</source>
-        <translation>把产品放到一边，扫描下一个。</translation>
-    </message>
-    <message>
-        <source>Repeat the calibration: press START.</source>
-        <translation>请重做：按“开始全参数标定”。</translation>
-    </message>
-    <message>
-        <source>The finished stages are kept: continue after them, or press START to begin again.</source>
-        <translation>已完成的阶段保留：可以接着做，或按“开始全参数标定”从头再来。</translation>
-    </message>
-    <message>
-        <source>Press START to begin again.</source>
-        <translation>按“开始全参数标定”从头再来。</translation>
-    </message>
-    <message>
-        <source>{stage}: the measurements do not fit together (NIS {value:.2f}, at most {limit:.2f}).</source>
-        <translation>{stage}：测量数据互相不吻合（NIS {value:.2f}，最大 {limit:.2f}）。</translation>
-    </message>
-    <message>
-        <source>Not so: {name} ({value} {unit}, allowed {limit}).</source>
-        <translation>不成立：{name}（{value} {unit}，限差 {limit}）。</translation>
-    </message>
-    <message>
-        <source>The data did not determine {names}.</source>
-        <translation>数据不足以确定{names}。</translation>
-    </message>
-    <message>
-        <source>{name} is {value} {unit}, allowed are {limit}.</source>
-        <translation>{name} 为 {value} {unit}，允许 {limit}。</translation>
-    </message>
-    <message>
-        <source>{name} is known to {value} {unit} only, wanted are {limit}.</source>
-        <translation>{name} 的标准差为 {value} {unit}，要求不大于 {limit}。</translation>
-    </message>
-</context>
-<context>
     <name>misfit</name>
     <message>
         <source>At this station the rails are turned by hand; what is chosen needs a driven table.</source>
+        <extracomment>Most products that get a button; all are named.</extracomment>
         <translation>本工位的导轨靠手转动，所选的标定需要电动转台。</translation>
     </message>
     <message>

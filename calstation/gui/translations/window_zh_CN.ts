@@ -5,7 +5,7 @@
     <name>ChecksTable</name>
     <message>
         <source>Check</source>
-        <translation>检验项</translation>
+        <translation>检查项</translation>
     </message>
     <message>
         <source>Where</source>
@@ -33,13 +33,14 @@
     </message>
     <message>
         <source>Checks of the result</source>
-        <translation>结果的检验</translation>
+        <translation>结果的检查项</translation>
     </message>
 </context>
 <context>
     <name>JobRow</name>
     <message>
         <source>Cancel</source>
+        <extracomment>Interval between two polls of a job, ms. Fraction from which the time left is shown.</extracomment>
         <translation>取消</translation>
     </message>
     <message>
@@ -55,6 +56,7 @@
     <name>MainWindow</name>
     <message>
         <source>STOP</source>
+        <extracomment>Height of the strip with STOP at the top of every page, px.</extracomment>
         <translation>停止</translation>
     </message>
     <message>
@@ -87,11 +89,11 @@
     </message>
     <message>
         <source>virtual bench</source>
-        <translation>虚拟台</translation>
+        <translation>虚拟台架</translation>
     </message>
     <message>
-        <source>Table and unit are software: nothing moves.</source>
-        <translation>转台和产品都由软件模拟，没有任何东西在动。</translation>
+        <source>Table and unit are simulated: nothing moves.</source>
+        <translation>转台和产品均为模拟，设备不会实际运动。</translation>
     </message>
 </context>
 <context>
@@ -168,7 +170,12 @@
         <translation>密码</translation>
     </message>
     <message>
+        <source>The two PINs differ.</source>
+        <translation>两次输入不一致。</translation>
+    </message>
+    <message>
         <source>the same again</source>
+        <extracomment>Interval at which the time to wait is updated, ms.</extracomment>
         <translation>再输一遍</translation>
     </message>
     <message>
@@ -188,10 +195,6 @@
         <translation>密码不对。</translation>
     </message>
     <message>
-        <source>The two are not the same.</source>
-        <translation>两次输入不一致。</translation>
-    </message>
-    <message>
         <source>Wait {seconds:.0f} s.</source>
         <translation>请等 {seconds:.0f} 秒。</translation>
     </message>
@@ -201,121 +204,6 @@
     <message>
         <source>{time} left</source>
         <translation>剩余 {time}</translation>
-    </message>
-</context>
-<context>
-    <name>checks</name>
-    <message>
-        <source>At every rest the force is as long as gravity</source>
-        <translation>每个静止位置比力的模等于重力</translation>
-    </message>
-    <message>
-        <source>At rest, what is left is a small part of what it was</source>
-        <translation>静止时的残差只是原来的一小部分</translation>
-    </message>
-    <message>
-        <source>Level: hardly any force along x and y</source>
-        <translation>水平位置：x、y 方向几乎没有比力</translation>
-    </message>
-    <message>
-        <source>Level: along z all of gravity</source>
-        <translation>水平位置：z 方向等于重力</translation>
-    </message>
-    <message>
-        <source>Motions turn by the angle of the reference</source>
-        <translation>运动转过的角度等于参考角度</translation>
-    </message>
-    <message>
-        <source>Motions: the angle&apos;s error is a small part of what it was</source>
-        <translation>运动：角度误差只是原来的一小部分</translation>
-    </message>
-    <message>
-        <source>Solved again, the log gives the run&apos;s answer</source>
-        <translation>重新解算的结果与运行结果一致</translation>
-    </message>
-    <message>
-        <source>Every sigma is a small part of what it was</source>
-        <translation>每个标准差只是原来的一小部分</translation>
-    </message>
-    <message>
-        <source>The gyros see the earth turn as at the station&apos;s latitude</source>
-        <translation>陀螺测得的地球自转与台站纬度一致</translation>
-    </message>
-    <message>
-        <source>force at rest</source>
-        <translation>静止比力</translation>
-    </message>
-    <message>
-        <source>force at rest, improved</source>
-        <translation>静止比力改善</translation>
-    </message>
-    <message>
-        <source>level, x and y</source>
-        <translation>水平 x、y</translation>
-    </message>
-    <message>
-        <source>level, z</source>
-        <translation>水平 z</translation>
-    </message>
-    <message>
-        <source>angle of motions</source>
-        <translation>运动角度</translation>
-    </message>
-    <message>
-        <source>angle of motions, improved</source>
-        <translation>运动角度改善</translation>
-    </message>
-    <message>
-        <source>solved again</source>
-        <translation>重新解算</translation>
-    </message>
-    <message>
-        <source>sigma after over before</source>
-        <translation>标准差前后比</translation>
-    </message>
-    <message>
-        <source>failed</source>
-        <translation>不通过</translation>
-    </message>
-    <message>
-        <source>near-miss</source>
-        <translation>临界</translation>
-    </message>
-    <message>
-        <source>passed</source>
-        <translation>通过</translation>
-    </message>
-    <message>
-        <source>{0}: the measurements fit together (NIS)</source>
-        <translation>{0}：测量数据互相吻合（NIS）</translation>
-    </message>
-    <message>
-        <source>Every parameter is determined by the data</source>
-        <translation>所有参数都由数据确定</translation>
-    </message>
-    <message>
-        <source>{0}: hardly changed since the last calibration</source>
-        <translation>{0}：与上次标定相比几乎不变</translation>
-    </message>
-    <message>
-        <source>{0} within its limit</source>
-        <translation>{0}在限差内</translation>
-    </message>
-    <message>
-        <source>{0} known well enough</source>
-        <translation>{0}精度足够</translation>
-    </message>
-    <message>
-        <source>{0}, change</source>
-        <translation>{0}变化</translation>
-    </message>
-    <message>
-        <source>rest {0}</source>
-        <translation>静止段 {0}</translation>
-    </message>
-    <message>
-        <source>samples {0} to {1}</source>
-        <translation>样本 {0} 至 {1}</translation>
     </message>
 </context>
 <context>
@@ -698,6 +586,7 @@
     </message>
     <message>
         <source>gravity</source>
+        <extracomment>Names of a proof&apos;s comparisons (`station.proof`), in words.</extracomment>
         <translation>重力</translation>
     </message>
     <message>
@@ -734,6 +623,7 @@
     </message>
     <message>
         <source>The safety circuit (interlock) was opened; close the cover, then press “Reset the fault”</source>
+        <extracomment>Sentences that a window says otherwise than a terminal: in plainer words, or with a mend that is a button.</extracomment>
         <translation>安全联锁被断开；请关好防护罩，然后按“复位故障”</translation>
     </message>
     <message>
@@ -814,6 +704,7 @@
     </message>
     <message>
         <source>The unit was restarted and holds its old registers.</source>
+        <extracomment>What may stand behind a sentence: what the unit holds after it, or another way.</extracomment>
         <translation>产品已重启，寄存器仍为旧值。</translation>
     </message>
     <message>
@@ -1167,457 +1058,6 @@
     <message>
         <source>look at the unit&apos;s write protection</source>
         <translation>请检查产品的写保护</translation>
-    </message>
-</context>
-<context>
-    <name>wording</name>
-    <message>
-        <source>Rate</source>
-        <translation>速率</translation>
-    </message>
-    <message>
-        <source>Six positions</source>
-        <translation>六位置</translation>
-    </message>
-    <message>
-        <source>Excitation</source>
-        <translation>激励</translation>
-    </message>
-    <message>
-        <source>Azimuth flips</source>
-        <translation>方位翻转</translation>
-    </message>
-    <message>
-        <source>Multi-position</source>
-        <translation>多位置</translation>
-    </message>
-    <message>
-        <source>Gimbal</source>
-        <translation>框架</translation>
-    </message>
-    <message>
-        <source>Cross-calibration</source>
-        <translation>互标定</translation>
-    </message>
-    <message>
-        <source>Transfer</source>
-        <translation>写入寄存器</translation>
-    </message>
-    <message>
-        <source>gyro bias</source>
-        <translation>陀螺零偏</translation>
-    </message>
-    <message>
-        <source>gyro scale factor</source>
-        <translation>陀螺刻度系数</translation>
-    </message>
-    <message>
-        <source>gyro misalignment</source>
-        <translation>陀螺安装误差</translation>
-    </message>
-    <message>
-        <source>accel bias</source>
-        <translation>加表零偏</translation>
-    </message>
-    <message>
-        <source>accel scale factor</source>
-        <translation>加表刻度系数</translation>
-    </message>
-    <message>
-        <source>accel misalignment</source>
-        <translation>加表安装误差</translation>
-    </message>
-    <message>
-        <source>accel quadratic</source>
-        <translation>加表二次项</translation>
-    </message>
-    <message>
-        <source>inner lever arm</source>
-        <translation>内杆臂</translation>
-    </message>
-    <message>
-        <source>outer lever arm</source>
-        <translation>外杆臂</translation>
-    </message>
-    <message>
-        <source>Table {table} ({table_serial}), IMU {imu} {serial}.</source>
-        <translation>转台 {table}（{table_serial}），惯组 {imu} {serial}。</translation>
-    </message>
-    <message>
-        <source>An earlier run did not reach its end: {log} (its samples can be solved again).</source>
-        <translation>有一次标定没有做完：{log}（数据可以离线解算）。</translation>
-    </message>
-    <message>
-        <source>Waiting for the unit to be ready.</source>
-        <translation>等待产品就绪。</translation>
-    </message>
-    <message>
-        <source>Homing the table, slowly.</source>
-        <translation>转台正在慢速回零。</translation>
-    </message>
-    <message>
-        <source>Warming up, {seconds:g} s at least.</source>
-        <translation>预热，至少 {seconds:g} s。</translation>
-    </message>
-    <message>
-        <source>Checking gravity, signs and data flow.</source>
-        <translation>检查重力、极性和数据流。</translation>
-    </message>
-    <message>
-        <source>Checking gravity&apos;s length and data flow.</source>
-        <translation>正在检查重力大小和数据流。</translation>
-    </message>
-    <message>
-        <source>Step repeated ({reason}), attempt {attempt}.</source>
-        <translation>重做这一步（{reason}），第 {attempt} 次。</translation>
-    </message>
-    <message>
-        <source>To the load angle, axes off.</source>
-        <translation>转到装卸位置，断开轴使能。</translation>
-    </message>
-    <message>
-        <source>Safe stop: {text}</source>
-        <translation>安全停止：{text}</translation>
-    </message>
-    <message>
-        <source>{stage}: azimuth found from the data, not from the station file.</source>
-        <translation>{stage}：方位角由数据求得，没有用工位文件中的值。</translation>
-    </message>
-    <message>
-        <source>{stage}: {passes} passes did not settle the answer; take its sigmas with care.</source>
-        <translation>{stage}：迭代 {passes} 次仍未收敛，其标准差请谨慎使用。</translation>
-    </message>
-    <message>
-        <source>{stage}: no encoder angles; every turn is taken for whole.</source>
-        <translation>{stage}：没有编码器角度，每次转动都按整圈计算。</translation>
-    </message>
-    <message>
-        <source>{stage}: force jumps at rest in {count} places; nothing is taken from the motions there.</source>
-        <translation>{stage}：静止时有 {count} 处比力跳变，这些地方的运动不参与解算。</translation>
-    </message>
-    <message>
-        <source>{stage}: in {count} motions the gyros contradict gravity; they are left out.</source>
-        <translation>{stage}：有 {count} 段运动陀螺与重力矛盾，已剔除。</translation>
-    </message>
-    <message>
-        <source>{stage}: no motion between rests was recorded; gyro matrices are not determined.</source>
-        <translation>{stage}：静止之间没有记录到运动，无法确定陀螺矩阵。</translation>
-    </message>
-    <message>
-        <source>{stage}: the recording scatters more than the profile&apos;s noise (rests {force:.2g} m/s² and {rate:.2g} rad/s, turns {turn:.2g} rad); the sigmas count it.</source>
-        <translation>{stage}：数据散布大于配置的噪声（静止 {force:.2g} m/s²、{rate:.2g} rad/s，转动 {turn:.2g} rad），标准差已计入。</translation>
-    </message>
-    <message>
-        <source>{stage}: at {time:.0f} s the primary is off itself; imu{number} is not calibrated against it.</source>
-        <translation>{stage}：{time:.0f} s 时主惯组自身超差，imu{number} 不以它为基准标定。</translation>
-    </message>
-    <message>
-        <source>{stage}: at {time:.0f} s imu{number} was off and has been calibrated.</source>
-        <translation>{stage}：{time:.0f} s 时 imu{number} 超差，已重新标定。</translation>
-    </message>
-    <message>
-        <source>{stage}: at {time:.0f} s calibration was given up: {why}.</source>
-        <translation>{stage}：{time:.0f} s 时放弃标定：{why}。</translation>
-    </message>
-    <message>
-        <source>{stage}: nothing new for secondary {numbers}; what was stored stays.</source>
-        <translation>{stage}：从惯组 {numbers} 没有新结果，保留已存的值。</translation>
-    </message>
-    <message>
-        <source>{stage}: a gain of {gain:g} is beyond the {limit:.2f} up to which turns about {axis} converge.</source>
-        <translation>{stage}：增益 {gain:g} 超过 {limit:.2f}，绕 {axis} 轴的转动不再收敛。</translation>
-    </message>
-    <message>
-        <source>{stage}: no turns about {axes}; misalignments of those columns are not determined.</source>
-        <translation>{stage}：没有绕 {axes} 轴的转动，对应各列的安装误差无法确定。</translation>
-    </message>
-    <message>
-        <source>Inside the limits: writing the registers.</source>
-        <translation>在限差之内：正在写寄存器。</translation>
-    </message>
-    <message>
-        <source>The registers are written but not verified: the next start with this unit asks whether to finish or to put the old ones back.</source>
-        <translation>寄存器已写入但尚未验证：下次对该产品开始标定时，会询问是完成验证还是恢复原值。</translation>
-    </message>
-    <message>
-        <source>The stop came while the registers were written: the transfer was finished first.</source>
-        <translation>停止时正在写寄存器：先写完才停止。</translation>
-    </message>
-    <message>
-        <source>An earlier transfer to {serial} was interrupted; the unit kept its registers.</source>
-        <translation>上一次向 {serial} 写寄存器时中断；产品保留了原有寄存器。</translation>
-    </message>
-    <message>
-        <source>An earlier transfer to {serial} was interrupted ({utc}); the unit holds {holds}.</source>
-        <translation>上一次向 {serial} 写寄存器时中断（{utc}）；产品里现在是{holds}。</translation>
-    </message>
-    <message>
-        <source>The interrupted transfer to {serial} is settled: {closing}.</source>
-        <translation>{serial} 中断的写入已处理：{closing}。</translation>
-    </message>
-    <message>
-        <source>A power cut tore the last line of {file}; it announces nothing that happened.</source>
-        <translation>断电使 {file} 的最后一行不完整；该行所述之事并未发生，不予采信。</translation>
-    </message>
-    <message>
-        <source>The flash of {serial} has been written {used} times of the {most} that its profile allows.</source>
-        <translation>{serial} 的闪存已写 {used} 次，配置文件允许 {most} 次。</translation>
-    </message>
-    <message>
-        <source>Damaged rows of the log left out as gaps: {rows}, samples {where}.</source>
-        <translation>记录中有 {rows} 行数据已损坏，按中断剔除，采样 {where}。</translation>
-    </message>
-    <message>
-        <source>Carrying on {log} after its finished stages: {stages}.</source>
-        <translation>接着 {log} 继续，已完成的阶段：{stages}。</translation>
-    </message>
-    <message>
-        <source>Hand-over: {count} waiting, {folder} cannot be reached ({reason}).</source>
-        <translation>结果上交：{count} 份等待中，{folder} 无法访问（{reason}）。</translation>
-    </message>
-    <message>
-        <source>Hand-over: {count} results went to {folder}.</source>
-        <translation>结果上交：{count} 份结果已送到 {folder}。</translation>
-    </message>
-    <message>
-        <source>Writing the registers.</source>
-        <translation>正在写寄存器。</translation>
-    </message>
-    <message>
-        <source>Registers written, read back, and the output right with them ({proof}).</source>
-        <translation>寄存器已写入并回读，用它们输出正确（{proof}）。</translation>
-    </message>
-    <message>
-        <source>The old registers are back as they were; the output was not looked at to its end.</source>
-        <translation>旧寄存器已原样恢复；输出的检查没有做完。</translation>
-    </message>
-    <message>
-        <source>Checking the output of the restarted unit.</source>
-        <translation>正在检查重启后产品的输出。</translation>
-    </message>
-    <message>
-        <source>The unit restarted by itself: its output is looked at again from the beginning.</source>
-        <translation>产品自行重启：从头重新检查其输出。</translation>
-    </message>
-    <message>
-        <source>Outside the limits: the unit keeps its registers.</source>
-        <translation>超出限差：产品保留原有寄存器。</translation>
-    </message>
-    <message>
-        <source>{parameter} kept: {before} from {date} is better than {now} now.</source>
-        <translation>{parameter} 保留原值：{date} 的 {before} 优于本次的 {now}。</translation>
-    </message>
-    <message>
-        <source>{parameter} replaced: it is now ({now}) far from what was found on {date} ({before}).</source>
-        <translation>{parameter} 已更新：本次结果（{now}）与 {date} 的结果（{before}）相差太大。</translation>
-    </message>
-    <message>
-        <source>Registers written, read back, and the output right with them.</source>
-        <translation>寄存器已写入并回读一致，按其修正的输出经核对正确。</translation>
-    </message>
-    <message>
-        <source>Registers written and read back; what the unit makes of them cannot be seen: it shows no corrected output.</source>
-        <translation>寄存器已写入并回读一致；但本机不输出修正后的数据，无法核对寄存器的实际效果。</translation>
-    </message>
-    <message>
-        <source>Looking at the unit before its registers are written.</source>
-        <translation>写入寄存器前先测一遍本机输出，供写入后比对。</translation>
-    </message>
-    <message>
-        <source>{stage} is outside the limits: the remaining stages are left out.</source>
-        <translation>{stage} 超出限差：其余阶段不再进行。</translation>
-    </message>
-    <message>
-        <source>{stage} does not fit together, and no rest of this run tells the latitude that it believes: make sure of site.latitude_deg = {latitude:g} in the station file; a run with six_position tells it.</source>
-        <translation>{stage}数据不自洽，且本次标定的静止段均无法测出其所用的纬度：请核实工位文件中的 site.latitude_deg = {latitude:g}；含六位置的标定可测出纬度。</translation>
-    </message>
-    <message>
-        <source>Stopped safely: {reason}.</source>
-        <translation>已安全停止：{reason}。</translation>
-    </message>
-    <message>
-        <source>samples lost</source>
-        <translation>丢数</translation>
-    </message>
-    <message>
-        <source>no data</source>
-        <translation>没有数据</translation>
-    </message>
-    <message>
-        <source>output saturated</source>
-        <translation>输出饱和</translation>
-    </message>
-    <message>
-        <source>output is no number</source>
-        <translation>输出不是数</translation>
-    </message>
-    <message>
-        <source>the computer asked the program to end</source>
-        <translation>计算机要求程序结束</translation>
-    </message>
-    <message>
-        <source>the window or terminal that watched the run is gone</source>
-        <translation>监视标定的窗口或终端已消失</translation>
-    </message>
-    <message>
-        <source>the window or terminal that watched the run does not answer</source>
-        <translation>监视标定的窗口或终端没有响应</translation>
-    </message>
-    <message>
-        <source>its old registers</source>
-        <translation>原有寄存器</translation>
-    </message>
-    <message>
-        <source>its new registers</source>
-        <translation>新寄存器</translation>
-    </message>
-    <message>
-        <source>neither its old nor its new registers</source>
-        <translation>既不是原有寄存器，也不是新寄存器</translation>
-    </message>
-    <message>
-        <source>the new registers are written</source>
-        <translation>新寄存器已写入</translation>
-    </message>
-    <message>
-        <source>the unit kept its registers</source>
-        <translation>产品保留了原有寄存器</translation>
-    </message>
-    <message>
-        <source>the old registers are back</source>
-        <translation>原有寄存器已恢复</translation>
-    </message>
-    <message>
-        <source>with a turn of the table</source>
-        <translation>转台转动验证</translation>
-    </message>
-    <message>
-        <source>at rest, no turn was made</source>
-        <translation>静止验证，没有转动</translation>
-    </message>
-    <message>
-        <source>by reading back alone</source>
-        <translation>仅回读核对</translation>
-    </message>
-    <message>
-        <source>READY</source>
-        <translation>就绪</translation>
-    </message>
-    <message>
-        <source>STARTING</source>
-        <translation>启动中</translation>
-    </message>
-    <message>
-        <source>PREPARING</source>
-        <translation>准备中</translation>
-    </message>
-    <message>
-        <source>RUNNING</source>
-        <translation>标定中</translation>
-    </message>
-    <message>
-        <source>WRITING</source>
-        <translation>写寄存器</translation>
-    </message>
-    <message>
-        <source>COMING TO REST</source>
-        <translation>正在停稳</translation>
-    </message>
-    <message>
-        <source>PAUSED</source>
-        <translation>已暂停</translation>
-    </message>
-    <message>
-        <source>STOPPING</source>
-        <translation>正在停止</translation>
-    </message>
-    <message>
-        <source>STOPPED</source>
-        <translation>已停止</translation>
-    </message>
-    <message>
-        <source>FAULT</source>
-        <translation>故障</translation>
-    </message>
-    <message>
-        <source>PASS</source>
-        <translation>合格</translation>
-    </message>
-    <message>
-        <source>FAIL</source>
-        <translation>不合格</translation>
-    </message>
-    <message>
-        <source>INCOMPLETE</source>
-        <translation>未完成</translation>
-    </message>
-    <message>
-        <source>SOLVED OFFLINE</source>
-        <translation>离线解算</translation>
-    </message>
-    <message>
-        <source>To the start of the stage</source>
-        <translation>转到本阶段起点</translation>
-    </message>
-    <message>
-        <source>Bringing axis {1} into place</source>
-        <translation>{1} 轴转到位</translation>
-    </message>
-    <message>
-        <source>Turning about {1} by {2:g}°</source>
-        <translation>绕 {1} 轴转动 {2:g}°</translation>
-    </message>
-    <message>
-        <source>Unwinding before the next turn about {1}</source>
-        <translation>绕 {1} 轴转动前先回绕</translation>
-    </message>
-    <message>
-        <source>Turning {1} up</source>
-        <translation>{1} 轴朝上</translation>
-    </message>
-    <message>
-        <source>Half turn about the vertical, {1:+g}°</source>
-        <translation>绕铅垂轴翻转 {1:+g}°</translation>
-    </message>
-    <message>
-        <source>Back to the start of the step</source>
-        <translation>回到这一步的起点</translation>
-    </message>
-    <message>
-        <source>A small turn to check mounting and signs</source>
-        <translation>小角度转动，检查安装和极性</translation>
-    </message>
-    <message>
-        <source>A turn to verify what was written</source>
-        <translation>转动以验证写入结果</translation>
-    </message>
-    <message>
-        <source>To the load angle</source>
-        <translation>转到装卸位置</translation>
-    </message>
-    <message>
-        <source>To outer {1:g}°, inner {2:g}°</source>
-        <translation>转到外框 {1:g}°、内框 {2:g}°</translation>
-    </message>
-    <message>
-        <source>Outer rail to {1:.0f}°, inner rail to {2:.0f}°, then let go</source>
-        <translation>外导轨转到 {1:.0f}°，内导轨转到 {2:.0f}°，然后松手</translation>
-    </message>
-    <message>
-        <source>Registers are being written; press STOP first.</source>
-        <translation>正在写寄存器，请先按停止。</translation>
-    </message>
-    <message>
-        <source>A calibration is going on; press STOP first.</source>
-        <translation>标定正在进行，请先按停止。</translation>
-    </message>
-    <message>
-        <source>Resting</source>
-        <translation>静止采集</translation>
-    </message>
-    <message>
-        <source>Moving</source>
-        <translation>转动</translation>
     </message>
 </context>
 </TS>
