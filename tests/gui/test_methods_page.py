@@ -1,4 +1,4 @@
-"""The methods page: methods chosen by card, their recordings made, opened, solved, drawn, refused and exported."""
+"""Methods in the log workspace: recordings made, opened, solved, drawn, refused and exported."""
 
 import json
 import re
@@ -59,9 +59,10 @@ def chosen(window: MainWindow) -> Callable[[str], MethodPanel]:
     """Chooses a method on the page."""
 
     def choose(stage: str) -> MethodPanel:
-        window.show_page("methods_page")
-        window.methods_page.choose(stage)
-        panel = window.methods_page.panel
+        window.show_page("offline_page")
+        window.offline_page.choose(stage)
+        panel = window.offline_page.panel
+        assert panel is not None
         assert panel.stage == stage
         assert panel.isVisible()
         return panel
@@ -195,9 +196,8 @@ def test_a_gimbal_recording_is_made_on_the_bench_and_both_answers_stand_side_by_
     language.use("zh_CN")
     theme.apply("dark")
     try:
-        page = panel.window().methods_page  # type: ignore[attr-defined]
+        page = panel.window().offline_page  # type: ignore[attr-defined]
         qtbot.waitUntil(lambda: CHINESE.search(panel.tabs.tabText(0)) is not None)
-        assert page.title() == "方法"
         said = [label.text() for label in page.findChildren(QLabel) if label.isVisible()]
         said += [panel.tabs.tabText(k) for k in range(panel.tabs.count())]
         said += [b.text() for b in page.findChildren(QPushButton) if b.isVisible()]

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
-from PySide6.QtCore import QEvent, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
 from calstation.gui.logs.log_wording import word_log_error
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import KINDS, event_sentence, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
@@ -84,7 +85,7 @@ class Comparison(QWidget):
         box.addWidget(self.note_label)
         box.addWidget(self.table, 1)
         box.addWidget(self._nothing, 1)
-        self.retranslate()
+        on_language_change(self, self.retranslate)
 
     def show_log(self, log_index: LogIndex) -> None:
         """Show what the run left in its log."""
@@ -111,12 +112,6 @@ class Comparison(QWidget):
         self.table.setAccessibleName(self.tr("The run's parameters and those solved offline"))
         self.model.refresh()
         self._say()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
     # The table
 

@@ -1,12 +1,13 @@
-"""The offline page: a stored log drawn, a range of it solved again, the answer beside the run's own."""
+"""The Offline page: one log, drawn and solved again by its stages or by a method that needs no rate table."""
 
 import shutil
 import tempfile
 import weakref
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QMimeData, Qt
+from PySide6.QtCore import QMimeData, Qt, Signal
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
@@ -25,6 +26,7 @@ from calstation.gui.logs.log_columns import Wanted
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.log_wording import word_log_error
+from calstation.gui.logs.methods.method_bar import MethodBar
 from calstation.gui.logs.range_bar import RangeBar
 from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.logs.stage_choice import StageChoice
@@ -42,13 +44,18 @@ from calstation.results.plots.index import LogIndex, log_index, samples
 from calstation.results.plots.min_max_pyramid import Columns
 from calstation.results.resolve import Resolved
 
+if TYPE_CHECKING:
+    from calstation.gui.logs.methods.panel import MethodPanel
+
 _LOGS = (".h5", ".csv", ".csv.gz")
 _LATEST = 8
 _PLOT_SHARE, _RESULT_SHARE = 1, 1
 
 
 class OfflinePage(Page):
-    """A log, its range, and the solution."""
+    """A log, its range, and the solution; `live_wanted()`: the operator page shall guide a manual run."""
+
+    live_wanted = Signal()
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -62,6 +69,7 @@ class OfflinePage(Page):
         self.reader, self.solver, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
         self.exports = Exports(app.job_queue, self)
         self._wanted: Wanted | None = None
+        self.methods = MethodBar()
         self.source = SourceBar(app.settings, latest=self._latest_runs)
         self.notice = NoticeBar()
         self.notice.setObjectName("offline_notice")
@@ -72,9 +80,18 @@ class OfflinePage(Page):
         box = QVBoxLayout(self)
         box.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
         box.setSpacing(theme.GRID)
+        stages = QWidget()
+        column = QVBoxLayout(stages)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(theme.GRID)
+        column.addWidget(self.notice)
+        column.addWidget(self._stack, 1)
+        self._panels: dict[str, MethodPanel] = {}
+        self._body = QStackedWidget()
+        self._body.addWidget(stages)
+        box.addWidget(self.methods)
         box.addWidget(self.source)
-        box.addWidget(self.notice)
-        box.addWidget(self._stack, 1)
+        box.addWidget(self._body, 1)
         self._connect()
         self.retranslate()
         self._allow()
@@ -85,8 +102,18 @@ class OfflinePage(Page):
 
     # What a user does
 
+    @property
+    def panel(self) -> "MethodPanel | None":
+        """The panel of the chosen method; None while the log is solved by its stages."""
+        return self._panels.get(self.methods.chosen_method)
+
+    def choose(self, method: str) -> None:
+        """Solve by a method; "" for the stages of the log."""
+        self.methods.choose(method)
+
     def open(self, path: Path) -> None:
         """Read a log and draw it; one that was open is closed."""
+        self.choose("")
         if self.solver.busy or self.exports.watch.busy:
             self._tell(
                 "caution",
@@ -130,7 +157,7 @@ class OfflinePage(Page):
         path = _dropped(event.mimeData())
         if path is not None:
             event.acceptProposedAction()
-            self.open(path)
+            self._open_chosen(path)
 
     # What it is made of
 
@@ -212,7 +239,8 @@ class OfflinePage(Page):
 
     def _connect(self) -> None:
         self.app.open_log.connect(self.open)
-        self.source.chosen.connect(self.open)
+        self.source.chosen.connect(self._open_chosen)
+        self.methods.chosen.connect(self._show_method)
         self.solve_button.clicked.connect(self.solve)
         self.result_button.clicked.connect(self._export_result)
         self.log_button.clicked.connect(self._export_log)
@@ -237,6 +265,30 @@ class OfflinePage(Page):
         self._closer.done.connect(self._closed_up)
         opener = QShortcut(QKeySequence.StandardKey.Open, self, self.source.look)
         opener.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
+
+    def _open_chosen(self, path: Path) -> None:
+        if self.panel is None:
+            self.open(path)
+        else:
+            self.panel.open(path)
+
+    def _show_method(self, method: str) -> None:
+        """Show the stages or a method's panel, which is made the first time; the log stays the same."""
+        from calstation.gui.logs.methods.panel import MethodPanel  # imports its solvers
+
+        if not method:
+            self._body.setCurrentIndex(0)
+            self._allow()
+            return
+        if method not in self._panels:
+            panel = self._panels[method] = MethodPanel(self.app, method, self.source)
+            panel.live_wanted.connect(self.live_wanted)
+            self._body.addWidget(panel)
+        panel = self._panels[method]
+        if panel.path is None and self.log is not None:
+            panel.take(self.log.path)
+        self._body.setCurrentWidget(panel)
+        panel.refresh()
 
     # What comes of it
 
@@ -369,8 +421,8 @@ class OfflinePage(Page):
         self._empty.say(
             self.tr("A stored log, drawn and solved again"),
             self.tr(
-                "Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range, "
-                "and the same solver as in the run answers beside the run's own result."
+                "Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range; "
+                "the solver of the run solves it again, and both results are compared."
             ),
         )
         self._empty_button.setText(self.tr("Open a log…"))

@@ -1,6 +1,6 @@
 """The range to solve: two boxes for the first and last sequence number, held within the log and in order."""
 
-from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QAbstractSpinBox,
     QDoubleSpinBox,
@@ -12,6 +12,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import duration_text, term
 from calstation.gui.widgets import theme
 from calstation.results.plots.index import LogIndex
@@ -79,7 +80,7 @@ class RangeBar(QWidget):
         column.setSpacing(theme.GRID // 2)
         column.addLayout(row)
         column.addWidget(self.note_label)
-        self.retranslate()
+        on_language_change(self, self.retranslate)
 
     def show_log(self, log_index: LogIndex) -> None:
         """Take a log's limits; all of it is chosen."""
@@ -122,12 +123,6 @@ class RangeBar(QWidget):
         self.part_button.setToolTip(self.tr("The whole log, or one of its stages"))
         self._fill()
         self._say_length()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
     def _fill(self) -> None:
         self._menu.clear()

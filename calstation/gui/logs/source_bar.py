@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QSettings, QTimer, Signal
+from PySide6.QtCore import QSettings, QTimer, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLabel, QLineEdit, QMenu, QPushButton, QWidget
 
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 
 _KEPT = 8
@@ -63,7 +64,7 @@ class SourceBar(QWidget):
         row.addWidget(self.open_button)
         row.addWidget(self.recent_button)
         self._fill()
-        self.retranslate()
+        on_language_change(self, self.retranslate)
 
     def show_path(self, path: Path) -> None:
         """Show the log at hand."""
@@ -109,12 +110,6 @@ class SourceBar(QWidget):
         """Runs may have been made since."""
         super().showEvent(event)
         self._fill()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
     def _entered(self) -> None:
         text = self.log_edit.text().strip().strip('"')

@@ -19,7 +19,6 @@ from calstation.config.station import load_station
 from calstation.errors import CalstationError
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.history.page import HistoryPage
-from calstation.gui.logs.methods.page import MethodsPage
 from calstation.gui.logs.page import OfflinePage
 from calstation.gui.operator.page import OperatorPage
 from calstation.gui.settings.page import StationPage
@@ -38,7 +37,6 @@ _PAGES: tuple[type[Page], ...] = (
     OfflinePage,
     HistoryPage,
     StationPage,
-    MethodsPage,
 )
 #: Height of the strip with STOP at the top of every page, px.
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
@@ -97,7 +95,7 @@ class MainWindow(QMainWindow):
         app.engine_link.running_changed.connect(self._running_changed)
         operator = self.operator_page
         operator.station_wanted.connect(lambda: self.show_page("station_page"))
-        self.methods_page.live_wanted.connect(lambda: self.show_page("operator_page"))
+        self.offline_page.live_wanted.connect(lambda: self.show_page("operator_page"))
         app.open_log.connect(lambda _: self.show_page("offline_page"))
         app.open_run.connect(lambda _: self.show_page("engineer_page"))
         app.resume_run.connect(lambda _: self.show_page("operator_page"))
@@ -118,10 +116,10 @@ class MainWindow(QMainWindow):
         return page
 
     @property
-    def methods_page(self) -> MethodsPage:
-        """The last page."""
-        page = self.pages[-1]
-        assert isinstance(page, MethodsPage)
+    def offline_page(self) -> OfflinePage:
+        """The page of stored logs."""
+        page = self.pages[2]
+        assert isinstance(page, OfflinePage)
         return page
 
     def show_page(self, name: str) -> None:

@@ -32,6 +32,7 @@
     <name>AnswerTable</name>
     <message>
         <source>Parameters found</source>
+        <extracomment>A difference of more than so many sigmas is marked.</extracomment>
         <translation>求得的参数</translation>
     </message>
     <message>
@@ -72,7 +73,7 @@
     </message>
 </context>
 <context>
-    <name>AppliedDesk</name>
+    <name>AppliedController</name>
     <message>
         <source>Apply to a recording</source>
         <translation>应用于数据</translation>
@@ -220,6 +221,7 @@
     <name>GainBar</name>
     <message>
         <source>Gain {0}, stable below {1}, fastest at {2}</source>
+        <extracomment>The bar reaches to so many times the largest stable gain, or the gain in use.</extracomment>
         <translation>增益 {0}，小于 {1} 稳定，{2} 时最快</translation>
     </message>
     <message>
@@ -266,9 +268,21 @@
     </message>
 </context>
 <context>
+    <name>MethodBar</name>
+    <message>
+        <source>Stages of the log</source>
+        <translation>日志中的工序</translation>
+    </message>
+    <message>
+        <source>Solve the stages again as they were recorded</source>
+        <translation>按记录重新解算各工序</translation>
+    </message>
+</context>
+<context>
     <name>MethodPanel</name>
     <message>
         <source>No recording was made</source>
+        <extracomment>The tab that is always there.</extracomment>
         <translation>没有生成数据</translation>
     </message>
     <message>
@@ -361,16 +375,10 @@
     </message>
 </context>
 <context>
-    <name>MethodsPage</name>
-    <message>
-        <source>Methods</source>
-        <translation>方法</translation>
-    </message>
-</context>
-<context>
     <name>PairCheckView</name>
     <message>
         <source>Check at rest</source>
+        <extracomment>What is left is drawn in °/s and m/s²: it is mostly that of motion.</extracomment>
         <translation>静止检查</translation>
     </message>
     <message>
@@ -532,6 +540,7 @@
     <name>_AxisPanel</name>
     <message>
         <source>Axis {0}: below the threshold</source>
+        <extracomment>A promise smaller than this part of the smallest drift measured is not drawn.</extracomment>
         <translation>{0} 轴：已小于阈值</translation>
     </message>
     <message>
@@ -547,6 +556,7 @@
     <name>method_parts</name>
     <message>
         <source>outer rail</source>
+        <extracomment>Colours of the files by the theme&apos;s names for them. Half of a picture&apos;s width, in its own units. Where each part is, in the same units from the centre, right and down. Share of a labelled picture&apos;s width that is kept for names on either side.</extracomment>
         <translation>外导轨</translation>
     </message>
     <message>
@@ -617,6 +627,7 @@
     <name>methods</name>
     <message>
         <source>Multi-position</source>
+        <extracomment>The methods by the names of their stages, in the page&apos;s order. The kind of recording (`station.bench_recordings.Kind`) that each of them solves.</extracomment>
         <translation>多位置</translation>
     </message>
     <message>

@@ -5,6 +5,7 @@
     <name>Comparison</name>
     <message>
         <source>unit</source>
+        <extracomment>A difference of more than so many sigmas is marked.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -170,6 +171,7 @@
     <name>LogPlot</name>
     <message>
         <source>outer</source>
+        <extracomment>Channels of each plot: gyro, accelerometer, angles. Width of the axes at the left, px. What the view shows beyond the log&apos;s ends, of its length: an edge there can still be taken hold of. Samples in the closest view. Room for the note at the top of a plot, px. Of the view, what an arrow key moves it.</extracomment>
         <translation>外轴</translation>
     </message>
     <message>
@@ -256,10 +258,6 @@
         <translation>查看数据记录并离线解算</translation>
     </message>
     <message>
-        <source>Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range, and the same solver as in the run answers beside the run&apos;s own result.</source>
-        <translation>打开原始记录（.h5），或与 TOML 放在一起的 CSV，也可以把文件拖到这里。选定范围后，用与在线标定相同的算法解算，结果与在线结果并列显示。</translation>
-    </message>
-    <message>
         <source>Open a log…</source>
         <translation>打开记录…</translation>
     </message>
@@ -280,6 +278,10 @@
         <translation>导出记录…</translation>
     </message>
     <message>
+        <source>Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range; the solver of the run solves it again, and both results are compared.</source>
+        <translation>打开原始日志（.h5）或带同名 TOML 的 CSV，也可将文件拖到此处。选择区间后，用与运行时相同的解算程序重新解算，并比较两个结果。</translation>
+    </message>
+    <message>
         <source>Close</source>
         <translation>关闭</translation>
     </message>
@@ -288,6 +290,7 @@
     <name>RangeBar</name>
     <message>
         <source>First sample</source>
+        <extracomment>Up to here a double, and so this box, holds every whole number.</extracomment>
         <translation>起始采样</translation>
     </message>
     <message>
@@ -323,6 +326,7 @@
     <name>SourceBar</name>
     <message>
         <source>Open a log</source>
+        <extracomment>A path that has not changed for this long and leads to a file is opened, as one that is pasted or filled in is.</extracomment>
         <translation>打开记录</translation>
     </message>
     <message>
@@ -521,6 +525,7 @@
     </message>
     <message>
         <source>no sample from {0} to {1}; the log holds {2} to {3}, choose the range in there</source>
+        <extracomment>What the command line says, and what is said where there are boxes to fill in.</extracomment>
         <translation>{0} 至 {1} 之间没有采样，记录的范围是 {2} 至 {3}，请在其中选择</translation>
     </message>
     <message>

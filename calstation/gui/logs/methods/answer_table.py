@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import aligned, display, number
@@ -37,7 +37,7 @@ class AnswerTable(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.addWidget(self.table)
-        self.retranslate()
+        on_language_change(self, self.retranslate)
 
     def show_answer(self, answer: MethodAnswer) -> None:
         """Show an answer's parameters."""
@@ -66,12 +66,6 @@ class AnswerTable(QWidget):
         """Say everything again in the language in force."""
         self.table.setAccessibleName(self.tr("Parameters found"))
         self.model.refresh()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
     def _columns(self, answer: MethodAnswer, other: bool, truth: bool) -> list[Column]:
         columns = [

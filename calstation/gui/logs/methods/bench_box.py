@@ -1,8 +1,9 @@
 """Makes a recording on the virtual bench: the grade of its units, and the number that draws them."""
 
-from PySide6.QtCore import QEvent, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSpinBox, QWidget
 
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 
 GRADES = ("mems", "tactical", "nav")
@@ -37,7 +38,7 @@ class BenchBox(QWidget):
         row.setSpacing(theme.GRID)
         for widget in (self._caption, self.grade_combo, self._seed_caption, self.seed_spin, self.make_button):
             row.addWidget(widget)
-        self.retranslate()
+        on_language_change(self, self.retranslate)
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
@@ -53,9 +54,3 @@ class BenchBox(QWidget):
         self.seed_spin.setToolTip(self.tr("Another number draws another unit and other motions"))
         self.make_button.setText(self.tr("Make one"))
         self.make_button.setToolTip(self.tr("Makes a recording without hardware, with its truth beside it"))
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)

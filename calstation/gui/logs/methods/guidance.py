@@ -1,11 +1,12 @@
 """How a method is done: its picture, numbered steps, what is needed and what is found."""
 
-from PySide6.QtCore import QEvent, QRectF, QSize, Qt
+from PySide6.QtCore import QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
 
 from calstation.gui.logs.methods.kinds import words
 from calstation.gui.logs.methods.pictures import MethodPicture
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 
 _DISC = 28
@@ -76,7 +77,7 @@ class Guidance(QScrollArea):
         sides.addLayout(left, 11)
         sides.addWidget(picture, 9)
         self.setWidget(body)
-        self.retranslate()
+        on_language_change(self, self.retranslate)
 
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
@@ -87,9 +88,3 @@ class Guidance(QScrollArea):
             head.setText(text)
         for label, text in zip(self._texts, (said.needs, said.finds), strict=True):
             label.setText(text)
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)

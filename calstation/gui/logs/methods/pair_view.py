@@ -12,6 +12,7 @@ from calstation.gui.logs.methods.figures import Figure, three_digits
 from calstation.gui.logs.methods.pair_wording import SENSORS, shown, why_given_up, word_schedule, word_sensor
 from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.logs.methods.timeline import Timeline
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 from calstation.physics.parameters import pair_name
 from calstation.physics.units import DEGREE, display, number
@@ -80,7 +81,7 @@ class PairCheckView(QWidget):
         column.addWidget(watch)
         column.addLayout(kept)
         column.addStretch(1)
-        self.retranslate()
+        on_language_change(self, self.retranslate)
 
     def show_answer(self, answer: MethodAnswer) -> None:
         """Show what a solved recording says at rest, and what its triggers led to where it has any."""
@@ -130,12 +131,6 @@ class PairCheckView(QWidget):
             self.bars.show_bars(self._bars())
         self._kept.setText("\n".join(self._word_kept(kept) for kept in self.kept))
         self._show_watch(self.timeline.followed)
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
 
     def _show_watch(self, followed: PairProgress | None) -> None:
         self._unwatched.setVisible(followed is None)

@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QMimeData, Signal
-from PySide6.QtGui import QDragEnterEvent, QDropEvent
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -27,6 +26,7 @@ from calstation.gui.logs.methods.guidance import Guidance
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.shell.context import AppContext
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
@@ -34,7 +34,6 @@ from calstation.results.pairs import PairCheckResult, check_pair, progress_from_
 from calstation.results.plots.method_answer import MethodAnswer, solve_method
 from calstation.simulation.recordings import record_on_bench, recordings_folder
 
-_LOGS = (".h5", ".csv", ".csv.gz")
 #: The tab that is always there.
 _GUIDANCE = 0
 
@@ -44,15 +43,13 @@ class MethodPanel(QWidget):
 
     live_wanted = Signal()
 
-    def __init__(self, app: AppContext, stage: str) -> None:
+    def __init__(self, app: AppContext, stage: str, source: SourceBar) -> None:
         super().__init__()
-        self.app, self.stage = app, stage
-        self.setAcceptDrops(True)
+        self.app, self.stage, self.source = app, stage, source
         self.path: Path | None = None
         self.answer: MethodAnswer | None = None
         self.maker, self.solver, self.checker = JobWatch(self), JobWatch(self), JobWatch(self)
         self.exports = Exports(app.job_queue, self)
-        self.source = SourceBar(app.settings, name=f"{stage}_log", key=f"methods/{stage}/recent")
         self.notice = NoticeBar()
         self.notice.setObjectName(f"{stage}_notice")
         self.answers = AnswerViews(stage)
@@ -60,18 +57,27 @@ class MethodPanel(QWidget):
         self.applying = None if applied is None else AppliedController(app, applied, self)
         self._build()
         self._connect()
-        self.retranslate()
+        on_language_change(self, self.retranslate)
         self._allow()
 
     # What a user does
 
     def open(self, path: Path) -> None:
-        """Take a recording and solve it; the answer to one before is put away."""
-        if self.busy:
-            return
+        """Take a recording and solve it; an earlier answer is discarded."""
+        if not self.busy:
+            self.take(path)
+            self.solve()
+
+    def take(self, path: Path) -> None:
+        """Take a recording without solving it yet."""
         self.path = path.absolute()
         self.source.show_path(self.path)
-        self.solve()
+
+    def refresh(self) -> None:
+        """Show what is allowed now, in the shared bar of the log as well."""
+        if self.path is not None:
+            self.source.show_path(self.path)
+        self._allow()
 
     def make(self, grade: str, seed: int) -> None:
         """Make a recording on the virtual bench, and solve it."""
@@ -106,18 +112,6 @@ class MethodPanel(QWidget):
         if product is not None and uses_manual_rig(self.app.station_path):
             self.app.set_product(product)
             self.live_wanted.emit()
-
-    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        """Take a file that may be a recording."""
-        if _dropped(event.mimeData()) is not None:
-            event.acceptProposedAction()
-
-    def dropEvent(self, event: QDropEvent) -> None:
-        """Open it."""
-        path = _dropped(event.mimeData())
-        if path is not None:
-            event.acceptProposedAction()
-            self.open(path)
 
     @property
     def busy(self) -> bool:
@@ -182,7 +176,6 @@ class MethodPanel(QWidget):
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(theme.GRID)
-        column.addWidget(self.source)
         column.addWidget(self._action)
         column.addWidget(self.notice)
         column.addLayout(top)
@@ -190,7 +183,6 @@ class MethodPanel(QWidget):
         column.addWidget(self._stack, 1)
 
     def _connect(self) -> None:
-        self.source.chosen.connect(self.open)
         self.bench.wanted.connect(self.make)
         self.solve_button.clicked.connect(self.solve)
         self.live_button.clicked.connect(self.guide_live)
@@ -284,8 +276,9 @@ class MethodPanel(QWidget):
         if current is not None:
             self._rows_stack.setCurrentWidget(current)
         wait = self.tr("Wait for the work at hand, or cancel it") if busy else ""
-        self.source.setEnabled(not busy)
-        self.source.setToolTip(wait)
+        if self.isVisible():
+            self.source.setEnabled(not busy)
+            self.source.setToolTip(wait)
         missing = "" if self.path is not None else self.tr("Open a recording first, or make one")
         self.solve_button.setEnabled(not missing and not busy)
         self.solve_button.setToolTip(missing)
@@ -343,12 +336,6 @@ class MethodPanel(QWidget):
         elif self.exports.watch.busy:
             self._work_label.setText(self.tr("Writing the result"))
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
     def _complain(self, title: Callable[[], str], error: CalstationError, path: Path | None) -> None:
         self._allow()
         self._tell("bad", title, lambda: word_log_error(error, path))
@@ -356,11 +343,3 @@ class MethodPanel(QWidget):
     def _tell(self, kind: str, title: Callable[[], str], text: Callable[[], str]) -> None:
         close = Choice(f"{self.stage}_notice_close", lambda: self.tr("Close"), self.setFocus)
         self.notice.ask(kind, title, text, (close,))
-
-
-def _dropped(mime: QMimeData) -> Path | None:
-    """The first dropped file that may be a recording."""
-    for url in mime.urls():
-        if url.isLocalFile() and url.toLocalFile().lower().endswith(_LOGS):
-            return Path(url.toLocalFile())
-    return None

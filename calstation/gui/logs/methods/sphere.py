@@ -5,9 +5,8 @@ from PySide6.QtCore import QPointF, QSize, Qt
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.gui.logs.methods.pictures import runs
 from calstation.gui.widgets import theme
-from calstation.physics.arrays import FloatArray
+from calstation.physics.arrays import BoolArray, FloatArray
 
 _EXTENT = 1.3
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 73)
@@ -81,7 +80,7 @@ class PositionSphere(QWidget):
             for near in (False, True):
                 painter.setPen(QPen(QColor(c.line), 1.4 if near else 0.7))
                 shown = points @ eye >= 0.0 if near else points @ eye < 0.0
-                for a, b in runs(shown):
+                for a, b in _runs(shown):
                     painter.drawPolyline(QPolygonF([flat(p) for p in points[a : b + 1]]))
         order = np.argsort(self._up @ eye) if len(self._up) else np.empty(0, np.int64)
         self._axes(painter, flat, eye, near=False)
@@ -111,3 +110,9 @@ class PositionSphere(QWidget):
         radius = 5.0 if near else 4.0
         painter.drawEllipse(at, radius, radius)
         painter.setBrush(Qt.BrushStyle.NoBrush)
+
+
+def _runs(chosen: BoolArray) -> list[tuple[int, int]]:
+    """First and one past the last index of each stretch of chosen points."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

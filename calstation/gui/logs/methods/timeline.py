@@ -1,10 +1,11 @@
 """How two IMUs are watched: what happened along the recording's time, and the motion collected so far."""
 
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.pair_wording import short_happening, word_state
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import duration_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
@@ -30,6 +31,7 @@ class Timeline(QWidget):
         super().__init__(parent)
         self._followed: PairProgress | None = None
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        on_language_change(self, self.update)
 
     @property
     def followed(self) -> PairProgress | None:
@@ -44,12 +46,6 @@ class Timeline(QWidget):
         """Show how far a recording has been followed."""
         self._followed = followed
         self.update()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.update()
-        super().changeEvent(event)
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Line, marks, words, and the motion collected while it runs."""
