@@ -1,10 +1,10 @@
-"""Reads TOML into checked pydantic models and says what is wrong in one line: file, field, mend."""
+"""Reads TOML into checked pydantic models and reports what is wrong: file, entry, remedy."""
 
 import difflib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,8 +12,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.messages.catalogue import known
-from calstation.messages.rendering import render
+from calstation.messages.catalogue import known as known_code
+from calstation.messages.rendering import Text, os_reason, render, sentence
+
+Place = tuple[int | str, ...]
 
 
 class StrictModel(BaseModel):
@@ -23,18 +25,18 @@ class StrictModel(BaseModel):
 
 
 class EntryError(ValueError):
-    """A rule over several entries is broken.
+    """An entry of a file breaks a rule; its sentence stands after the name of the entry.
 
     Parameters
     ----------
-    code : its entry in the message catalogue
-    place : keys and element numbers from where the rule stands to the entry that is wrong
-    values : what stands in the braces of the entry's sentences
+    code : code in the message catalogue
+    place : keys and element numbers from where the rule is checked to the wrong entry
+    values : values of the catalogue entry
     """
 
     def __init__(self, code: str, *place: str | int, **values: Any) -> None:
         super().__init__(code)
-        self.code = code if known(code) else ""
+        self.code = code if known_code(code) else ""
         self.place = place
         self.values = values
 
@@ -44,7 +46,7 @@ class EntryError(ValueError):
 
 @contextmanager
 def entry(*place: str | int) -> Iterator[None]:
-    """Whatever is found wrong within is told of the entry at `place`."""
+    """Attribute every rule broken inside the block to the entry at `place`."""
     try:
         yield
     except EntryError as exc:
@@ -55,46 +57,62 @@ def entry(*place: str | int) -> Iterator[None]:
 
 Model = TypeVar("Model", bound=BaseModel)
 
-_BOUNDS = {
-    "greater_than": ("gt", "greater than"),
-    "greater_than_equal": ("ge", "at least"),
-    "less_than": ("lt", "less than"),
-    "less_than_equal": ("le", "at most"),
-}
-_KINDS = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "string_type": "a text in quotes",
-    "bool_type": "true or false",
-    "list_type": "a list in brackets, [first, second]",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "finite_number": "a finite number",
+#: Keys of pydantic's bounds by kind of error.
+_BOUNDS = {"greater_than": "gt", "greater_than_equal": "ge", "less_than": "lt", "less_than_equal": "le"}
+#: Codes of the wanted kind of value by pydantic's kind of error.
+_TYPES = {
+    "float_type": "entry.a_number",
+    "int_type": "entry.a_whole_number",
+    "string_type": "entry.a_text",
+    "bool_type": "entry.true_or_false",
+    "list_type": "entry.a_list",
+    "dict_type": "entry.a_table",
+    "model_type": "entry.a_table",
+    "finite_number": "entry.a_finite_number",
 }
 
 
 def read_toml(path: Path, error: type[CalstationError] = ConfigurationError) -> dict[str, Any]:
-    """Read a TOML file; raises `error` naming the file where it cannot be read or parsed."""
+    """Read a TOML file; raises `error` naming the file if it cannot be read or parsed."""
     try:
         with path.open("rb") as stream:
             return tomllib.load(stream)
     except FileNotFoundError as exc:
-        raise error(f"{path}: no such file; give the path of an existing TOML file") from exc
+        raise error("entry.not_found", file=path) from exc
     except OSError as exc:
-        raise error(f"{path}: cannot be read ({exc.strerror or exc})") from exc
+        raise error("entry.unreadable", file=path, reason=os_reason(exc)) from exc
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as exc:
-        raise error(f"{path}: not valid TOML: {exc}; correct that line, or give a TOML file") from exc
+        raise error("entry.not_toml", file=path, detail=str(exc)) from exc
 
 
 def validate(
     model: type[Model], data: Any, source: str | Path, error: type[CalstationError] = ConfigurationError
 ) -> Model:
-    """Check `data` against `model`; raises `error` with `source`, the first wrong field and its mend."""
+    """Check `data` against a model.
+
+    Parameters
+    ----------
+    model : pydantic model
+    data : parsed TOML or JSON
+    source : name of the file in the message
+    error : class of the exception
+
+    Raises
+    ------
+    CalstationError
+        Of class `error`, with the first wrong entry and its remedy.
+    """
     found = complaints(model, data)
+    if len(found) > 1:
+        raise error("entry.in_file_and_more", file=source, what=found[0].as_text, more=len(found) - 1)
     if found:
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise error(f"{source}: {found[0].text}{more}")
+        raise error("entry.in_file", file=source, what=found[0].as_text)
     return model.model_validate(data)
+
+
+def load(model: type[Model], path: Path, error: type[CalstationError] = ConfigurationError) -> Model:
+    """Read and check a TOML file; raises `error` as `read_toml` and `validate`."""
+    return validate(model, read_toml(path, error), path, error)
 
 
 @dataclass(frozen=True)
@@ -103,20 +121,32 @@ class Complaint:
 
     Attributes
     ----------
-    place : keys and element numbers that lead to the value; () where it is of the whole
-    kind : pydantic's, e.g. ``missing`` or ``greater_than``; ``value_error`` for rules of our own
-    text : what is wrong, with the mend
-    values : what the text is made of: field, value, and the bounds as pydantic calls them
+    place : keys and element numbers that lead to the entry; () if the whole is meant
+    kind : pydantic's, e.g. ``missing`` or ``greater_than``; ``value_error`` for the rules of an EntryError
+    code : code in the message catalogue: of family ``entry`` for pydantic's kinds, else that of the EntryError
+    values : values of the catalogue entry
     """
 
-    place: tuple[int | str, ...]
+    place: Place
     kind: str
-    text: str
-    values: Mapping[str, Any]
+    code: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def as_text(self) -> Text:
+        """The message, preceded by the name of the entry if there is one."""
+        what = Text(self.code, self.values)
+        name = field_name(self.place)
+        return Text.of("entry.at", field=name, what=what) if name else what
+
+    @property
+    def text(self) -> str:
+        """The message in English, in one line."""
+        return sentence(self.as_text)
 
 
 def complaints(model: type[BaseModel], data: Any) -> list[Complaint]:
-    """All that `model` finds wrong with `data`, a misspelt name before the one that is missing for it."""
+    """All that `model` finds wrong with `data`; a misspelt name comes before the missing one it stands for."""
     try:
         model.model_validate(data)
     except ValidationError as exc:
@@ -126,70 +156,74 @@ def complaints(model: type[BaseModel], data: Any) -> list[Complaint]:
     return []
 
 
-def _complaint(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Complaint:
-    context = detail.get("ctx", {})
-    place = (*detail["loc"], *getattr(context.get("error"), "place", ()))
-    text = _sentence({**detail, "loc": place}, data, model)
-    values = {"field": _field(place), "value": detail["input"], **context}
-    return Complaint(place, detail["type"], text, values)
-
-
-def load(model: type[Model], path: Path, error: type[CalstationError] = ConfigurationError) -> Model:
-    """Read and check a TOML file; raises `error` with one clear line."""
-    return validate(model, read_toml(path, error), path, error)
-
-
-def suggestion(name: str, known: list[str] | tuple[str, ...]) -> str:
-    """``; did you mean 'x'?`` for the known name nearest to `name`, or an empty text."""
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else ""
-
-
-def _sentence(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> str:
-    field = _field(detail["loc"])
-    kind = detail["type"]
-    context = detail.get("ctx", {})
-    value = detail["input"]
-    if kind == "missing":
-        return f"{field} is missing; add it"
-    if kind == "extra_forbidden":
-        known = _siblings(data, detail["loc"], model)
-        return f"{field} is unknown{suggestion(str(detail['loc'][-1]), known) or '; remove it'}"
-    if kind in _BOUNDS:
-        key, words = _BOUNDS[kind]
-        return f"{field} = {value} is out of range; it must be {words} {context[key]:g}"
-    if kind == "literal_error":
-        return f"{field} = {value!r} is unknown; it must be {context['expected']}"
-    if kind in _KINDS:
-        return f"{field} = {value!r} must be {_KINDS[kind]}"
-    if kind in ("string_too_short", "too_short") and not value:
-        return f"{field} is empty; add what belongs there"
-    if kind in ("too_short", "too_long"):
-        count = context["min_length" if kind == "too_short" else "max_length"]
-        return f"{field} = {value!r} has {len(value)} elements; it must have {count}"
-    if kind == "value_error":
-        return f"{field + ': ' if field else ''}{context['error']}"
-    return f"{field} = {value!r}: {detail['msg']}"
-
-
-def _field(location: tuple[int | str, ...]) -> str:
+def field_name(place: Place) -> str:
+    """Name of an entry as a reader of the file knows it, e.g. ``frame.fields[2].type``."""
     text = ""
-    for part in location:
+    for part in place:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
     return text
 
 
-def _siblings(data: Any, location: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
-    """Field names that the table at `location` could have held, as far as plain nesting tells."""
+def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) -> Text:
+    """The remedy for an unknown name: the most similar known one, else `otherwise` (to remove it)."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    if near:
+        return Text.of("entry.did_you_mean", near=near[0])
+    return otherwise or Text("entry.remove_it")
+
+
+def suggestion(name: str, known: list[str] | tuple[str, ...]) -> str:
+    """``; did you mean 'x'?`` for the known name most similar to `name`, or an empty text."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def _complaint(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Complaint:
+    error = detail.get("ctx", {}).get("error")
+    if isinstance(error, EntryError):
+        kind = "missing" if error.code == "entry.missing" else detail["type"]
+        code, values = (error.code, error.values) if error.code else ("entry.other", {"words": str(error)})
+        return Complaint((*detail["loc"], *error.place), kind, code, values)
+    code, values = _pydantic_message(detail, data, model)
+    return Complaint(
+        detail["loc"], detail["type"], code, {"value": detail["input"], **detail.get("ctx", {}), **values}
+    )
+
+
+def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> tuple[str, dict[str, Any]]:
+    """Code and values for one of pydantic's own kinds."""
+    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
+    if kind == "missing":
+        return "entry.missing", {}
+    if kind == "extra_forbidden":
+        known = _siblings(data, detail["loc"], model)
+        return "entry.unknown", {"remedy": near_miss(str(detail["loc"][-1]), known)}
+    if kind in _BOUNDS:
+        return f"entry.{kind}", {"value": value, "bound": context[_BOUNDS[kind]]}
+    if kind == "literal_error":
+        return "entry.not_one_of", {"value": value, "expected": context["expected"]}
+    if kind in _TYPES:
+        return "entry.wrong_type", {"value": value, "wanted": Text(_TYPES[kind])}
+    if kind in ("string_too_short", "too_short") and not value:
+        return "entry.empty", {}
+    if kind in ("too_short", "too_long"):
+        needed = context["min_length" if kind == "too_short" else "max_length"]
+        return "entry.wrong_length", {"value": value, "count": len(value), "needed": needed}
+    if kind == "string_pattern_mismatch":
+        return "entry.misspelt", {"value": value, "pattern": context["pattern"]}
+    if kind == "value_error":
+        return "entry.other", {"words": str(context["error"])}
+    return "entry.other", {"words": f"{value!r}: {detail['msg']}"}
+
+
+def _siblings(data: Any, location: Place, model: type[BaseModel]) -> list[str]:
+    """Field names that the table at `location` could have but lacks, as far as plain nesting shows."""
+    present = data
     for part in location[:-1]:
-        field = model.model_fields.get(str(part))
-        inner = getattr(field, "annotation", None)
+        inner = getattr(model.model_fields.get(str(part)), "annotation", None)
         for candidate in (inner, *getattr(inner, "__args__", ())):
             if isinstance(candidate, type) and issubclass(candidate, BaseModel):
                 model = candidate
                 break
-    present = data
-    for part in location[:-1]:
         present = present.get(part, {}) if isinstance(present, dict) else {}
-    taken = present if isinstance(present, dict) else {}
-    return [name for name in model.model_fields if name not in taken]
+    return [name for name in model.model_fields if not isinstance(present, dict) or name not in present]

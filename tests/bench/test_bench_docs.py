@@ -36,4 +36,4 @@ def test_a_misspelt_setting_is_told_with_the_right_one() -> None:
     command = [sys.executable, "-m", "calstation.bench", "--config", '{"bench_grade": "mems"}']
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr == "bench configuration: bench_grade is unknown; did you mean 'grade'?\n"
+    assert done.stderr == "bench configuration: bench_grade: The entry is unknown. Did you mean 'grade'?\n"

@@ -199,7 +199,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("latitude_deg", "lattitude_deg"), ("lattitude_deg",)),
         (("speed = 0.0", "speed = -1.0"), ("bench", "speed")),
         (('profile = "bench"', 'profile = "none"'), ("'none'", "choose from: acutronic_acl")),
-        (("[site]", "[site"), ("not valid TOML",)),
+        (("[site]", "[site"), ("Not valid TOML",)),
         (("[bench]", "[unused]"), ("unused",)),
     ],
     ids=lambda v: v[0][:25],

@@ -76,19 +76,19 @@ def refused(
             "register 3-3: 'gyro_scal_x' is no parameter; did you mean",
         ),
         ("registers/0/range", [1.0, -1.0], "register 0-2: range"),
-        ("registers/0/adress", 3, "registers[0].adress is unknown; did you mean 'address'?"),
+        ("registers/0/adress", 3, "registers[0].adress: The entry is unknown. Did you mean 'address'?"),
         ("frame/sync", "5G", "frame.sync: '5G' is not hexadecimal"),
         ("frame/crc/kind", "crc7", "check 'crc7' is unknown"),
         ("frame/fields/0/type", "i16", "field 'counter' has type 'i16'"),
         ("frame/fields/1/name", "gyro_y", "field 'gyro_y' is there twice"),
         ("frame/fields/1/name", "gyrox", "field 'gyrox' is unknown; did you mean 'gyro_x'?"),
         ("commands/reply_sync", "55 AA", "frame.sync: begins as commands.reply_sync does"),
-        ("stream/sample_rate_hz", -1.0, "stream.sample_rate_hz = -1.0 is out of range"),
-        ("link/parity", "X", "link.parity = 'X' is unknown"),
-        ("link/baud", 0, "link.baud = 0 is out of range"),
+        ("stream/sample_rate_hz", -1.0, "stream.sample_rate_hz: -1.0 is out of range"),
+        ("link/parity", "X", "link.parity: 'X' is unknown"),
+        ("link/baud", 0, "link.baud: 0 is out of range"),
         ("link/stop_bits", 3, "3 is out of range; it must be 1, 1.5 or 2"),
         ("prior/gyro", {"sigma": 1.0}, "'gyro' is no parameter or group"),
-        ("noise/gyro_arw", None, "noise.gyro_arw is missing; add it"),
+        ("noise/gyro_arw", None, "noise.gyro_arw: The entry is missing. Add it"),
     ],
 )
 def test_a_wrong_imu_profile_is_told_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
@@ -119,7 +119,7 @@ def test_a_wrong_imu_profile_is_told_by_its_entry(tmp_path: Path, where: str, va
         ("registers/outer_target_rate/type", "u32", "commands.rate: registers.outer_target_rate has no sign"),
         ("modbus", None, 'protocol = "modbus" needs [modbus]'),
         ("protocol", "atl", 'protocol = "atl" needs [text]'),
-        ("link_loss_stop_s", 0.0, "link_loss_stop_s = 0.0 is out of range"),
+        ("link_loss_stop_s", 0.0, "link_loss_stop_s: 0.0 is out of range"),
     ],
 )
 def test_a_wrong_table_profile_is_told_by_its_entry(

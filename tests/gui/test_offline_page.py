@@ -385,7 +385,7 @@ def test_a_solve_is_cancelled_in_its_middle(page: OfflinePage, long_log: Path, q
     [
         ("notes.txt", "Not a log"),
         ("broken.h5", "Damaged, cut short or no raw log"),
-        ("alone.csv", "no such file"),
+        ("alone.csv", "No such file"),
         ("nowhere.h5", "No such file"),
     ],
 )

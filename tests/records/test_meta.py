@@ -52,15 +52,15 @@ def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
 @pytest.mark.parametrize(
     ("place", "value", "told"),
     [
-        ("site.latitude_deg", 91.0, "site.latitude_deg = 91.0 is out of range; it must be at most 90"),
+        ("site.latitude_deg", 91.0, "site.latitude_deg: 91.0 is out of range; it must be at most 90"),
         ("site.latitude_deg", float("nan"), "site.latitude_deg"),
-        ("site.latitude_deg", "34", "site.latitude_deg = '34' must be a number"),
+        ("site.latitude_deg", "34", "site.latitude_deg: '34' must be a number"),
         ("imu.sample_rate_hz", 0.0, "must be greater than 0"),
-        ("imu.output", "delta", "imu.output = 'delta' is unknown; it must be 'increment' or 'rate'"),
-        ("imu.gyro_lbs", 1.0, "imu.gyro_lbs is unknown"),
+        ("imu.output", "delta", "imu.output: 'delta' is unknown; it must be 'increment' or 'rate'"),
+        ("imu.gyro_lbs", 1.0, "imu.gyro_lbs: The entry is unknown."),
         ("table.outer_axis", [1.0, 1.0, 0.0], "Give a unit vector"),
         ("prior.gyro_bais_x", {"sigma": 1.0}, "did you mean 'gyro_bias_x'?"),
-        ("prior.gyro_bias_x", {"sigma": -1.0}, "prior.gyro_bias_x.sigma = -1.0 is out of range"),
+        ("prior.gyro_bias_x", {"sigma": -1.0}, "prior.gyro_bias_x.sigma: -1.0 is out of range"),
         ("product.limits", {"gyro_bia": {"within": 1.0}}, "did you mean 'gyro_bias'?"),
     ],
 )
@@ -81,13 +81,13 @@ def test_a_wrong_field_is_told_with_file_and_mend(tmp_path: Path, place: str, va
 
 def test_missing_fields_and_files_are_told(tmp_path: Path) -> None:
     path = tmp_path / "log.toml"
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="No such file"):
         load_meta(path)
     path.write_text("[site]\nlatitude_deg = 1\nlongitude_deg = 2\nheight_m = 3\n")
-    with pytest.raises(InputError, match="imu is missing; add it"):
+    with pytest.raises(InputError, match=r"imu: The entry is missing\. Add it"):
         load_meta(path)
     path.write_text("[site\n")
-    with pytest.raises(InputError, match="not valid TOML"):
+    with pytest.raises(InputError, match="Not valid TOML"):
         load_meta(path)
 
 

@@ -119,5 +119,5 @@ def test_a_product_file_with_a_misspelt_check_is_refused(place: Place) -> None:
     place.product.write_text(
         place.product.read_text() + tomli_w.dumps({"checks": {"gravity": {"within": 1.0}}})
     )
-    with pytest.raises(Exception, match="did you mean 'gravity_at_rest'"):
+    with pytest.raises(Exception, match="Did you mean 'gravity_at_rest'"):
         place.run("six_position")

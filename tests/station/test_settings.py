@@ -47,8 +47,8 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
 @pytest.mark.parametrize(
     ("kind", "name", "old", "new", "where", "told"),
     [
-        ("products", "nav_a", "turns = 2", "turns = 0", THERE, "schedule.rate.turns = 0 is out of range"),
-        ("products", "nav_a", "rounds = 1", "round = 1", THERE, "did you mean 'rounds'?"),
+        ("products", "nav_a", "turns = 2", "turns = 0", THERE, "schedule.rate.turns: 0 is out of range"),
+        ("products", "nav_a", "rounds = 1", "round = 1", THERE, "Did you mean 'rounds'?"),
         ("products", "nav_a", '"rate"', '"rat"', THERE, "there is no stage 'rat'"),
         (
             "products",
@@ -67,7 +67,7 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
             THERE,
             "frame.fields[3].type",
         ),
-        ("imus", "bench_nav", "sigma = 2.5e-05", "sigma = -1.0", THERE, "prior.gyro_bias.sigma = -1.0"),
+        ("imus", "bench_nav", "sigma = 2.5e-05", "sigma = -1.0", THERE, "prior.gyro_bias.sigma: -1.0"),
         ("imus", "bench_nav", "address = 12", "address = 11", THERE, "overlap"),
         ("imus", "bench_nav", '"gyro_scale_x", ', '"gyro_scal_x", ', HEADER, "'gyro_scal_x' is no parameter"),
         ("imus", "bench_nav", "range = [-2.0, 2.0]", "range = [-0.001, 2.0]", HEADER, "widen the range"),
@@ -116,7 +116,7 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
         ),
         ("tables", "bench", "stop = 2", "stop = 70000", THERE, "commands.stop = 70000"),
         ("tables", "bench", "homed = 12", "homed = 16", THERE, "status_bits.homed = 16 is out of range"),
-        ("stations", "virtual_bench", "seed = 1", "seed = -1", THERE, "bench.seed = -1 is out of range"),
+        ("stations", "virtual_bench", "seed = 1", "seed = -1", THERE, "bench.seed: -1 is out of range"),
         (
             "stations",
             "virtual_bench",
@@ -126,7 +126,7 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
             "table.profile = 'x' does not",
         ),
         ("stations", "example_hardware", "timeout_s = 1.0", "timeout_s = 'long'", THERE, "imu.timeout_s"),
-        ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', THERE, "did you mean 'port'?"),
+        ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', THERE, "Did you mean 'port'?"),
     ],
 )
 def test_a_wrong_entry_is_told_with_its_line(

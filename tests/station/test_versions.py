@@ -59,7 +59,7 @@ def test_a_file_edited_by_other_means_is_kept_before_it_is_replaced(home: Path) 
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (SHIPPED.replace("turns = 2", "turns = 0"), r"line 17: schedule\.rate\.turns = 0 is out of range"),
+        (SHIPPED.replace("turns = 2", "turns = 0"), r"line 17: schedule\.rate\.turns: 0 is out of range"),
         (SHIPPED.replace('imu = "bench_nav"', 'imu = "other"'), "does not exist"),
         (SHIPPED.replace("name =", "name", 1), "not valid TOML"),
     ],
