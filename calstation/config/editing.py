@@ -311,4 +311,4 @@ def frame_size(frame: Mapping[str, Any]) -> tuple[int, bool] | None:
         section = FrameSection.model_validate(frame)
     except ValidationError:
         return None
-    return section.least_size(), section.format == "binary" and section.length is None
+    return section.min_size(), section.format == "binary" and section.length is None

@@ -24,9 +24,8 @@ from calstation.config.station import (
     load_station,
     schedule_values,
 )
-from calstation.devices.imu.sample_count import wrap
 from calstation.devices.links.opening import SOCKETS
-from calstation.devices.profiles.channels import span
+from calstation.devices.profiles.frame import span
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.devices.profiles.imu_checks import check_baud
 from calstation.devices.profiles.table import TableProfile, load_table_profile
@@ -303,7 +302,7 @@ class ResolvedConfiguration:
             imu=context.imu,
             masks=StatusMasks(status.ready, status.saturated, status.failed),
             span=span(self.imu.frame),
-            wrap=wrap(self.imu.frame),
+            wrap=self.imu.frame.counter_period,
             corrected=self.corrected,
             latency=self.table.accuracy.poll_latency_s,
             settle=self.table.settle_s,

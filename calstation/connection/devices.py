@@ -10,15 +10,16 @@ from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import owned
-from calstation.devices.imu.open_imu import open_imu as imu_on
+from calstation.devices.imu.drivers import open_imu as imu_on
 from calstation.devices.imu.streamed_imu import StreamedImu
 from calstation.devices.links.opening import explained
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.links.serial_ports import resolve
 from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import TableProfile
-from calstation.devices.table.manual_rig import ManualTable
-from calstation.devices.table.open_table import open_table as table_on
+from calstation.devices.table.drivers import ManualTable
+from calstation.devices.table.drivers import open_table as table_on
 from calstation.devices.table.register_table import RegisterTable
 from calstation.devices.table.shared_table import SharedTable
 from calstation.devices.table.text_table import TextTable

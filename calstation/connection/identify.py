@@ -12,10 +12,11 @@ from calstation.config import library
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.interfaces import Imu, OtherModelError, Table, TableIdentity
 from calstation.devices.links.modbus_link import MEANINGS, ModbusRefusalError, NoAnswerError
-from calstation.devices.links.serial_link import PortLostError, SerialLink, SerialSettings
+from calstation.devices.links.serial_link import PortLostError, SerialLink
 from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.table.open_table import open_table
+from calstation.devices.table.drivers import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 
 #: Host time to listen at one setting, s.

@@ -9,16 +9,16 @@ from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import Endpoints
 from calstation.connection.identify import has_frames
-from calstation.devices.codecs.quoting import quoted
+from calstation.devices.codecs.packets import quoted
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.streamed_imu import ImuRefusalError, StreamedImu
 from calstation.devices.imu.text_frames import TextFrame
 from calstation.devices.interfaces import OtherModelError, SampleBatch
 from calstation.devices.links.opening import host_and_port
-from calstation.devices.links.serial_link import PortLostError, SerialSettings
-from calstation.devices.profiles.channels import CHANNELS
-from calstation.devices.profiles.frame import FrameSection
+from calstation.devices.links.serial_link import PortLostError
+from calstation.devices.profiles.frame import CHANNELS, FrameSection
 from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.context import ImuModel
 from calstation.jobs.queue import ProgressCallback
@@ -239,7 +239,7 @@ def diagnose_text(frame: FrameSection, heard: bytes) -> Finding | None:
 
 
 def _check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
-    if kind.sound(packet):
+    if kind.is_valid(packet):
         return None
     line = packet[: -len(frame.tail_bytes)]
     body, mark, told = line.rpartition(frame.mark.encode())
@@ -260,7 +260,7 @@ def _numbers(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | N
     """The first field of a sample that the columns of a sound line do not hold."""
     line = packet[: -len(frame.tail_bytes)]
     values: dict[str, Value] = {"line": _shown(line)}
-    if not kind.sampled(packet):
+    if not kind.is_sample(packet):
         return Finding(
             "line_separator", "wrong", {**values, "sync": frame.sync, "separator": frame.separator}
         )

@@ -34,10 +34,11 @@ from calstation.connection.identify import (
 )
 from calstation.connection.imu_test import diagnose_text
 from calstation.devices.links.opening import host_and_port, why_not
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.links.serial_ports import FoundPort as FoundPort
 from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.jobs.queue import ProgressCallback

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from calstation.devices.codecs.frame_checks import check_bytes
-from calstation.devices.codecs.quoting import quoted
+from calstation.devices.codecs.packets import quoted
 from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableStatus
 from calstation.devices.links.modbus_link import ModbusRefusalError, NoAnswerError
 from calstation.devices.links.opening import SOCKETS, host_and_port
-from calstation.devices.links.serial_link import PortLostError, SerialSettings
+from calstation.devices.links.serial_link import PortLostError
 from calstation.devices.links.text_link import TextRefusalError, UnlikeAnswerError
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import TableProfile
 from calstation.devices.profiles.table_registers import JOINTS
 from calstation.devices.table.modbus_table import ModbusTable

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.devices.interfaces import Imu, SampleBatch, TableStatus
-from calstation.devices.profiles.channels import Span
+from calstation.devices.profiles.frame import Span
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock, snap_angles
 from calstation.physics.arrays import BoolArray, FloatArray

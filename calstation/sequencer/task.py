@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from calstation.devices.profiles.channels import Span
+from calstation.devices.profiles.frame import Span
 from calstation.errors import CalstationError
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.method import Solution

@@ -11,7 +11,7 @@ from calstation.bench.live import UNITS
 from calstation.bench.truth.stream import StreamOutput
 from calstation.devices.codecs.frame_checks import check_bytes
 from calstation.devices.codecs.numbers import number
-from calstation.devices.imu.open_imu import open_imu
+from calstation.devices.imu.drivers import open_imu
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.streamed_imu import ImuRefusalError
 from calstation.devices.imu.vectornav_imu import line

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.devices.imu.open_imu import open_imu
+from calstation.devices.imu.drivers import open_imu
 from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.modbus_table import ModbusTable
 

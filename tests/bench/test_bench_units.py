@@ -9,7 +9,7 @@ import pytest
 from calstation.bench.imu.modbus_dsp import DspUnit, crc16_modbus
 from calstation.bench.imu.vectornav import SAMPLES, VectorNavUnit, check_line, crc
 from calstation.bench.truth.stream import StreamOutput
-from calstation.devices.imu.open_imu import open_imu
+from calstation.devices.imu.drivers import open_imu
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.streamed_imu import ImuRefusalError
 from calstation.devices.links.serial_link import SerialLink

@@ -7,8 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from calstation.config import library
-from calstation.devices.profiles.channels import CHANNELS, span
-from calstation.devices.profiles.frame import FrameSection
+from calstation.devices.profiles.frame import CHANNELS, FrameSection, span
 from calstation.devices.profiles.imu import ImuProfile
 
 

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calstation.devices.codecs.frame_checks import CRC_WIDTHS, check_bytes
-from calstation.devices.imu.frames import FrameDecoder, Reply, command_frame
+from calstation.devices.codecs.packets import Reply
+from calstation.devices.imu.frames import FrameDecoder, command_frame
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 
 DATA = Path(__file__).parents[2] / "data"

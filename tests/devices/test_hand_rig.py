@@ -7,8 +7,7 @@ import pytest
 
 from calstation.config import library
 from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.table.manual_rig import ManualTable
-from calstation.devices.table.open_table import open_table
+from calstation.devices.table.drivers import ManualTable, open_table
 from calstation.errors import ConfigurationError
 from calstation.schema import read_toml, validate
 

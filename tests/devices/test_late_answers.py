@@ -16,9 +16,10 @@ from rtu_server import RtuServer
 from calstation.devices.imu.modbus_imu import ModbusImu
 from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
 from calstation.devices.links.modbus_rtu import Barriers, RtuRequest
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.links.unanswered import Unanswered
 from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.errors import DeviceFaultError

@@ -7,7 +7,8 @@ import threading
 
 import pytest
 
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
 
 SETTINGS = SerialSettings()

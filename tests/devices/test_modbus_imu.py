@@ -14,7 +14,8 @@ from test_frames import stream_frame
 from calstation.devices.imu.modbus_imu import ModbusImu
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
-from calstation.devices.profiles.imu import ImuProfile, ModbusUnitSection, load_imu_profile
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.profiles.imu_sections import ModbusUnitSection
 from calstation.errors import DeviceFaultError
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_timeout(0.15)

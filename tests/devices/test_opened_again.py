@@ -9,7 +9,7 @@ from rtu_server import RtuServer
 from serial.tools import list_ports
 from test_modbus_table import image, quick
 
-from calstation.devices.links.serial_link import SerialSettings
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.errors import DeviceFaultError
 

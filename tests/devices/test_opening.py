@@ -7,7 +7,7 @@ import pytest
 import serial
 
 from calstation.devices.links.opening import host_and_port, why_not
-from calstation.devices.links.serial_link import SerialSettings
+from calstation.devices.profiles.serial_settings import SerialSettings
 
 SETTINGS = SerialSettings()
 

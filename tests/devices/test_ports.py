@@ -9,8 +9,9 @@ from serial.tools import list_ports
 
 from calstation.devices.links.modbus_link import ModbusLink
 from calstation.devices.links.opening import why_not
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.links.serial_ports import found_ports, resolve
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import DeviceFaultError
 
 

@@ -13,7 +13,8 @@ from pydantic import BaseModel
 from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, CRC_WIDTHS
 from calstation.devices.imu.frames import FrameDecoder, command_frame
 from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.profiles.imu import OPS, ImuProfile, load_imu_profile
+from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
+from calstation.devices.profiles.imu_sections import OPS
 from calstation.devices.profiles.table import TableProfile
 from calstation.devices.profiles.table_registers import (
     COMMANDS,
@@ -83,11 +84,11 @@ def test_the_line_that_is_shown_is_a_sample_of_the_shipped_profile() -> None:
 def test_the_unit_of_the_guide_loads_as_it_stands() -> None:
     (shown,) = [t for t in re.findall(r"```toml\n(.*?)```", GUIDE, re.DOTALL) if "[frame]" in t]
     profile = ImuProfile.model_validate(tomllib.loads(shown))
-    assert profile.frame.least_size() == 34
+    assert profile.frame.min_size() == 34
     gyro, accel = RegisterMap(tuple(profile.registers)).entries
     assert gyro.names[:3] == ("gyro_matrix_xx", "gyro_matrix_yx", "gyro_matrix_zx")
     assert accel.names[-1] == "accel_offset_z"
-    assert (gyro.place(9), accel.place(9)) == (0x49, 0x59)
+    assert (gyro.address_of(9), accel.address_of(9)) == (0x49, 0x59)
 
 
 def test_the_registers_of_the_guide_are_registers() -> None:

@@ -13,12 +13,12 @@ from test_framed_imu import ScriptedLink, request
 from test_frames import reply_frame, stream_frame
 from test_modbus_table import image, long
 
+from calstation.devices.imu.drivers import SilentImu
 from calstation.devices.imu.framed_imu import FramedImu
-from calstation.devices.imu.silent_imu import SilentImu
-from calstation.devices.links.serial_link import SerialSettings
 from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.open_table import open_table
+from calstation.devices.table.drivers import open_table
 from calstation.devices.table.shared_table import SharedTable
 from calstation.errors import ConfigurationError, DeviceFaultError
 

@@ -13,7 +13,7 @@ from calstation.bench.imu.modbus_dsp import DspUnit
 from calstation.bench.imu.unit import ImuUnit
 from calstation.bench.imu.vectornav import VectorNavUnit
 from calstation.config import library
-from calstation.devices.imu.open_imu import open_imu
+from calstation.devices.imu.drivers import open_imu
 from calstation.devices.imu.streamed_imu import StreamedImu
 from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModelError
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
-from calstation.devices.links.serial_link import SerialSettings
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.sequencer.events import StepStarted
 from tests.faults.conftest import Floor, fault
 from tests.station.wires import server, tcp_pdu

@@ -8,14 +8,16 @@ from pathlib import Path
 import file_targets
 
 from calstation.devices.codecs.numbers import number
-from calstation.devices.imu.frames import FrameDecoder, ReplyKind
+from calstation.devices.codecs.packets import ReplyKind
+from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.imu.vectornav_imu import LineReply
 from calstation.devices.links.modbus_rtu import RtuReply, replies
 from calstation.devices.links.text_link import Checked, Plain, Prompted
 from calstation.devices.profiles.frame import FrameSection
-from calstation.devices.profiles.imu import CommandSection, load_imu_profile
+from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.imu_sections import CommandSection
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import DeviceFaultError
 
@@ -110,7 +112,7 @@ def rtu(data: bytes) -> None:
     for reply, end in replies(1, data, 0):
         begin = end - len(reply.payload) - 4
         assert begin >= place
-        assert kind.sound(data[begin:end])
+        assert kind.is_valid(data[begin:end])
         place = end
 
 

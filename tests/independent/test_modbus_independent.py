@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
-from calstation.devices.links.serial_link import SerialSettings
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.modbus_table import ModbusTable
 

@@ -11,7 +11,7 @@ import numpy as np
 from calstation.config import library
 from calstation.devices.interfaces import SampleBatch
 from calstation.devices.profiles.table import load_table_profile
-from calstation.devices.table.manual_rig import ManualTable
+from calstation.devices.table.drivers import ManualTable
 from calstation.physics.motion import Carry, Step
 from calstation.physics.rotation import rotation_vector
 from calstation.sequencer.control import Command

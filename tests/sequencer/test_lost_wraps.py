@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from calstation.devices.imu.sample_count import SampleCount, wrap
+from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.interfaces import SampleBatch
 from calstation.devices.profiles.frame import FrameSection
 from calstation.estimation.common.samples import SampleBlock
@@ -45,7 +45,9 @@ class Line:
         self.clock = FakeClock()
         self.imu = ShortCounter(self.clock, FakeTable(self.clock))
         self.blocks: list[SampleBlock] = []
-        self.acquisition = Acquisition(self.imu, MODEL, self.clock, self.blocks.append, wrap=wrap(FRAME))
+        self.acquisition = Acquisition(
+            self.imu, MODEL, self.clock, self.blocks.append, wrap=FRAME.counter_period
+        )
         self.pass_(3.0)
 
     def pass_(self, seconds: float) -> int:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.devices.profiles.channels import Span
+from calstation.devices.profiles.frame import Span
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.physics.motion import Move

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.devices.profiles.channels import Span
+from calstation.devices.profiles.frame import Span
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, INDEX

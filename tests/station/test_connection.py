@@ -17,7 +17,8 @@ from calstation.config.library import find
 from calstation.config.site_check import confirmation_key
 from calstation.connection import identify as who_answers
 from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link, discover_ports
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError
 from calstation.messages.finding import Finding, Report
 from calstation.messages.finding_words import word_finding

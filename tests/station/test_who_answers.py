@@ -15,7 +15,8 @@ from calstation.config.request import RunRequest
 from calstation.connection import table_reset
 from calstation.connection.link_test import check_imu_link, check_table_link
 from calstation.connection.table_reset import read_table, reset_table
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control

@@ -1,6 +1,6 @@
-"""A sensor's parameters as a unit's own registers have them: matrix and offset by its formula, and back, exactly.
+"""Converts a sensor's parameters to the matrix and offset of a unit's own formula, and back, exactly.
 
-The error model is measured = (I + M) true + b; what a unit computes from its registers' matrix R and offset B is one of
+The error model is measured = (I + M) true + b; a unit computes from its registers' matrix R and offset B one of
 
     corrected = C (measured − B)        offset before the matrix
     corrected = C measured − B          offset after it
@@ -19,23 +19,23 @@ from pydantic import model_validator
 from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import AXES, NAMES
-from calstation.schema import StrictModel
+from calstation.schema import EntryError, StrictModel
 
 SENSORS = ("gyro", "accel")
-#: Places of a matrix, row by row.
+#: Elements of a matrix, row by row.
 PAIRS = tuple(a + b for a in AXES for b in AXES)
 
-#: Above the diagonal of an accelerometer's matrix, what is smaller than this is rounding.
+#: Largest rounding above the diagonal of an accelerometer's matrix.
 _TRIANGULAR = 1e-6
 
 
 class Convention(StrictModel):
     """`convention` of a register entry with a matrix or an offset.
 
-    matrix : "correction", what the output is multiplied by, or "error", its inverse
-    identity : the registers hold the ones on the diagonal too
+    matrix : "correction", which multiplies the output, or "error", its inverse
+    identity : the registers include the ones on the diagonal
     negated : of a matrix without identity, the registers hold it with the opposite sign
-    offset : taken off "before" the matrix or "after" it; added : the unit adds it instead
+    offset : subtracted "before" or "after" the matrix; added : the unit adds it instead
     """
 
     matrix: Literal["correction", "error"] = "correction"
@@ -47,7 +47,7 @@ class Convention(StrictModel):
     @model_validator(mode="after")
     def _sign(self) -> "Convention":
         if self.negated and self.identity:
-            raise ValueError("negated belongs to identity = false; remove one of both")
+            raise EntryError("profile.belongs_to", "negated", owner="identity = false")
         return self
 
 
@@ -68,23 +68,24 @@ SLOTS: tuple[str, ...] = tuple(
 
 
 def parameter_of(slot: str) -> str | None:
-    """The parameter that a slot stands for; None for an element that the error model has at 0."""
-    sensor, kind, place = slot.split("_")
+    """The parameter of a slot; None for an element that is 0 in the error model."""
+    sensor, kind, element = slot.split("_")
     if kind == "offset":
-        return f"{sensor}_bias_{place}"
-    name = f"{sensor}_scale_{place[0]}" if place[0] == place[1] else f"{sensor}_misalign_{place}"
+        return f"{sensor}_bias_{element}"
+    name = f"{sensor}_scale_{element[0]}" if element[0] == element[1] else f"{sensor}_misalign_{element}"
     return name if name in NAMES else None
 
 
 def to_registers(
     sensor: str, values: Mapping[str, float], slots: Iterable[str], matrix: Convention, offset: Convention
 ) -> dict[str, float]:
-    """What the registers of a sensor's slots must hold.
+    """Values of a sensor's slots.
 
     Parameters
     ----------
-    values : parameters by contract name, SI; those that have no slot here count as 0
-    slots : of this sensor, that have registers
+    sensor : ``gyro`` or ``accel``
+    values : parameters by contract name, SI; those without a slot count as 0
+    slots : slots of this sensor that have registers
     matrix, offset : conventions of the two
     """
     present = set(slots)
@@ -94,11 +95,11 @@ def to_registers(
     for slot, name in held.items():
         if name is None:
             continue
-        place = slot.rsplit("_", 1)[1]
+        element = slot.rsplit("_", 1)[1]
         if slot in matrix_slots(sensor):
-            error[AXES.index(place[0]), AXES.index(place[1])] += values[name]
+            error[AXES.index(element[0]), AXES.index(element[1])] += values[name]
         else:
-            bias[AXES.index(place)] = values[name]
+            bias[AXES.index(element)] = values[name]
     correction = _inverse(error)
     stored = correction if matrix.matrix == "correction" else error
     if not matrix.identity:
@@ -113,12 +114,18 @@ def to_registers(
 def from_registers(
     sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention
 ) -> dict[str, float]:
-    """The parameters that a sensor's slots stand for, SI; NaN where they hold no matrix that can be inverted.
+    """Parameters from the values of a sensor's slots, SI; NaN if their matrix cannot be inverted.
+
+    Parameters
+    ----------
+    sensor : ``gyro`` or ``accel``
+    held : values by slot
+    matrix, offset : conventions of the two
 
     Raises
     ------
     DeviceFaultError
-        where an accelerometer's matrix is not lower triangular: the error model has no such matrix.
+        If an accelerometer's matrix is not lower triangular: the error model has no such matrix.
     """
     stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)
     for i, slot in enumerate(matrix_slots(sensor)):
@@ -128,10 +135,7 @@ def from_registers(
         stored = np.eye(3) + stored * (-1.0 if matrix.negated else 1.0)
     error = _inverse(stored) if matrix.matrix == "correction" else stored
     if sensor == "accel" and np.any(np.abs(np.triu(error, 1)) > _TRIANGULAR):
-        raise DeviceFaultError(
-            "IMU: the unit's accelerometer matrix is not lower triangular, so it is not from this program and cannot be"
-            " calibrated upon; restore the unit's factory settings first"
-        )
+        raise DeviceFaultError("imu.matrix_not_triangular")
     shift = np.array([held.get(slot, 0.0) for slot in offset_slots(sensor)])
     shift = -shift if offset.added else shift
     bias = shift if offset.offset == "before" or not np.any(shift) else error @ shift
@@ -140,17 +144,17 @@ def from_registers(
         name = parameter_of(slot)
         if name is None:
             continue
-        place = slot.rsplit("_", 1)[1]
+        element = slot.rsplit("_", 1)[1]
         if slot in matrix_slots(sensor):
-            i, j = AXES.index(place[0]), AXES.index(place[1])
+            i, j = AXES.index(element[0]), AXES.index(element[1])
             found[name] = float(error[i, j] - (1.0 if i == j else 0.0))
         else:
-            found[name] = float(bias[AXES.index(place)])
+            found[name] = float(bias[AXES.index(element)])
     return found
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """The inverse, NaN where there is none."""
+    """The inverse; NaN if there is none."""
     try:
         return np.asarray(np.linalg.inv(matrix)) if np.all(np.isfinite(matrix)) else np.full((3, 3), np.nan)
     except np.linalg.LinAlgError:
@@ -158,15 +162,15 @@ def _inverse(matrix: FloatArray) -> FloatArray:
 
 
 def legal_range(slot: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
-    """Lowest and highest value of a slot over all units whose parameters are within `sigmas`; None where not known.
+    """Lowest and highest value of a slot over all units whose parameters are within `sigmas`; None if unknown.
 
-    To first order and half as much again: products of parameters are small.
+    To first order, widened by half: products of parameters are small.
     """
     name = parameter_of(slot)
     reach = sigmas.get(name) if name is not None else None
     if reach is None:
         return None
     reach *= 1.5
-    _, kind, place = slot.split("_")
-    middle = 1.0 if kind == "matrix" and place[0] == place[1] and convention.identity else 0.0
+    _, kind, element = slot.split("_")
+    middle = 1.0 if kind == "matrix" and element[0] == element[1] and convention.identity else 0.0
     return middle - reach, middle + reach

@@ -1,4 +1,4 @@
-"""Frame checks by name: the CRCs, sums and parities that profiles may ask for, and CRCs by their parameters."""
+"""Frame checks by name: the CRCs, sums and parities that profiles may name, and CRCs by their parameters."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -17,7 +17,7 @@ def _xor(data: bytes) -> int:
 
 
 def _fletcher(data: bytes) -> int:
-    """Fletcher's sum modulo 256: the sum of the bytes, then the sum of all its steps."""
+    """Fletcher's sum modulo 256: the sum of the bytes, then the sum of all partial sums."""
     values = np.frombuffer(data, np.uint8).astype(np.int64)
     return (int(values.sum()) & 0xFF) << 8 | int(values @ np.arange(len(values), 0, -1)) & 0xFF
 
@@ -38,21 +38,21 @@ _SUMS: dict[str, tuple[int, CheckFunction]] = {
 }
 _CHECKS = {**_CRCS, **_SUMS}
 
-#: Bytes that each kind of CRC takes.
+#: Size in bytes of each kind of CRC.
 CRC_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CRCS.items()}
 
-#: Bytes that each kind of check takes, sums and parities included.
+#: Size in bytes of each kind of check, sums and parities included.
 CHECK_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CHECKS.items()}
 
 
 def check_bytes(kind: str, data: bytes, byte_order: Literal["little", "big"]) -> bytes:
-    """The check of `data` as it stands on the wire."""
+    """The check of `data` on the wire."""
     width, function = _CHECKS[kind]
     return function(data).to_bytes(width, byte_order)
 
 
 def check_function(kind: str) -> CheckFunction:
-    """The function behind a name."""
+    """The function of a check by its name."""
     return _CHECKS[kind][1]
 
 
@@ -60,12 +60,15 @@ def check_function(kind: str) -> CheckFunction:
 def parametric_crc(
     width: int, polynomial: int, initial: int, reflect_in: bool, reflect_out: bool, final_xor: int
 ) -> CheckFunction:
-    """A CRC after the Rocksoft model (R. Williams, A Painless Guide to CRC Error Detection, 1993).
+    """A CRC by the Rocksoft model (R. Williams, A Painless Guide to CRC Error Detection, 1993).
 
     Parameters
     ----------
     width : bits, 8 to 32 in whole bytes
     polynomial : without its leading 1, the highest power first
+    initial : content of the register before the first byte
+    reflect_in, reflect_out : whether each byte, or the result, is mirrored
+    final_xor : applied to the result
     """
     top, mask = 1 << (width - 1), (1 << width) - 1
     table = np.empty(256, np.int64)
@@ -77,16 +80,15 @@ def parametric_crc(
 
     def crc(data: bytes) -> int:
         ordered = data.translate(_MIRROR) if reflect_in else data
-        value = int(_divided(np.frombuffer(ordered, np.uint8), table, initial, width))
+        value = int(_remainder(np.frombuffer(ordered, np.uint8), table, initial, width))
         return (_mirrored(value, width) if reflect_out else value) ^ final_xor
 
-    crc(b"\0")  # compiled now, not while data wait
+    crc(b"\0")  # compile before data arrive
     return crc
 
 
 @nb.njit(cache=True)
-def _divided(data: NDArray[np.uint8], table: NDArray[np.int64], initial: int, width: int) -> int:
-    """Remainder after `data`, byte by byte."""
+def _remainder(data: NDArray[np.uint8], table: NDArray[np.int64], initial: int, width: int) -> int:
     mask = (1 << width) - 1
     value = initial
     for byte in data:

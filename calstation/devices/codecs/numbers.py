@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator
 
 from calstation.physics.arrays import FloatArray, IntArray
+from calstation.schema import EntryError
 
 ByteOrder = Literal["little", "big"]
 #: Order of the 16-bit words of a number; `fraction_first`: of a Q format, the fraction before the whole part.
@@ -22,13 +23,13 @@ _Q = re.compile(r"(u?)q(\d{1,2})\.(\d{1,2})")
 
 @dataclass(frozen=True)
 class Number:
-    """What a type's name means.
+    """A type of number.
 
     Attributes
     ----------
     kind : "u" unsigned, "i" signed, "f" IEEE 754
     width : bytes
-    fraction : binary places behind the point, of a Q format
+    fraction : binary digits after the point, of a Q format
     """
 
     kind: Literal["u", "i", "f"]
@@ -37,7 +38,7 @@ class Number:
 
     @property
     def whole(self) -> bool:
-        """Whether it counts in whole numbers."""
+        """Whether it holds whole numbers only."""
         return self.kind != "f" and self.fraction == 0
 
     @property
@@ -51,12 +52,12 @@ class Number:
 
     @property
     def raw_bounds(self) -> tuple[int, int]:
-        """Lowest and highest integer on the wire; of integers and Q formats only."""
+        """Lowest and highest integer on the wire; not of floats."""
         bits = 8 * self.width
         return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if self.kind == "i" else (0, (1 << bits) - 1)
 
     def nearest(self, value: float) -> float:
-        """The value that it holds in place of `value`; raises ValueError where it holds none near it."""
+        """The representable value nearest to `value`; raises ValueError if it is out of range."""
         if self.kind == "f":
             if not abs(value) <= self.bounds[1]:
                 raise ValueError(f"{value:g} cannot be held")
@@ -73,7 +74,7 @@ class Number:
         return raw
 
     def pack(self, value: float, byte_order: ByteOrder, word_order: WordOrder | None = None) -> bytes:
-        """`value` as it stands on the wire; raises ValueError where it does not fit."""
+        """The bytes of `value` on the wire; raises ValueError if it is out of range."""
         if self.kind == "f":
             plain = struct.pack(">f" if self.width == 4 else ">d", self.nearest(value))
         else:
@@ -91,7 +92,7 @@ class Number:
     def native(
         self, byte_order: ByteOrder, word_order: WordOrder | None = None
     ) -> np.dtype[np.generic] | None:
-        """The numpy type that reads it as it stands on the wire, None where none does."""
+        """The numpy type that reads its bytes on the wire; None if there is none."""
         if self.fraction or self.width not in (1, 2, 4, 8) or word_order not in (None, byte_order):
             return None
         return np.dtype(f"{'<' if byte_order == 'little' else '>'}{self.kind}{self.width}")
@@ -125,7 +126,7 @@ class Number:
         return np.asarray(whole * 2.0**-self.fraction)
 
     def _places(self, byte_order: ByteOrder, word_order: WordOrder | None) -> list[int]:
-        """Where on the wire the bytes stand, from the most significant on."""
+        """Positions of the bytes on the wire, most significant first."""
         places = list(range(self.width))
         if word_order == "fraction_first":
             split = self.fraction // 8
@@ -139,7 +140,7 @@ class Number:
 
 
 def number(name: str) -> Number:
-    """The number of a type's name; raises ValueError for a name that means none."""
+    """The number of a type's name; raises EntryError for an unknown one."""
     if match := _INTEGER.fullmatch(name):
         return Number("u" if match[1] == "u" else "i", int(match[2]) // 8)
     if match := _FLOAT.fullmatch(name):
@@ -148,22 +149,16 @@ def number(name: str) -> Number:
         bits, fraction = int(match[2]) + int(match[3]), int(match[3])
         if bits % 8 == 0 and 8 <= bits <= 64 and fraction > 0:
             return Number("u" if match[1] else "i", bits // 8, fraction)
-    raise ValueError(
-        f"type '{name}' is unknown; it must be u8 to u64 or i8 to i64 in whole bytes, f32, f64, or a Q format"
-        " of whole bytes, like q12.20 (sign and whole part in 12 bits) or uq16.16"
-    )
+    raise EntryError("profile.unknown_type", value=name)
 
 
 def check_orders(name: str, word_order: WordOrder | None) -> None:
-    """Can a type have this word order? Raises ValueError where not."""
+    """Check that a type can have this word order; raises EntryError."""
     kind = number(name)
-    if word_order == "fraction_first":
-        if kind.fraction == 0 or kind.fraction % 8:
-            raise ValueError(
-                f"word_order = 'fraction_first' does not fit type '{name}'; it is for q16.32 and alike"
-            )
-    elif word_order is not None and kind.width % 2:
-        raise ValueError(f"word_order does not fit type '{name}', which has no 16-bit words; remove it")
+    if word_order == "fraction_first" and (kind.fraction == 0 or kind.fraction % 8):
+        raise EntryError("profile.fraction_first", "word_order", type=name)
+    if word_order in ("little", "big") and kind.width % 2:
+        raise EntryError("profile.no_words", "word_order", type=name)
 
 
 def _known(name: str) -> str:
@@ -176,6 +171,6 @@ NumberName = Annotated[str, AfterValidator(_known)]
 
 
 def check_code(code: str) -> None:
-    """Is it a device's code as a profile writes it, in ASCII digits and no others? Raises ValueError with the mend."""
+    """Check a device's code as written in a profile, in ASCII digits; raises EntryError."""
     if not (code.isascii() and code.isdecimal() and code == str(int(code))):
-        raise ValueError('must be a number in quotes, in plain digits like "2"; correct it')
+        raise EntryError("profile.not_a_code")

@@ -4,12 +4,14 @@ import struct
 from collections.abc import Iterator
 
 from calstation.devices.codecs.numbers import number
-from calstation.devices.imu.frames import Reply, command_frame
+from calstation.devices.codecs.packets import Reply
+from calstation.devices.imu.frames import command_frame
 from calstation.devices.imu.registered_imu import RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import OPS, ImuProfile
+from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.imu_sections import OPS
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 
@@ -106,11 +108,11 @@ class FramedImu(RegisteredImu):
         kind, order = number(entry.type), entry.byte_order or self._profile.frame.byte_order
         numbers: list[float] = []
         for begin, count in self._transfers(entry):
-            head = struct.pack(self._format("HB"), entry.place(begin), count)
+            head = struct.pack(self._format("HB"), entry.address_of(begin), count)
             answer = self._ask("read", head, head)
             if len(answer) != len(head) + kind.width * count:
                 raise DeviceFaultError(
-                    f"IMU: register {entry.place(begin)} answers with {len(answer)} bytes, not"
+                    f"IMU: register {entry.address_of(begin)} answers with {len(answer)} bytes, not"
                     f" {len(head) + kind.width * count}; check its type and parameters in the IMU profile"
                 )
             body = answer[len(head) :]
@@ -123,12 +125,12 @@ class FramedImu(RegisteredImu):
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
         kind, order = number(entry.type), entry.byte_order or self._profile.frame.byte_order
         for begin, count in self._transfers(entry):
-            head = struct.pack(self._format("HB"), entry.place(begin), count)
+            head = struct.pack(self._format("HB"), entry.address_of(begin), count)
             part = numbers[begin : begin + count]
             body = b"".join(kind.pack(value, order, entry.word_order) for value in part)
             if self._ask("write", head + body, head) != head:
                 raise DeviceFaultError(
-                    f"IMU: register {entry.place(begin)} was not taken, nothing was committed; look at the unit's"
+                    f"IMU: register {entry.address_of(begin)} was not taken, nothing was committed; look at the unit's"
                     " supply and write protection, then check this register in the IMU profile"
                 )
 
@@ -160,7 +162,7 @@ class FramedImu(RegisteredImu):
         for shorter in range(max((count for _, _, count in transfers), default=0)):
             for entry, begin, count in transfers:
                 if count > shorter:
-                    head = struct.pack(self._format("HB"), entry.place(begin), count - shorter)
+                    head = struct.pack(self._format("HB"), entry.address_of(begin), count - shorter)
                     yield self._question("read", head, head)
 
     def _question(self, name: str, payload: bytes, begins: bytes) -> Question[bytes]:

@@ -2,34 +2,18 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from calstation.devices.codecs.frame_checks import CRC_WIDTHS, check_bytes
-from calstation.devices.imu.packets import BinaryFrame, Columns, PacketKind
+from calstation.devices.codecs.packets import PacketKind, Reply, ReplyKind
+from calstation.devices.imu.binary_frames import BinaryFrame, Columns
 from calstation.devices.imu.text_frames import TextFrame
-from calstation.devices.profiles.channels import CHANNELS
-from calstation.devices.profiles.frame import FrameSection, hex_bytes
-from calstation.devices.profiles.imu import STATUS_WORDS, CommandSection
+from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection, hex_bytes
+from calstation.devices.profiles.imu_sections import CommandSection
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
 _REPLY_HEADER = 2  # op, payload length
-
-
-@dataclass(frozen=True)
-class Reply:
-    """A reply's op and payload; a line of text has op 0 and is its payload."""
-
-    op: int
-    payload: bytes
-
-
-class ReplyKind(PacketKind, Protocol):
-    """Packets that answer commands."""
-
-    def reply(self, packet: bytes) -> Reply:
-        """What a sound packet says."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +125,7 @@ class FrameDecoder:
             place += size
             self.since_frame = 0
             if kind is self._frame:
-                if self._frame.sampled(packet):
+                if self._frame.is_sample(packet):
                     packets.append(packet)
                 else:
                     self.others += 1
@@ -196,7 +180,7 @@ class FrameDecoder:
             size = kind.size(buffer, place)
             if size is None or (size and place + size > len(buffer)):
                 waiting = True
-            elif size and kind.sound(buffer[place : place + size]):
+            elif size and kind.is_valid(buffer[place : place + size]):
                 return size, kind
         return (None if waiting else 0), None
 
@@ -249,7 +233,7 @@ class CommandReply:
             return None
         return header + _REPLY_HEADER + buffer[place + header + 1] + self._width
 
-    def sound(self, packet: bytes) -> bool:
+    def is_valid(self, packet: bytes) -> bool:
         """See `PacketKind`."""
         body = packet[len(self.sync) : -self._width]
         return check_bytes(self._crc, body, self._order) == packet[-self._width :]

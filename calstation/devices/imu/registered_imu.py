@@ -2,17 +2,20 @@
 
 import time
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass
 from typing import TypeVar
 
-from calstation.devices.imu.frames import ReplyKind
+from calstation.devices.codecs.conventions import SENSORS, matrix_slots
+from calstation.devices.codecs.numbers import number
+from calstation.devices.codecs.packets import ReplyKind
 from calstation.devices.imu.registers import RegisterMap, alike
-from calstation.devices.imu.restart_marker import RestartMarker, markable, marked
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
 from calstation.devices.interfaces import ImuIdentity, OtherModelError
 from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import CommandSection, ImuProfile
+from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.imu_sections import CommandSection
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 
@@ -140,7 +143,7 @@ class RegisteredImu(StreamedImu):
             )
         self._burns_until = 0.0
 
-    def _mark(self) -> RestartMarker | None:
+    def _mark(self) -> "RestartMarker | None":
         """Mark the unit's memory; waits until its flash takes no time any more. None where it has no registers."""
         entry = markable(self._registers.entries)
         if entry is None:
@@ -167,7 +170,7 @@ class RegisteredImu(StreamedImu):
                     raise
             time.sleep(POLL)
 
-    def _restarted(self, mark: RestartMarker | None, *, last: bool) -> bool:
+    def _restarted(self, mark: "RestartMarker | None", *, last: bool) -> bool:
         """Whether it answers and the mark is gone. Raises DeviceFaultError where not and it is the `last` look."""
         try:
             self._ask_identity(attempts=1)
@@ -224,3 +227,39 @@ class RegisteredImu(StreamedImu):
     @abstractmethod
     def _restart(self) -> None:
         """Tell the unit to restart, once."""
+
+
+#: Of a register's range: numbers that nobody writes, of which one always differs from what is there.
+_PLACES = (0.381966, 0.618034)
+
+_MATRIX = frozenset(slot for sensor in SENSORS for slot in matrix_slots(sensor))
+
+
+@dataclass(frozen=True)
+class RestartMarker:
+    """An entry that was written without a commit, what it held before and what it shows as long as nothing restarts."""
+
+    entry: RegisterEntry
+    before: tuple[float, ...]
+    shown: tuple[float, ...]
+
+
+def markable(entries: Sequence[RegisterEntry]) -> RegisterEntry | None:
+    """The entry to mark: one that holds no part of a matrix, which the unit might invert, where there is one."""
+    return min(entries, key=lambda entry: not _free(entry), default=None)
+
+
+def marked(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
+    """Numbers inside the entry's range that differ from what it holds; of a matrix only what stands behind it."""
+    free = _free(entry) or [len(entry.names) - 1]
+    kind = number(entry.type)
+    numbers = list(before)
+    for i in free:
+        low, high = (edge / entry.scale for edge in entry.range)
+        held = before[i] if before[i] == before[i] else low
+        numbers[i] = kind.nearest(max((low + p * (high - low) for p in _PLACES), key=lambda v: abs(v - held)))
+    return numbers
+
+
+def _free(entry: RegisterEntry) -> list[int]:
+    return [i for i, name in enumerate(entry.names) if name and name not in _MATRIX]

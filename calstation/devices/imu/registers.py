@@ -107,7 +107,7 @@ class RegisterMap:
         for entry in self.entries:
             for i, held in enumerate(entry.names):
                 if name in (held, parameter_of(held) if held in SLOTS else held):
-                    return entry.place(i)
+                    return entry.address_of(i)
         raise KeyError(name)
 
     def stored(self, values: Mapping[str, float]) -> list[tuple[int, str, str]]:
@@ -119,7 +119,7 @@ class RegisterMap:
                 parameter = parameter_of(name) if name in SLOTS else name
                 if parameter and parameter in values:
                     rows.append(
-                        (entry.place(i), parameter, number(entry.type).pack(held, "big").hex().upper())
+                        (entry.address_of(i), parameter, number(entry.type).pack(held, "big").hex().upper())
                     )
         return rows
 
@@ -158,7 +158,7 @@ def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
             raise ValueError
     except ValueError:
         raise DeviceFaultError(
-            f"IMU: {name} = {value:.6g} does not fit register {entry.place(index)}"
+            f"IMU: {name} = {value:.6g} does not fit register {entry.address_of(index)}"
             f" ({low:g} to {high:g}); nothing was written"
         ) from None
     return held

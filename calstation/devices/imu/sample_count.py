@@ -13,13 +13,6 @@ _OVERTAKEN = 3
 _FARTHEST = 2.0**40
 
 
-def wrap(frame: FrameSection) -> float:
-    """Samples after which the frame's counter, or its clock, begins again."""
-    counter = frame.field("counter")
-    assert counter is not None
-    return 2.0 ** (8 * counter.width) / counter.per_sample
-
-
 class SampleCount:
     """Counts samples by the frame's counter field.
 

@@ -11,13 +11,15 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from calstation.devices.imu.frames import FrameDecoder, Reply, ReplyKind
+from calstation.devices.codecs.packets import Reply, ReplyKind
+from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.interfaces import ImuIdentity, LinkStats, NoFramesError, SampleBatch
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.links.unanswered import QUIET, Unanswered
 from calstation.devices.profiles.frame import FrameSection
-from calstation.devices.profiles.imu import CommandSection, ImuProfile
+from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.imu_sections import CommandSection
 from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray, IntArray
 

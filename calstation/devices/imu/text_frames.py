@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calstation.devices.codecs.numbers import number
-from calstation.devices.imu.packets import Columns
+from calstation.devices.imu.binary_frames import Columns
 from calstation.devices.profiles.frame import FrameField, FrameSection
 
 #: Whole numbers below are exact as floats.
@@ -38,11 +38,11 @@ class TextFrame:
         """See `PacketKind`."""
         return self._line.size(buffer, place)
 
-    def sound(self, packet: bytes) -> bool:
+    def is_valid(self, packet: bytes) -> bool:
         """See `PacketKind`."""
-        return self._line.sound(packet)
+        return self._line.is_valid(packet)
 
-    def sampled(self, packet: bytes) -> bool:
+    def is_sample(self, packet: bytes) -> bool:
         """Whether its header is the samples' and not only begins alike."""
         return self._line.body(packet)[len(self.sync) :].startswith(self._frame.separator.encode())
 
@@ -88,7 +88,7 @@ class TextLine:
             return end - place + len(self._tail)
         return 0 if len(buffer) - place >= self._max_size else None
 
-    def sound(self, packet: bytes) -> bool:
+    def is_valid(self, packet: bytes) -> bool:
         """See `PacketKind`."""
         body, mark, told = packet[: -len(self._tail)].rpartition(self._mark)
         if not mark:

@@ -4,14 +4,15 @@ from collections.abc import Iterator
 
 from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, check_function
 from calstation.devices.codecs.numbers import number
-from calstation.devices.imu.frames import Reply
+from calstation.devices.codecs.packets import Reply
 from calstation.devices.imu.registered_imu import RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuRefusalError, Question
 from calstation.devices.imu.text_frames import TextLine
 from calstation.devices.interfaces import ImuIdentity
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.frame import CrcSection, FrameSection
-from calstation.devices.profiles.imu import ImuProfile, VectorNavSection
+from calstation.devices.profiles.imu import ImuProfile
+from calstation.devices.profiles.imu_sections import VectorNavSection
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 
@@ -70,9 +71,9 @@ class LineReply:
         """See `packets.PacketKind`."""
         return self._line.size(buffer, place)
 
-    def sound(self, packet: bytes) -> bool:
+    def is_valid(self, packet: bytes) -> bool:
         """See `packets.PacketKind`."""
-        return self._line.sound(packet)
+        return self._line.is_valid(packet)
 
     def reply(self, packet: bytes) -> Reply:
         """The line's words between $ and *."""

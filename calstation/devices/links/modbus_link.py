@@ -6,7 +6,8 @@ from typing import Protocol, TypeVar
 
 from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, UnansweredError
 from calstation.devices.links.modbus_tcp import TcpConnection
-from calstation.devices.links.serial_link import PortLostError, SerialSettings
+from calstation.devices.links.serial_link import PortLostError
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
 
 #: What Modbus exceptions mean, by their codes.

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from typing import cast
 
 from calstation.devices.codecs.frame_checks import check_bytes
-from calstation.devices.imu.frames import Reply
-from calstation.devices.links.serial_link import PortLostError, SerialLink, SerialSettings
+from calstation.devices.codecs.packets import Reply
+from calstation.devices.links.serial_link import PortLostError, SerialLink
 from calstation.devices.links.unanswered import QUIET, Unanswered
+from calstation.devices.profiles.serial_settings import SerialSettings
 
 READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 
@@ -67,7 +68,7 @@ class RtuReply:
             return 8
         return 5 if function & ~REFUSED in (READ, WRITE, WRITE_MANY) else 0
 
-    def sound(self, packet: bytes) -> bool:
+    def is_valid(self, packet: bytes) -> bool:
         """See `packets.PacketKind`."""
         return check_bytes("crc16_modbus", packet[:-2], "little") == packet[-2:]
 
@@ -292,7 +293,7 @@ def replies(unit: int, heard: bytes, place: int) -> Iterator[tuple[Reply, int]]:
     while 0 <= (place := heard.find(kind.sync, place)) < len(heard):
         size = kind.size(heard, place)
         packet = heard[place : place + size] if size else b""
-        if size and len(packet) == size and kind.sound(packet):
+        if size and len(packet) == size and kind.is_valid(packet):
             place += size
             yield kind.reply(packet), place
         else:

@@ -8,8 +8,9 @@ from typing import Literal
 
 import serial
 
-from calstation.devices.links.serial_link import LINK_ERRORS, SerialSettings
+from calstation.devices.links.serial_link import LINK_ERRORS
 from calstation.devices.links.serial_ports import resolve
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import DeviceFaultError
 
 #: No such USB adapter or port, not allowed to this user, in use, settings that the port refuses; host:port misspelt, a

@@ -2,14 +2,12 @@
 
 import select
 from contextlib import suppress
-from typing import Literal
 
 import serial
-from pydantic import Field, field_validator
 
 from calstation.devices.links.serial_ports import found_ports, resolve
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.schema import StrictModel
 
 try:
     from termios import error as termios_error
@@ -28,31 +26,6 @@ class PortLostError(DeviceFaultError):
     def __init__(self, text: str, reason: str = "the port was lost") -> None:
         super().__init__(text)
         self.reason = reason
-
-
-class SerialSettings(StrictModel):
-    """Serial settings of a link, in a profile as defaults and in a station file as this place's values.
-
-    write_timeout_s : host time in which a command must leave
-    """
-
-    baud: int = Field(default=115200, ge=50, le=12_000_000)
-    data_bits: Literal[5, 6, 7, 8] = 8
-    parity: Literal["N", "E", "O", "M", "S"] = "N"
-    stop_bits: float = 1
-    write_timeout_s: float = Field(default=1.0, gt=0, le=60)
-
-    @field_validator("stop_bits")
-    @classmethod
-    def _stop_bits(cls, bits: float) -> float:
-        if bits not in (1, 1.5, 2):
-            raise ValueError(f"{bits:g} is out of range; it must be 1, 1.5 or 2")
-        return bits
-
-    @property
-    def line(self) -> str:
-        """As it is usually written, e.g. ``921600 8N1``."""
-        return f"{self.baud} {self.data_bits}{self.parity}{self.stop_bits:g}"
 
 
 class SerialLink:

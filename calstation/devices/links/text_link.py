@@ -5,9 +5,10 @@ import time
 from typing import Protocol
 
 from calstation.devices.codecs.frame_checks import check_function
-from calstation.devices.codecs.quoting import quoted_text
-from calstation.devices.links.serial_link import SerialLink, SerialSettings
+from calstation.devices.codecs.packets import quoted_text
+from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.links.unanswered import QUIET
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.text import CheckedLines, TextSection
 from calstation.errors import DeviceFaultError
 

@@ -1,36 +1,47 @@
-"""The frame of a profile (`[frame]`): where packets begin and end, what checks them, where numbers stand."""
+"""The frame of a profile (`[frame]`): packets, their check and fields, and what channels hold."""
 
 from collections.abc import Collection
+from dataclasses import dataclass, field
 from itertools import combinations, pairwise
 from typing import Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, CheckFunction, check_function, parametric_crc
 from calstation.devices.codecs.numbers import ByteOrder, NumberName, WordOrder, check_orders, number
-from calstation.schema import EntryError, StrictModel, entry, suggestion
+from calstation.messages.rendering import Text
+from calstation.physics.arrays import FloatArray
+from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 LARGEST_FRAME = 65_536
 
+CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+#: Status words, joined to one of 48 bits, `status` the lowest 16.
+STATUS_WORDS = ("status", "status2", "status3")
+#: Names of fields with a meaning; all others are "spare...".
+FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
+
+_SPARE = "spare"
+
 
 def hex_bytes(text: str) -> bytes:
-    """Bytes written as hexadecimal text, e.g. "55 AA"; raises ValueError."""
+    """Bytes written as hexadecimal text, e.g. "55 AA"; raises EntryError."""
     try:
         return bytes.fromhex(text)
     except ValueError:
-        raise ValueError(f"'{text}' is not hexadecimal; write bytes like \"55 AA\"") from None
+        raise EntryError("profile.not_hexadecimal", value=text) from None
 
 
 class FrameField(StrictModel):
     """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped.
 
-    at : byte of the frame, or of its item, where it begins (of a text frame: its column); behind the
-        field before it where absent
+    at : first byte in the frame or its item (of a text frame: its column); after the previous field if absent
     item : id of the item that carries it, in hexadecimal; only in frames of items
-    word_order : of its 16-bit words, where it is not that of the bytes
-    per_sample : of a counter, what it counts up in a sample; a clock's ticks, for instance
-    reach : of a channel, the size of its value from which on it is saturated; a whole number's type has ends anyway
-    prefix, base : of a text frame, letters that stand before the number, and 16 where it is hexadecimal
+    word_order : of its 16-bit words, if it differs from the byte order
+    per_sample : of a counter, its increment per sample, e.g. the ticks of a clock
+    reach : of a channel, the absolute value from which on it is saturated, in addition to the bounds of its type
+    prefix, base : of a text frame, letters before the number, and 16 for hexadecimal numbers
     """
 
     name: str
@@ -56,7 +67,7 @@ class FrameField(StrictModel):
     @classmethod
     def _scale(cls, scale: float) -> float:
         if scale == 0.0:
-            raise ValueError("is 0, so every value would be; give the value of 1 in the frame")
+            raise EntryError("profile.scale_zero")
         return scale
 
     @model_validator(mode="after")
@@ -66,16 +77,21 @@ class FrameField(StrictModel):
 
     @property
     def width(self) -> int:
-        """Bytes that it takes."""
+        """Size in bytes."""
         return number(self.type).width
+
+    @property
+    def is_spare(self) -> bool:
+        """Whether its bytes are skipped."""
+        return self.name.startswith(_SPARE)
 
 
 class CrcSection(StrictModel):
-    """A frame's check, over everything from byte `start` of the frame up to it.
+    """The check of a frame, over everything from byte `start` of the frame up to the check.
 
-    kind : a name of `checks`, or "crc" with the parameters below (the Rocksoft model's)
-    pad : zero bytes taken into the check behind the last
-    byte_order : of the check on the wire, the frame's where absent; in a text frame it stands in hexadecimal
+    kind : a name of `frame_checks`, or "crc" with the parameters below (Rocksoft model)
+    pad : zero bytes appended to the checked bytes
+    byte_order : of the check itself, the frame's if absent; in a text frame it is hexadecimal
     """
 
     kind: str
@@ -93,53 +109,49 @@ class CrcSection(StrictModel):
     @classmethod
     def _known(cls, kind: str) -> str:
         if kind != "crc" and kind not in CHECK_WIDTHS:
-            raise ValueError(
-                f"check '{kind}' is unknown; it must be one of {', '.join(CHECK_WIDTHS)}, or crc with its parameters"
-            )
+            raise EntryError("profile.unknown_check", value=kind, names=[*CHECK_WIDTHS, "crc"])
         return kind
 
     @model_validator(mode="after")
     def _parameters(self) -> "CrcSection":
-        given = self.model_fields_set & {
-            "width", "polynomial", "initial", "reflect_in", "reflect_out", "final_xor"
-        }  # fmt: skip
         if self.kind != "crc":
-            if given:
-                raise ValueError(f'{sorted(given)[0]} belongs to kind = "crc"; remove it')
+            fixed = {"kind", "start", "pad", "byte_order"}
+            for name in sorted(self.model_fields_set - fixed):
+                raise EntryError("profile.belongs_to", name, owner='kind = "crc"')
             return self
-        if self.width is None or not self.polynomial:
-            raise ValueError('kind = "crc" needs width and polynomial; add them')
+        for name in ("width", "polynomial"):
+            if not getattr(self, name):
+                raise EntryError("profile.needed_by", name, owner='kind = "crc"')
+        assert self.width is not None
         for name in ("polynomial", "initial", "final_xor"):
             if getattr(self, name) >> self.width:
-                raise ValueError(f"{name} = 0x{getattr(self, name):X} has more than {self.width} bits")
+                raise EntryError("profile.too_many_bits", name, value=getattr(self, name), bits=self.width)
         return self
 
     @property
     def size(self) -> int:
-        """Bytes of the check."""
+        """Size of the check in bytes."""
         return self.width // 8 if self.width else CHECK_WIDTHS[self.kind]
 
     def function(self) -> CheckFunction:
-        """What computes it, padding included."""
-        function = check_function(self.kind) if self.kind != "crc" else self._parametric()
+        """The function that computes it, padding included."""
+        function = check_function(self.kind) if self.width is None else self._parametric(self.width)
         if not self.pad:
             return function
         padding = bytes(self.pad)
         return lambda data: function(data + padding)
 
-    def _parametric(self) -> CheckFunction:
-        assert self.width is not None
+    def _parametric(self, width: int) -> CheckFunction:
         return parametric_crc(
-            self.width, self.polynomial, self.initial, self.reflect_in, self.reflect_out, self.final_xor
+            width, self.polynomial, self.initial, self.reflect_in, self.reflect_out, self.final_xor
         )
 
 
 class LengthSection(StrictModel):
-    """`length`: the number in the header that tells a frame's size.
+    """`length`: the number in the header that gives the frame's size.
 
-    at, type : where it stands; adds : bytes of the frame that it does not count
-    extended : type of a longer length that follows where all bits of the first are set; what stands behind
-        moves by its bytes
+    at, type : its position and type; adds : bytes of the frame that it does not count
+    extended : type of a longer length that follows if all bits of the first are set; it shifts what follows
     """
 
     at: int = Field(ge=0, lt=64)
@@ -151,7 +163,7 @@ class LengthSection(StrictModel):
 class ItemSection(StrictModel):
     """`items`: fields that each carry their own id and length, from byte `at` up to the check.
 
-    order : which of id and length comes first; counts_header : the length counts both of them as well
+    order : of id and length; counts_header : the length includes both of them
     """
 
     at: int = Field(ge=0, lt=64)
@@ -167,7 +179,7 @@ class ItemSection(StrictModel):
 
 
 class IdSection(StrictModel):
-    """`id`: the bytes that tell frames of samples from other frames of the same shape."""
+    """`id`: the bytes that distinguish frames of samples from other frames of the same shape."""
 
     at: int = Field(ge=0, lt=64)
     value: str
@@ -180,11 +192,11 @@ class IdSection(StrictModel):
 
 
 class FrameSection(StrictModel):
-    """`[frame]`: sync, fields, check, and what a frame that is more than these has besides.
+    """`[frame]`: sync, fields, check, and the header of frames that have more than these.
 
     sync : first bytes in hexadecimal; of a text frame, its first characters
-    tail : constant bytes behind the check
-    max_size : bytes above which a length is noise
+    tail : constant bytes after the check
+    max_size : size in bytes above which a length is taken for noise
     separator, mark, tail : of a text frame: between numbers, before the check, and the end of the line
     """
 
@@ -206,9 +218,9 @@ class FrameSection(StrictModel):
     def _sync(cls, sync: str, info: ValidationInfo) -> str:
         if info.data.get("format") == "text":
             if not sync or not sync.isascii():
-                raise ValueError(f"'{sync}' must be the first characters of a line, in ASCII")
+                raise EntryError("profile.text_sync", value=sync)
         elif not hex_bytes(sync):
-            raise ValueError('is empty; write the first bytes of a frame like "55 AA"')
+            raise EntryError("profile.no_sync_bytes")
         return sync
 
     @field_validator("tail")
@@ -225,44 +237,32 @@ class FrameSection(StrictModel):
 
     @property
     def tail_bytes(self) -> bytes:
-        """Last bytes of every frame, behind the check."""
+        """Last bytes of every frame, after the check."""
         if self.tail is None:
             return b"\r\n" if self.format == "text" else b""
         return hex_bytes(self.tail)
 
     @property
     def body(self) -> int:
-        """First byte behind sync, length and id, where fields begin that say nothing else."""
+        """First byte after sync, length and id, where the fields begin."""
         return max(end for _, end in self._header().values())
 
-    def _header(self) -> dict[str, tuple[int, int]]:
-        """First byte of sync, length and id, and the one behind each."""
-        found = {"sync": (0, len(self.sync_bytes))}
-        if self.length is not None:
-            found["length"] = (self.length.at, self.length.at + number(self.length.type).width)
-        if self.id is not None:
-            found["id"] = (self.id.at, self.id.at + len(hex_bytes(self.id.value)))
-        return found
+    @property
+    def counter_period(self) -> float:
+        """Samples after which the counter, or the unit's clock, wraps."""
+        counter = self.named("counter")
+        return 2.0 ** (8 * counter.width) / counter.per_sample
 
-    def least_size(self, names: Collection[str] = ()) -> int:
-        """Bytes that a frame with the fields of these names takes at least; with all fields where none are told."""
-        wanted = {f.name for f in self.fields if f.name in names or not names}
-        behind = self.crc.size + len(self.tail_bytes)
-        if (
-            self.format == "text"
-        ):  # a digit and a separator each, the mark, two digits for a byte of the check
-            return len(self.sync_bytes) + 2 * len(self.fields) + 1 + self.crc.size + behind
-        if self.items is None:
-            ends = [end for f, _, end in self._places() if f.name in wanted or self.length is None]
-            return max(ends, default=self.body) + behind
-        ends_of: dict[str, int] = {}
-        for f, _, end in self._places():
-            if f.name in wanted:
-                ends_of[f.item or ""] = max(end, ends_of.get(f.item or "", 0))
-        return self.items.at + sum(self.items.header + end for end in ends_of.values()) + behind
+    def field(self, name: str) -> FrameField | None:
+        """The field of a name; None if there is none."""
+        return next((f for f in self.fields if f.name == name), None)
 
-    def _places(self) -> list[tuple[FrameField, int, int]]:
-        """Each field with its first byte, in the frame or in its item, and the one behind its last."""
+    def named(self, name: str) -> FrameField:
+        """The field of a name that every checked frame of samples has."""
+        return next(f for f in self.fields if f.name == name)
+
+    def positions(self) -> list[tuple[FrameField, int, int]]:
+        """Each field with its first byte, in the frame or in its item, and the byte after its last."""
         ends: dict[str, int] = {}
         found = []
         for f in self.fields:
@@ -272,26 +272,47 @@ class FrameSection(StrictModel):
             found.append((f, begin, ends[key]))
         return found
 
-    def field(self, name: str) -> FrameField | None:
-        """The field of a name, None where there is none."""
-        return next((f for f in self.fields if f.name == name), None)
+    def min_size(self, names: Collection[str] = ()) -> int:
+        """Smallest size in bytes of a frame with the fields of these names, or with all fields."""
+        wanted = {f.name for f in self.fields if f.name in names or not names}
+        trailer = self.crc.size + len(self.tail_bytes)
+        if (
+            self.format == "text"
+        ):  # a digit and a separator each, the mark, two digits for a byte of the check
+            return len(self.sync_bytes) + 2 * len(self.fields) + 1 + self.crc.size + trailer
+        if self.items is None:
+            ends = [end for f, _, end in self.positions() if f.name in wanted or self.length is None]
+            return max(ends, default=self.body) + trailer
+        ends_of: dict[str, int] = {}
+        for f, _, end in self.positions():
+            if f.name in wanted:
+                ends_of[f.item or ""] = max(end, ends_of.get(f.item or "", 0))
+        return self.items.at + sum(self.items.header + end for end in ends_of.values()) + trailer
+
+    def _header(self) -> dict[str, tuple[int, int]]:
+        """First byte of sync, length and id, and the byte after each."""
+        found = {"sync": (0, len(self.sync_bytes))}
+        if self.length is not None:
+            found["length"] = (self.length.at, self.length.at + number(self.length.type).width)
+        if self.id is not None:
+            found["id"] = (self.id.at, self.id.at + len(hex_bytes(self.id.value)))
+        return found
 
     @model_validator(mode="after")
     def _consistent(self) -> "FrameSection":
         names = [f.name for f in self.fields]
         for i, name in enumerate(names):
             if name in names[:i]:
-                raise EntryError(f"field '{name}' is there twice; remove one", "fields", i)
+                raise EntryError("profile.field_twice", "fields", i, name=name)
         if self.format == "text":
             self._check_text()
             return self
         if "byte_order" not in self.model_fields_set:
-            raise ValueError("byte_order is missing; add it")
+            raise EntryError("entry.missing", "byte_order")
         for i, f in enumerate(self.fields):
             if f.prefix or f.base != 10:
-                raise EntryError(
-                    f"field '{f.name}': prefix and base belong to a text frame; remove them", "fields", i
-                )
+                other = "prefix" if f.prefix else "base"
+                raise EntryError("profile.belongs_to", "fields", i, other, owner='format = "text"')
         self._check_header()
         if self.items is not None:
             self._check_items(self.items)
@@ -302,83 +323,131 @@ class FrameSection(StrictModel):
     def _check_text(self) -> None:
         for name in ("length", "items", "id"):
             if getattr(self, name) is not None:
-                raise ValueError(f"{name} does not belong to a text frame; remove it")
+                raise EntryError("profile.not_with", name, other='format = "text"')
         if not self.tail_bytes:
-            raise ValueError("tail is empty, but a text frame needs an end of line")
+            raise EntryError("profile.text_without_end", "tail")
         if self.crc.start > len(self.sync_bytes) + 1:
-            raise ValueError(
-                f"crc.start = {self.crc.start} lies behind sync, so some of the numbers would not be checked;"
-                " correct it"
-            )
+            raise EntryError("profile.check_after_sync", "crc", "start", value=self.crc.start)
         for i, f in enumerate(self.fields):
-            if f.item is not None or f.word_order is not None:
-                raise EntryError(
-                    f"field '{f.name}': item and word_order do not belong to a text frame; remove them",
-                    *("fields", i),
-                )
+            for name in ("item", "word_order"):
+                if getattr(f, name) is not None:
+                    raise EntryError("profile.not_with", "fields", i, name, other='format = "text"')
 
     def _check_header(self) -> None:
-        """Sync, length and id lie apart, and the check begins before the frame ends."""
+        """Sync, length and id do not overlap, and the check begins before the frame ends."""
         for (a, at), (b, other) in combinations(self._header().items(), 2):
             if at[0] < other[1] and other[0] < at[1]:
-                raise ValueError(f"{b}.at = {other[0]} overlaps {a}, bytes {at[0]}-{at[1] - 1}; correct it")
-        end = self.least_size() - self.crc.size - len(self.tail_bytes)
+                raise EntryError("profile.header_overlap", b, "at", other=a, first=at[0], last=at[1] - 1)
+        end = self.min_size() - self.crc.size - len(self.tail_bytes)
         if self.crc.start >= end:
-            raise ValueError(
-                f"crc.start = {self.crc.start} lies behind what it is to check, bytes 0-{end - 1}; correct it"
-            )
+            raise EntryError("profile.check_after_frame", "crc", "start", value=self.crc.start, last=end - 1)
         if self.length is not None and self.items is None:
             longest = (1 << 8 * number(self.length.extended or self.length.type).width) - 1 + self.length.adds
-            if min(longest, self.max_size) < self.least_size():
-                raise ValueError(
-                    f"length tells no more than {min(longest, self.max_size)} bytes, the fields need"
-                    f" {self.least_size()}; correct length.type, length.adds or max_size"
+            longest = min(longest, self.max_size)
+            if longest < self.min_size():
+                raise EntryError(
+                    "profile.length_too_short", "length", longest=longest, needed=self.min_size()
                 )
 
     def _check_items(self, items: ItemSection) -> None:
         if self.length is None:
-            raise ValueError("items need a length in the header; add length")
+            raise EntryError("profile.needed_by", "length", owner="items")
         for i, f in enumerate(self.fields):
             if f.item is None:
-                raise EntryError(
-                    f"field '{f.name}' must name the item that carries it; add item", "fields", i
-                )
+                raise EntryError("profile.needed_by", "fields", i, "item", owner="items")
             if len(hex_bytes(f.item)) != number(items.id).width:
-                raise EntryError(
-                    f"field '{f.name}': item '{f.item}' is not as long as an id; correct it", "fields", i
-                )
+                raise EntryError("profile.item_id_size", "fields", i, "item", value=f.item)
         if items.at < self.body:
-            raise ValueError(
-                f"items.at = {items.at} lies within sync, length and id, which end at byte {self.body - 1}; correct it"
-            )
-        ordered = sorted(self._places(), key=lambda place: (place[0].item or "", place[1]))
+            raise EntryError("profile.items_in_header", "items", "at", value=items.at, last=self.body - 1)
+        ordered = sorted(self.positions(), key=lambda position: (position[0].item or "", position[1]))
         for (first, _, end), (second, begin, _) in pairwise(ordered):
             if first.item == second.item and begin < end:
-                raise EntryError(
-                    f"fields '{first.name}' and '{second.name}' overlap at byte {begin} of item '{first.item}';"
-                    " correct at",
-                    *("fields", self.fields.index(second)),
-                )
+                place = ("fields", self.fields.index(second), "at")
+                raise EntryError("profile.fields_overlap", *place, other=first.name, byte=begin)
 
     def _check_plain(self) -> None:
-        if self.length is not None and self.length.extended and any(f.at is not None for f in self.fields):
-            raise ValueError("length.extended moves the fields, so none may have an at; remove it")
-        place = self.body
+        if self.length is not None and self.length.extended:
+            for i, f in enumerate(self.fields):
+                if f.at is not None:
+                    raise EntryError("profile.not_with", "fields", i, "at", other="length.extended")
+        end = self.body
         for i, f in enumerate(self.fields):
-            with entry("fields", i):
-                if f.item is not None:
-                    raise ValueError(f"field '{f.name}' names an item, but the frame has none; add items")
-                begin = place if f.at is None else f.at
-                if begin < place:
-                    raise ValueError(
-                        f"field '{f.name}' at byte {begin} overlaps what stands before it, up to byte {place - 1};"
-                        " list fields in their order and correct at"
-                    )
-            place = begin + f.width
-        if place + self.crc.size + len(self.tail_bytes) > self.max_size:
-            raise ValueError(f"the fields take {place} bytes, more than max_size = {self.max_size}")
+            if f.item is not None:
+                raise EntryError("profile.belongs_to", "fields", i, "item", owner="items")
+            begin = end if f.at is None else f.at
+            if begin < end:
+                raise EntryError("profile.field_order", "fields", i, "at", value=begin, last=end - 1)
+            end = begin + f.width
+        if end + self.crc.size + len(self.tail_bytes) > self.max_size:
+            raise EntryError("profile.fields_too_long", "fields", size=end, limit=self.max_size)
 
 
-def unknown_field(name: str, known: tuple[str, ...]) -> str:
-    """What is said of a field that means nothing to the station."""
-    return f"field '{name}' is unknown{suggestion(name, known) or '; call unused bytes spare1 ...'}"
+def check_samples(frame: FrameSection) -> None:
+    """Check that a frame's fields are those of a sample; raises EntryError."""
+    for i, f in enumerate(frame.fields):
+        if f.name not in FIELDS and not f.is_spare:
+            remedy = near_miss(f.name, FIELDS, Text("profile.call_it_spare"))
+            raise EntryError("entry.unknown_name", "fields", i, "name", name=f.name, remedy=remedy)
+    for name in ("counter", *CHANNELS):
+        if frame.field(name) is None:
+            raise EntryError("profile.field_missing", "fields", name=name)
+    words = [f for f in frame.fields if f.name in STATUS_WORDS]
+    for i, f in enumerate(frame.fields):
+        with entry("fields", i):
+            _check_field(f, len(words))
+
+
+def _check_field(f: FrameField, words: int) -> None:
+    """Check the keys of a field by its meaning; `words` is the number of status words."""
+    is_counter, is_word = f.name == "counter", f.name in STATUS_WORDS
+    if f.reach is not None and f.name not in CHANNELS:
+        raise EntryError("profile.only_of_channels", "reach")
+    if f.per_sample != 1.0 and not is_counter:
+        raise EntryError("profile.only_of_counter", "per_sample")
+    if is_counter and (f.scale != 1.0 or f.offset != 0.0):
+        raise EntryError("profile.counter_scaled", "scale" if f.scale != 1.0 else "offset")
+    if is_word and (f.scale != 1.0 or f.offset != 0.0):
+        raise EntryError("profile.status_scaled", "scale" if f.scale != 1.0 else "offset")
+    kind = number(f.type)
+    if is_counter and (kind.kind != "u" or kind.fraction):
+        raise EntryError("profile.counter_type", "type", value=f.type)
+    if is_word and words > 1 and (not kind.whole or f.width > 2):
+        raise EntryError("profile.status_word_type", "type", value=f.type)
+    if is_word and not kind.whole:
+        raise EntryError("profile.status_type", "type", value=f.type)
+
+
+def _all(value: float) -> FloatArray:
+    return np.full(len(CHANNELS), value)
+
+
+@dataclass(frozen=True)
+class Span:
+    """What the six channels of a stream can hold, in counts, each of shape (6,).
+
+    Attributes
+    ----------
+    step : smallest difference of two values: 0 for floats, infinite if unknown
+    low, high : values at which the output is saturated
+    """
+
+    step: FloatArray = field(default_factory=lambda: _all(1.0))
+    low: FloatArray = field(default_factory=lambda: _all(-np.inf))
+    high: FloatArray = field(default_factory=lambda: _all(np.inf))
+
+
+def span(frame: FrameSection) -> Span:
+    """What the channels of a frame can hold; a whole number at a bound of its type is saturated."""
+    steps, ends = [], []
+    for name in CHANNELS:
+        f = frame.named(name)
+        kind = number(f.type)
+        if kind.kind == "f":
+            steps.append(np.inf if frame.format == "text" else 0.0)  # the digits of a text line are unknown
+            low, high = -np.inf, np.inf
+        else:
+            steps.append(abs(f.scale) * 2.0**-kind.fraction)
+            low, high = sorted(end * f.scale + f.offset for end in kind.bounds)
+        reach = np.inf if f.reach is None else f.reach
+        ends.append((max(low, -reach), min(high, reach)))
+    return Span(np.array(steps), *np.array(ends, np.float64).T)

@@ -1,199 +1,153 @@
-"""What the parts of an IMU profile must not say against each other; every complaint names its entry and the mend."""
+"""Rules between the sections of an IMU profile; each broken one raises EntryError."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 from calstation.devices.codecs.numbers import number
-from calstation.devices.imu.sample_count import wrap
-from calstation.devices.links.serial_link import SerialSettings
-from calstation.devices.profiles.channels import CHANNELS
-from calstation.devices.profiles.frame import FrameField, FrameSection
+from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection
+from calstation.devices.profiles.imu_sections import CorrectedSection, ModbusUnitSection, StatusSection
 from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.schema import EntryError, entry
 
-if TYPE_CHECKING:
-    from calstation.devices.profiles.imu import ModbusUnitSection, StatusSection
-
-#: Ticks of a VectorNav's clock in a second.
+#: Ticks of a VectorNav's clock per second.
 _NANOSECONDS = 1e9
 
-#: Shortest time in which a counter may wrap, s: what is lost in a whole wrap is missed by the station's clock, by
-#: which
-#: samples come a few hundredths of a second sooner or later.
+#: Shortest period of the counter, s: the loss of a whole period is detected by the host's clock, against which samples
+#: arrive a few hundredths of a second early or late.
 SHORTEST_WRAP = 0.1
 
 _LARGEST_ADDRESS = 0xFFFF
 
 
-def check_samples(frame: FrameSection, status_words: Sequence[str]) -> None:
-    """Are a frame's fields those of a sample? Raises ValueError naming the field.
-
-    Parameters
-    ----------
-    status_words : names of the status words, the lowest first
-    """
-    for name in ("counter", *CHANNELS):
-        if frame.field(name) is None:
-            raise ValueError(f"field '{name}' is missing; add it in its place")
-    words = [f for f in frame.fields if f.name in status_words]
-    for i, f in enumerate(frame.fields):
-        with entry("fields", i):
-            _check_field(f, f in words, len(words))
-
-
-def _check_field(f: FrameField, is_word: bool, words: int) -> None:
-    """What a field is, and what belongs to it; `words` of the status are there in all."""
-    if f.reach is not None and f.name not in CHANNELS:
-        raise ValueError(f"field '{f.name}' is no channel and has no reach; remove it")
-    if f.per_sample != 1.0 and f.name != "counter":
-        raise ValueError(f"field '{f.name}' is no counter and has no per_sample; remove it")
-    if (is_word or f.name == "counter") and (f.scale != 1.0 or f.offset != 0.0):
-        instead = "say per_sample instead" if f.name == "counter" else "remove them"
-        raise ValueError(f"field '{f.name}' has no scale and no offset; {instead}")
-    kind = number(f.type)
-    if f.name == "counter" and (kind.kind != "u" or kind.fraction):
-        raise ValueError(f"field 'counter' has type '{f.type}'; it must be u8 to u64")
-    if is_word and (not kind.whole or (words > 1 and f.width > 2)):
-        allowed = "u8 or u16" if words > 1 else "a whole number"
-        raise ValueError(f"field '{f.name}' has type '{f.type}'; it must be {allowed}")
-
-
-def check_status(status: "StatusSection", frame: FrameSection, status_words: Sequence[str]) -> None:
-    """Does the frame hold the bits of the status that are looked at? Raises ValueError naming the mask."""
-    words = [(i, frame.field(name)) for i, name in enumerate(status_words)]
-    there = sum(((1 << 8 * f.width) - 1) << 16 * i for i, f in words if f is not None)
+def check_status(status: StatusSection, frame: FrameSection) -> None:
+    """Check that the frame holds the bits of the status masks, and that no bit has two meanings."""
+    words = [(i, frame.field(name)) for i, name in enumerate(STATUS_WORDS)]
+    present = sum(((1 << 8 * f.width) - 1) << 16 * i for i, f in words if f is not None)
     masks = {"ready": status.ready, "saturated": status.saturated, "failed": status.failed}
     for name, mask in masks.items():
-        if mask & ~there:
-            raise ValueError(
-                f"status.{name} = 0x{mask:04X} looks at bits that no field of the frame holds; add the field"
-                f" '{status_words[0]}' in its place, or correct the mask"
-            )
+        if mask & ~present:
+            raise EntryError("profile.mask_outside_frame", "status", name, value=mask)
     for name in ("saturated", "failed"):
         if masks["ready"] & masks[name]:
-            raise ValueError(
-                f"status.ready and status.{name} look at the same bit, so a unit that is ready would be {name};"
-                " correct one"
-            )
+            raise EntryError("profile.mask_of_ready", "status", name)
 
 
 def check_baud(settings: SerialSettings, frame: FrameSection, rate: float) -> None:
-    """Can the line carry the stream? Raises ValueError.
-
-    Parameters
-    ----------
-    rate : samples per second
-    """
-    parity = 0 if settings.parity == "N" else 1
-    bits = 1 + settings.data_bits + parity + settings.stop_bits
-    size = frame.least_size(("counter", *CHANNELS))
-    needed = bits * size * rate
+    """Check that the serial line can carry the stream at `rate` samples per second."""
+    size = frame.min_size(("counter", *CHANNELS))
+    needed = settings.bits_per_byte * size * rate
     if needed > settings.baud:
-        raise ValueError(
-            f"link.baud = {settings.baud} is too slow for stream.sample_rate_hz = {rate:g} with frames of"
-            f" {size} bytes, which take {needed:.0f}; correct one of them"
+        raise EntryError(
+            "profile.baud_too_low", "link", "baud", baud=settings.baud, rate=rate, size=size, needed=needed
         )
 
 
 def check_nanoseconds(frame: FrameSection, rate: float) -> None:
-    """Does a VectorNav's clock count what its rate says? Raises ValueError."""
-    counter = frame.field("counter")
-    if counter is None or counter.per_sample == 1.0:
-        return
+    """Check that a VectorNav's clock counts the nanoseconds of its sample rate."""
+    counter = frame.named("counter")
     expected = _NANOSECONDS / rate
-    if abs(counter.per_sample - expected) > 1e-3 * expected:
-        raise ValueError(
-            f"field 'counter': per_sample = {counter.per_sample:g} does not fit stream.sample_rate_hz = {rate:g}, at"
-            f" which the unit's clock counts {expected:g} ns; correct one"
-        )
+    if counter.per_sample != 1.0 and abs(counter.per_sample - expected) > 1e-3 * expected:
+        place = ("fields", frame.fields.index(counter), "per_sample")
+        raise EntryError("profile.clock_rate", *place, value=counter.per_sample, rate=rate, expected=expected)
 
 
 def check_wrap(frame: FrameSection, rate: float) -> None:
-    """Does the counter count long enough to show what was lost? Raises ValueError."""
-    seconds = wrap(frame) / rate
+    """Check that the counter's period is long enough to detect lost samples."""
+    seconds = frame.counter_period / rate
     if seconds < SHORTEST_WRAP:
-        counter = frame.field("counter")
-        assert counter is not None
-        raise ValueError(
-            f"field 'counter': type {counter.type} begins again every {seconds:.3g} s at stream.sample_rate_hz ="
-            f" {rate:g}, so nobody would miss what is lost in that time; take a wider number of the frame that counts,"
-            " or lower the rate"
-        )
+        counter = frame.named("counter")
+        place = ("fields", frame.fields.index(counter), "type")
+        raise EntryError("profile.counter_too_short", *place, type=counter.type, seconds=seconds, rate=rate)
 
 
 def check_sync(frame: FrameSection, reply_sync: bytes) -> None:
-    """Can frames be told from replies? Raises ValueError naming the sync."""
+    """Check that frames can be distinguished from replies."""
     sync = frame.sync_bytes
     if sync.startswith(reply_sync) or reply_sync.startswith(sync):
-        raise EntryError(
-            "begins as commands.reply_sync does, so samples could not be told from replies; correct one",
-            "sync",
-        )
+        raise EntryError("profile.sync_of_replies", "sync")
 
 
-def check_modbus_map(section: "ModbusUnitSection", entries: Sequence[RegisterEntry]) -> None:
-    """Do the unit's own registers and its calibration lie apart? Raises ValueError naming both.
+def check_corrected(
+    section: CorrectedSection, protocol: str, order: str, raw: tuple[int, ...] | None
+) -> None:
+    """Check that `[corrected]` fits the rest of its profile.
 
-    What switches, commits, resets or chooses the page answers on every page, so calibration may lie on none of them.
+    Parameters
+    ----------
+    section : the section
+    protocol : protocol of the unit's commands
+    order : order of stream and registers
+    raw : values that switch the raw stream on and off; None if the link has no such switch
     """
-    own = dict(_own_registers(section))
+    if order == "after_registers":
+        raise EntryError("profile.not_with", "corrected", other='stream.order = "after_registers"')
+    if protocol == "stream":
+        raise EntryError("profile.not_with", "corrected", other='protocol = "stream"')
+    needed, other = ("start", "stream") if protocol == "vectornav" else ("stream", "start")
+    if not _given(section, needed):
+        raise EntryError("profile.needed_by", "corrected", needed, owner=f'protocol = "{protocol}"')
+    if _given(section, other):
+        raise EntryError("profile.not_with", "corrected", other, other=f'protocol = "{protocol}"')
+    if section.stream is None:
+        return
+    if raw is None:
+        raise EntryError("profile.needed_by", "modbus", "stream", owner="corrected.stream")
+    if section.stream in raw:
+        raise EntryError("profile.stream_value_of_raw", "corrected", "stream", value=section.stream)
+    if protocol == "framed" and section.stream > 0xFF:
+        raise EntryError("entry.out_of_range", "corrected", "stream", value=section.stream, low=2, high=255)
+
+
+def _given(section: CorrectedSection, name: str) -> bool:
+    return getattr(section, name) not in (None, [])
+
+
+def check_modbus_map(section: ModbusUnitSection, entries: Sequence[RegisterEntry]) -> None:
+    """Check that the unit's own registers and its calibration do not overlap.
+
+    Commands and the page register answer on every page, so the calibration may overlap them on none.
+    """
+    own, written = section.ranges, section.written
     for name, (begin, end) in own.items():
         if end - 1 > _LARGEST_ADDRESS:
-            raise ValueError(f"modbus.{name}: {_named(begin, end)} runs past {_LARGEST_ADDRESS}; correct it")
+            raise EntryError("profile.past_last_address", "modbus", name, address=begin, last=end - 1)
     for (a, at), (b, other) in combinations(own.items(), 2):
-        shared = {a, b} <= set(_orders(section))  # told apart by what is written
-        if not shared and at[0] < other[1] and other[0] < at[1]:
-            raise ValueError(
-                f"modbus.{a} ({_named(*at)}) and modbus.{b} ({_named(*other)}) overlap; correct an address"
+        distinguished = a in written and b in written  # by the value
+        if not distinguished and at[0] < other[1] and other[0] < at[1]:
+            raise EntryError(
+                "profile.registers_overlap",
+                *("modbus", b),
+                mine=_span(*other),
+                other=f"modbus.{a}",
+                at=_span(*at),
             )
-    for a, b in combinations(_orders(section), 2):
-        if own[a] == own[b] and set(_orders(section)[a]) & set(_orders(section)[b]):
-            raise ValueError(f"modbus.{a} and modbus.{b} write the same to register {own[a][0]}; correct one")
+    for a, b in combinations(written, 2):
+        if own[a] == own[b] and set(written[a]) & set(written[b]):
+            raise EntryError("profile.same_write", "modbus", b, other=f"modbus.{a}")
     for command in ("commit", "reset"):
         order = getattr(section, command)
         if order.done == order.value:
-            raise ValueError(
-                f"modbus.{command}: done = {order.done} is what is written, so it would be done at once; correct it"
-            )
-    for told in entries:
-        with entry("registers", told.row):
-            _check_place(told, own)
+            raise EntryError("profile.done_at_once", "modbus", command, "done", value=order.done)
+    for register in entries:
+        with entry("registers", register.row):
+            _check_span(register, own)
 
 
-def _check_place(told: RegisterEntry, own: Mapping[str, tuple[int, int]]) -> None:
-    needed = number(told.type).width // 2
-    if told.span != needed:
-        raise ValueError(
-            f"{told}: span = {told.span} does not fit type {told.type}, which takes {needed} registers of 16 bits;"
-            " remove span"
-        )
+def _check_span(register: RegisterEntry, own: Mapping[str, tuple[int, int]]) -> None:
+    needed = number(register.type).width // 2
+    if register.span != needed:
+        raise EntryError("profile.span", "span", value=register.span, type=register.type, needed=needed)
     for name, (begin, end) in own.items():
-        if told.address < end and begin < told.end:
-            raise ValueError(f"{told} and modbus.{name} ({_named(begin, end)}) overlap; correct an address")
+        if register.address < end and begin < register.end:
+            raise EntryError(
+                "profile.registers_overlap",
+                "address",
+                mine=register.label,
+                other=f"modbus.{name}",
+                at=_span(begin, end),
+            )
 
 
-def _own_registers(section: "ModbusUnitSection") -> Iterator[tuple[str, tuple[int, int]]]:
-    """First address and the one behind the last, of everything that is no calibration."""
-    for name in ("model", "serial", "firmware"):
-        text = getattr(section, name)
-        if text is not None:
-            yield name, (text.address, text.address + text.words)
-    for name in ("commit", "reset", "stream"):
-        word = getattr(section, name)
-        if word is not None:
-            yield name, (word.address, word.address + 1)
-    if section.page is not None:
-        yield "page", (section.page, section.page + 1)
-
-
-def _orders(section: "ModbusUnitSection") -> Mapping[str, tuple[int, ...]]:
-    """Values that are written to registers in which the value tells what is meant."""
-    stream = section.stream
-    switch = () if stream is None else tuple(v for v in (stream.on, stream.off) if v is not None)
-    found = {"commit": (section.commit.value,), "reset": (section.reset.value,), "stream": switch}
-    return {name: values for name, values in found.items() if values}
-
-
-def _named(begin: int, end: int) -> str:
-    return f"register {begin}" if end - begin == 1 else f"registers {begin}-{end - 1}"
+def _span(begin: int, end: int) -> str:
+    return f"{begin}" if end - begin == 1 else f"{begin}-{end - 1}"

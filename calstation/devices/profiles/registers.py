@@ -1,4 +1,4 @@
-"""The register map of a profile (`[[registers]]`), checked as a whole: names, overlaps, ranges, what is missing."""
+"""The register map of a profile (`[[registers]]`), checked as a whole: names, overlaps, ranges, missing parameters."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -16,13 +16,14 @@ from calstation.devices.codecs.conventions import (
     parameter_of,
 )
 from calstation.devices.codecs.numbers import ByteOrder, NumberName, WordOrder, check_orders, number
-from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
-from calstation.schema import EntryError, StrictModel, entry, suggestion
+from calstation.messages.rendering import Text
+from calstation.physics.parameters import AXES, GROUPS, NAMES, PARAMETERS
+from calstation.schema import EntryError, StrictModel, entry, near_miss
 
-#: A unit's parameter may lie this many sigmas of its prior from zero.
+#: Registers must hold a unit's parameters up to this many sigmas of their prior.
 _LEGAL = 3.0
 
-#: A value may read back otherwise by no more than this share of its range.
+#: Largest tolerance of a value that is read back, as a share of its range.
 _COARSEST = 0.01
 
 _LARGEST_ADDRESS = 0xFFFF
@@ -35,22 +36,26 @@ _KNOWN = (
 )
 _NEVER_IN_REGISTERS = "outer_lever"
 
+#: Elements that a matrix may have registers for: all nine, lower triangular, diagonal.
+_ALL = {a + b for a in AXES for b in AXES}
+_MATRICES = (_ALL, {pair for pair in _ALL if pair[0] >= pair[1]}, {axis + axis for axis in AXES})
+
 
 class RegisterEntry(StrictModel):
     """Consecutive calibration registers; SI value = number in the register × scale.
 
     Attributes
     ----------
-    address : of the first; page : that must be chosen before, where the unit has pages
-    parameters : what they hold in order: parameters by contract name; or slots of a matrix and an offset after the
-        unit's own formula, `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group,
-        `gyro_bias` or `gyro_matrix`, stands for all of its names
+    address : of the first; page : to be selected first, if the unit has pages
+    parameters : contents in order: parameters by contract name; slots of a matrix and an offset by the unit's own
+        formula, `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group, `gyro_bias` or
+        `gyro_matrix`, stands for all of its names
     major : whether a group that is a matrix is listed row by row or column by column
-    type, byte_order, word_order : of each number; orders as the link's where absent
-    span : addresses that each number takes, 0 where all stand at the same one; the link's own way where absent
-    scale : SI value of 1 in the register, negative where the unit has the opposite sign
+    type, byte_order, word_order : of each number; orders as the link's if absent
+    span : addresses of each number, 0 if all are at the same one; the link's own way if absent
+    scale : SI value of 1 in the register, negative if the unit has the opposite sign
     range : lowest and highest SI value that fits
-    tolerance : by how much a value may read back otherwise, SI, of a unit that does not give its registers exactly
+    tolerance : largest difference of a value read back, SI, of a unit that does not return its registers exactly
     convention : of matrix and offset
     """
 
@@ -72,224 +77,233 @@ class RegisterEntry(StrictModel):
     @classmethod
     def _scale(cls, scale: float) -> float:
         if scale == 0.0:
-            raise ValueError("is 0, so every value would be; give the SI value of 1 in the register")
+            raise EntryError("profile.scale_zero")
         return scale
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each register holds, groups told one by one."""
-        return tuple(name for told in self.parameters for name in self._members(told))
+        """Content of each register, groups replaced by their names."""
+        return tuple(name for listed in self.parameters for name in self._members(listed))
 
-    def _members(self, told: str) -> Sequence[str]:
+    def _members(self, listed: str) -> Sequence[str]:
         for sensor in SENSORS:
-            if told == f"{sensor}_matrix":
+            if listed == f"{sensor}_matrix":
                 rows = matrix_slots(sensor)
                 return rows if self.major == "row" else [rows[3 * (i % 3) + i // 3] for i in range(9)]
-            if told == f"{sensor}_offset":
+            if listed == f"{sensor}_offset":
                 return offset_slots(sensor)
-        return [p.name for p in PARAMETERS if p.group == told] or [told]
+        return [p.name for p in PARAMETERS if p.group == listed] or [listed]
 
     @property
     def key(self) -> int:
-        """Address and page in one."""
+        """Page and address in one number."""
         return self.page << 16 | self.address
 
     @property
     def end(self) -> int:
-        """First address behind the entry."""
+        """First address after the entry."""
         return self.address + max(1, self.span * len(self.names))
 
-    def place(self, index: int) -> int:
+    def address_of(self, index: int) -> int:
         """Address of a number of the entry."""
         return self.address + self.span * index
 
     @property
     def step(self) -> float:
-        """Smallest difference of two SI values; 0 of floats, whose digits follow the value."""
+        """Smallest difference of two SI values; 0 for floats, whose resolution follows the value."""
         kind = number(self.type)
         return 0.0 if kind.kind == "f" else abs(self.scale) * 2.0**-kind.fraction
 
     @property
     def bounds(self) -> tuple[float, float]:
         """SI values that type and scale can hold."""
-        low, high = (bound * self.scale for bound in number(self.type).bounds)
-        return (low, high) if low < high else (high, low)
+        low, high = sorted(bound * self.scale for bound in number(self.type).bounds)
+        return low, high
+
+    @property
+    def effective_convention(self) -> Convention:
+        """The convention, the default one if absent."""
+        return self.convention or Convention()
 
     @property
     def row(self) -> int:
-        """Which of the profile's entries it is, as they stand in the file."""
+        """Index of the entry in the file."""
         return self._row
 
     def at_row(self, row: int) -> "RegisterEntry":
-        """The same, known as the profile's entry of that number."""
+        """The same entry, marked with its index in the file."""
         self._row = row
         return self
 
+    @property
+    def label(self) -> str | Text:
+        """Addresses, with the page if there is one, for messages."""
+        last = self.end - 1
+        addresses = f"{self.address}" if last == self.address else f"{self.address}-{last}"
+        return Text.of("profile.at_page", addresses=addresses, page=self.page) if self.page else addresses
+
     def __str__(self) -> str:
-        page = f"page {self.page} " if self.page else ""
-        return f"{page}register {self.address}" + (f"-{self.end - 1}" if self.span else "")
+        return f"register {self.address}"
 
 
 def check_registers(
     entries: Sequence[RegisterEntry], sigmas: Mapping[str, float], without: Sequence[str], *, pages: bool
 ) -> None:
-    """Is this a register map? Raises ValueError naming the entry.
+    """Check a register map as a whole.
 
     Parameters
     ----------
-    sigmas : of the parameters' priors, SI
-    without : parameters and groups that have no register, by the profile's own word
-    pages : whether the link can choose pages
+    entries : the map
+    sigmas : standard deviations of the parameters' priors, SI
+    without : parameters and groups that the profile declares to have no register
+    pages : whether the link can select pages
+
+    Raises
+    ------
+    EntryError
+        For the first wrong entry.
     """
-    for told in entries:
-        with entry("registers", told.row):
-            _check_entry(told, sigmas, pages)
+    for register in entries:
+        with entry("registers", register.row):
+            _check_entry(register, sigmas, pages)
     ordered = sorted(entries, key=lambda e: e.key)
     for a, b in pairwise(ordered):
         if a.page == b.page and b.address < a.end:
-            raise EntryError(f"{a} and {b} overlap; correct an address", "registers", b.row, "address")
+            place = ("registers", b.row, "address")
+            other = f"registers[{a.row}]"
+            raise EntryError("profile.registers_overlap", *place, mine=b.label, other=other, at=a.label)
     seen: dict[str, RegisterEntry] = {}
-    for told in ordered:
-        for name in filter(None, told.names):
+    for register in ordered:
+        for name in filter(None, register.names):
             if name in seen:
-                raise EntryError(
-                    f"'{name}' is in {seen[name]} and in {told}; remove one", "registers", told.row
-                )
-            seen[name] = told
+                place = ("registers", register.row, "parameters")
+                raise EntryError("profile.parameter_twice", *place, name=name, other=seen[name].label)
+            seen[name] = register
     for sensor in SENSORS:
         _check_sensor(sensor, seen)
     _check_missing(set(seen), without)
 
 
-def _check_entry(told: RegisterEntry, sigmas: Mapping[str, float], pages: bool) -> None:
-    for name in told.names:
+def _check_entry(register: RegisterEntry, sigmas: Mapping[str, float], pages: bool) -> None:
+    for name in register.names:
         if name and name not in NAMES and name not in SLOTS:
-            raise ValueError(f"{told}: '{name}' is no parameter{suggestion(name, _KNOWN) or '; remove it'}")
-    check_orders(told.type, told.word_order)
-    if told.page and not pages:
-        raise ValueError(f"{told}: this link has no pages; remove page, or say where it is chosen")
-    low, high = told.range
+            remedy = near_miss(name, _KNOWN)
+            raise EntryError("entry.unknown_parameter", "parameters", name=name, remedy=remedy)
+    check_orders(register.type, register.word_order)
+    if register.page and not pages:
+        raise EntryError("profile.no_pages", "page")
+    low, high = register.range
     if low >= high:
-        raise ValueError(f"{told}: range = {told.range} must be [low, high] with low below high")
-    least, most = told.bounds
+        raise EntryError("profile.range_order", "range", low=low, high=high)
+    least, most = register.bounds
     if low < least * (1 + 1e-6) - 1e-300 or high > most * (1 + 1e-6):
-        raise ValueError(
-            f"{told}: range = {told.range} is more than type {told.type} × {told.scale:g} holds,"
-            f" {least:.6g} to {most:.6g}; correct range, scale or type"
+        type_ = {"type": register.type, "scale": register.scale, "least": least, "most": most}
+        raise EntryError("profile.range_beyond_type", "range", low=low, high=high, **type_)
+    slots = [name for name in register.names if name in SLOTS]
+    if register.convention is not None and not slots:
+        raise EntryError("profile.convention_without_matrix", "convention")
+    if register.end - 1 > _LARGEST_ADDRESS:
+        raise EntryError(
+            "profile.past_last_address", "address", address=register.address, last=register.end - 1
         )
-    slots = [name for name in told.names if name in SLOTS]
-    if told.convention is not None and not slots:
-        raise ValueError(f"{told}: convention belongs to registers of a matrix or an offset; remove it")
-    if told.end - 1 > _LARGEST_ADDRESS:
-        raise ValueError(f"{told} runs past address {_LARGEST_ADDRESS}; correct it")
-    if told.tolerance > _COARSEST * (high - low):
-        raise ValueError(
-            f"{told}: tolerance = {told.tolerance:g} is more than a hundredth of the range, so hardly any value read"
-            " back would be wrong; state what the unit rounds by"
-        )
+    if register.tolerance > _COARSEST * (high - low):
+        raise EntryError("profile.tolerance_too_large", "tolerance", value=register.tolerance)
     legal = {name: _LEGAL * sigma for name, sigma in sigmas.items()}
-    for i, name in enumerate(told.names):
-        _check_known(told, name, sigmas)
+    for i, name in enumerate(register.names):
+        _check_prior(register, name, sigmas)
+        parameter = parameter_of(name) if name in SLOTS else name
         if name in SLOTS:
-            needed = legal_range(name, legal, told.convention or Convention())
+            needed = legal_range(name, legal, register.effective_convention)
         else:
             needed = (-legal[name], legal[name]) if name in legal else None
         if needed is not None and (needed[0] < low or needed[1] > high):
-            parameter = parameter_of(name) if name in SLOTS else name
-            raise ValueError(
-                f"{told}: {name} in register {told.place(i)} may need {needed[0]:.6g} to {needed[1]:.6g} (from the"
-                f" prior of {parameter}), its range is {low:g} to {high:g}; widen the range or correct the prior"
+            raise EntryError(
+                "profile.range_too_narrow",
+                "range",
+                name=name,
+                address=register.address_of(i),
+                least=needed[0],
+                most=needed[1],
+                parameter=parameter,
+                low=low,
+                high=high,
             )
 
 
-def _check_known(told: RegisterEntry, name: str, sigmas: Mapping[str, float]) -> None:
-    """What a parameter may be is known, and the register tells such values apart."""
+def _check_prior(register: RegisterEntry, name: str, sigmas: Mapping[str, float]) -> None:
+    """Check that a parameter has a prior, and that the register resolves it."""
     parameter = parameter_of(name) if name in SLOTS else name
     if not parameter:
         return
     if parameter not in sigmas:
-        raise ValueError(
-            f"{told}: {parameter} has a register but no prior, so nobody knows whether its values fit; add"
-            f" [prior.{PARAMETERS[NAMES.index(parameter)].group}]"
-        )
-    if told.step > sigmas[parameter]:
-        raise ValueError(
-            f"{told}: a step of type {told.type} × {told.scale:g} is more than the prior of {parameter},"
-            f" {sigmas[parameter]:g}, so the register could not tell units apart; correct scale or type"
+        group = PARAMETERS[NAMES.index(parameter)].group
+        raise EntryError("profile.no_prior", "parameters", name=parameter, group=group)
+    if register.step > sigmas[parameter]:
+        raise EntryError(
+            "profile.register_too_coarse",
+            "scale",
+            step=register.step,
+            parameter=parameter,
+            sigma=sigmas[parameter],
         )
 
 
 def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
-    """The matrix of a sensor is there in a form that can be inverted, in one convention."""
-    rows = [told.row for name, told in seen.items() if name in (*matrix_slots(sensor), *offset_slots(sensor))]
-    with entry("registers", *rows[:1]):
-        _check_matrix(sensor, seen)
-
-
-def _check_matrix(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
+    """Check that a sensor's matrix can be inverted and that its registers agree on one convention."""
     matrix = [slot for slot in matrix_slots(sensor) if slot in seen]
     offset = [slot for slot in offset_slots(sensor) if slot in seen]
-    direct = [
-        n for n in NAMES if n in seen and n.startswith(sensor) and any(parameter_of(s) == n for s in SLOTS)
-    ]
-    if (matrix or offset) and direct:
-        raise ValueError(
-            f"'{direct[0]}' in {seen[direct[0]]} and '{(matrix or offset)[0]}' in {seen[(matrix or offset)[0]]}: the"
-            f" {sensor}'s registers are parameters or a matrix and an offset, not both"
-        )
-    for slots in (matrix, offset):
-        for slot in slots[1:]:
-            if _convention(seen[slot]) != _convention(seen[slots[0]]):
-                raise ValueError(
-                    f"{seen[slots[0]]} and {seen[slot]}: one matrix or offset has one convention"
-                )
+    slots = matrix or offset
+    if not slots:
+        return
+    place = ("registers", seen[slots[0]].row)
+    held = {parameter_of(slot) for slot in matrix_slots(sensor) + offset_slots(sensor)}
+    direct = [name for name in NAMES if name in seen and name in held]
+    if direct:
+        raise EntryError("profile.parameter_and_matrix", *place, name=direct[0], slot=slots[0])
+    for alike in (matrix, offset):
+        for slot in alike[1:]:
+            if seen[slot].effective_convention != seen[alike[0]].effective_convention:
+                raise EntryError("profile.two_conventions", *place, "convention", other=seen[slot].label)
     if matrix and offset:
-        _check_one_word(seen[matrix[0]], seen[offset[0]])
-    places = {slot.rsplit("_", 1)[1] for slot in matrix}
-    whole = {a + b for a in "xyz" for b in "xyz"}
-    if places and places not in (whole, {p for p in whole if p[0] >= p[1]}, {"xx", "yy", "zz"}):
-        raise ValueError(
-            f"{seen[matrix[0]]}: the {sensor}'s matrix has registers for {', '.join(sorted(places))}; it must be all"
-            " nine, the six on and below the diagonal, or the three on it"
-        )
+        _check_agreement(seen[matrix[0]], seen[offset[0]])
+    pairs = {slot.rsplit("_", 1)[1] for slot in matrix}
+    if pairs and pairs not in _MATRICES:
+        raise EntryError("profile.matrix_incomplete", *place, sensor=sensor, present=sorted(pairs))
     if offset and len(offset) < 3:
-        raise ValueError(f"{seen[offset[0]]}: the {sensor}'s offset needs registers for x, y and z")
+        raise EntryError("profile.offset_incomplete", *place, sensor=sensor)
 
 
-def _check_one_word(matrix: RegisterEntry, offset: RegisterEntry) -> None:
-    """What one entry says of the other's part is what that one says: nothing is said in vain."""
-    for told, other, fields in (
+def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
+    """Check that neither entry contradicts the other in the part of the convention that is the other's."""
+    for register, other, fields in (
         (offset, matrix, ("matrix", "identity", "negated")),
         (matrix, offset, ("offset", "added")),
     ):
-        said = told.convention.model_fields_set if told.convention else set()
+        stated = register.convention.model_fields_set if register.convention else set()
         for name in fields:
-            mine, its = getattr(_convention(told), name), getattr(_convention(other), name)
-            if name in said and mine != its:
-                raise ValueError(
-                    f"{told}: convention.{name} = {mine!r} contradicts {other}, which has {its!r}; correct one"
+            mine, its = (
+                getattr(register.effective_convention, name),
+                getattr(other.effective_convention, name),
+            )
+            if name in stated and mine != its:
+                place = ("registers", register.row, "convention", name)
+                raise EntryError(
+                    "profile.convention_contradicts", *place, value=mine, other=other.label, its=its
                 )
 
 
-def _convention(entry: RegisterEntry) -> Convention:
-    return entry.convention or Convention()
-
-
 def _check_missing(seen: set[str], without: Sequence[str]) -> None:
-    """Every parameter has a register, or the profile says that it has none."""
+    """Check that every parameter has a register, or is declared to have none."""
     held = {parameter_of(name) if name in SLOTS else name for name in seen}
     for i, name in enumerate(without):
-        with entry("without_register", i):
-            if name not in NAMES and name not in GROUPS:
-                raise ValueError(f"'{name}' is no parameter or group{suggestion(name, NAMES + GROUPS)}")
-            inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in held]
-            if inside:
-                raise ValueError(f"'{name}': {inside[0]} has a register; remove one of both")
+        if name not in NAMES and name not in GROUPS:
+            remedy = near_miss(name, NAMES + GROUPS)
+            raise EntryError("entry.unknown_parameter", "without_register", i, name=name, remedy=remedy)
+        inside = [p.name for p in PARAMETERS if name in (p.name, p.group) and p.name in held]
+        if inside:
+            raise EntryError("profile.has_register", "without_register", i, name=inside[0])
     if not held:
         return
     for p in PARAMETERS:
         if p.name not in held and p.group != _NEVER_IN_REGISTERS and not {p.name, p.group} & set(without):
-            raise EntryError(
-                f"{p.name} has no register; add one, or name it (or {p.group}) in without_register",
-                "registers",
-            )
+            raise EntryError("profile.parameter_without_register", "registers", name=p.name, group=p.group)

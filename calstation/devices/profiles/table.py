@@ -1,4 +1,4 @@
-"""Table profiles (`data/tables`): axes, limits, accuracy and Modbus registers, checked as a whole."""
+"""Table profiles (`data/tables`): axes, limits, accuracy and registers or lines, checked as a whole."""
 
 import math
 from pathlib import Path
@@ -7,23 +7,26 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from calstation.devices.links.serial_link import SerialSettings
-from calstation.devices.profiles.table_registers import Axis, Bit, ModbusRegister, TableMap, Writes
+from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.profiles.table_registers import JOINTS, Axis, Bit, ModbusRegister, TableMap, Writes
 from calstation.devices.profiles.text import TextSection
 from calstation.errors import ConfigurationError
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load
 
-#: An angle in a line may be rounded by this many sigmas of the encoder.
+#: Largest rounding of an angle in a line, in sigmas of the encoder.
 _COARSEST = 3.0
+
+#: Relative tolerance of a rate or acceleration at its limit.
+_ROUNDING = 1e-9
 
 
 class ImuLinkSection(StrictModel):
     """`[imu_link]`: axes commanded through the link of an inertial system that has them.
 
-    gap : unused registers that may be read along
-    word_order : of numbers of several registers, where one does not say otherwise
-    rest_rate_dps : below which an axis is at rest, where no bit of the status tells that it moves
+    gap : unused registers that may be read along with used ones
+    word_order : of numbers of several registers that have none of their own
+    rest_rate_dps : below which an axis is at rest, if no bit of the status reports motion
     """
 
     gap: int = Field(default=0, ge=0, le=100)
@@ -32,10 +35,10 @@ class ImuLinkSection(StrictModel):
 
 
 class ModbusSection(ImuLinkSection):
-    """`[modbus]`: unit number, timeouts and what may be read in one transfer.
+    """`[modbus]`: unit number, timeout and extent of a transfer.
 
     timeout_s : host time for an answer
-    inner_unit : number of the inner axis's own drive, where each axis has one: its registers are those named `inner_`
+    inner_unit : number of the inner axis's own drive, if each axis has one; its registers are those named `inner_`
     """
 
     unit: int = Field(ge=0, le=255)
@@ -46,7 +49,7 @@ class ModbusSection(ImuLinkSection):
     @model_validator(mode="after")
     def _two_drives(self) -> "ModbusSection":
         if self.unit == self.inner_unit:
-            raise ValueError(f"unit and inner_unit are both {self.unit}; correct one, or remove inner_unit")
+            raise EntryError("profile.same_unit", "inner_unit", unit=self.unit)
         return self
 
 
@@ -61,22 +64,17 @@ class JointSection(StrictModel):
     @model_validator(mode="after")
     def _ordered(self) -> "JointSection":
         if self.low_deg >= self.high_deg:
-            raise ValueError(
-                f"low_deg = {self.low_deg:g} must be below high_deg = {self.high_deg:g}; correct one"
-            )
+            raise EntryError("profile.travel_order", low=self.low_deg, high=self.high_deg)
         if not self.low_deg <= 0.0 <= self.high_deg:
-            raise ValueError(
-                f"low_deg = {self.low_deg:g} to high_deg = {self.high_deg:g} leaves out home, which is 0; count angles"
-                " from home and correct them"
-            )
+            raise EntryError("profile.travel_without_home", low=self.low_deg, high=self.high_deg)
         return self
 
 
 class AccuracySection(StrictModel):
-    """`[accuracy]`: worth of angles and rest under the names of a log's `[table]`, and when angles come.
+    """`[accuracy]`: uncertainty of angles and rest, named as in a log's `[table]`, and age of the angles.
 
-    repeatability_deg : how far apart the table stands after two moves to the same angle (one sigma): what bounds a
-        comparison of turns and rests that are made twice; as `encoder_sigma_deg` where absent
+    repeatability_deg : difference of the angles after two moves to the same angle (one sigma), which bounds a
+        comparison of repeated turns and rests; `encoder_sigma_deg` if absent
     poll_latency_s, poll_jitter_s : age of an angle beyond the middle of request and answer, and its sigma
     """
 
@@ -96,13 +94,13 @@ class TableProfile(StrictModel):
 
     model : text that the table's own model name must contain
     protocol : "modbus", by the sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
-        registers behind the link of the IMU that the axes belong to, with `[imu_link]`; or text by `[text]`: "atl"
-        with a prompt, "acl" in plain lines, "mn" in checked lines; or "hand", rails that nobody drives, with neither
-    status_bits : bit numbers in the statusword, or where else a flag stands
+        registers over the link of the IMU that the axes belong to, with `[imu_link]`; or text by `[text]`: "atl"
+        with a prompt, "acl" in plain lines, "mn" in checked lines; or "hand", a manual rig, with neither
+    status_bits : bit numbers in the statusword, or other sources of a flag
     commands : values of the command register, or what else each command writes
-    faults : meaning of the fault codes; settle_s : from the end of a move's course until the table says settled
-    link_loss_stop_s : a table without a watchdog stops its axes by itself so long after the last line that it
-        hears, s; left out where it does not: then only moves to angles are allowed, never an endless rate
+    faults : meaning of the fault codes; settle_s : from the end of a move's profile until the table reports settled
+    link_loss_stop_s : time after the last received line in which a table without a watchdog stops its axes by
+        itself, s; left out if it does not: then only moves to angles are allowed, never an endless rate
     """
 
     name: str
@@ -128,42 +126,51 @@ class TableProfile(StrictModel):
     @classmethod
     def _unit_vector(cls, axis: list[float]) -> list[float]:
         if abs(math.hypot(*axis) - 1.0) > 1e-3:
-            raise ValueError(f"{axis} has length {math.hypot(*axis):.6g}; give a unit vector")
+            raise EntryError("profile.not_a_unit_vector", value=axis, length=math.hypot(*axis))
         return axis
 
     @field_validator("faults")
     @classmethod
     def _faults(cls, faults: dict[str, str]) -> dict[str, str]:
         if "0" in faults:
-            raise EntryError("says that there is no fault, so its meaning is never told; remove it", "0")
+            raise EntryError("profile.fault_zero", "0")
         return faults
 
     @field_validator("model")
     @classmethod
-    def _says_something(cls, model: str) -> str:
+    def _not_blank(cls, model: str) -> str:
         if not model.strip():
-            raise ValueError(
-                "is blank, so it tells no table from another; write what its own model name contains"
-            )
+            raise EntryError("profile.model_blank")
         return model
 
     @model_validator(mode="after")
     def _whole(self) -> "TableProfile":
         if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
-            raise ValueError("outer_axis and inner_axis are less than 60° apart; correct one of them")
-        own = self.protocol if self.protocol in ("modbus", "imu_link", "hand") else "text"
-        if not self.by_hand and getattr(self, own) is None:
-            raise ValueError(f'protocol = "{self.protocol}" needs [{own}]; add it')
+            raise EntryError("profile.axes_too_close")
+        needed = self.protocol if self.protocol in ("modbus", "imu_link", "hand") else "text"
+        if not self.by_hand and getattr(self, needed) is None:
+            raise EntryError("profile.needed_by", needed, owner=self._own_protocol)
         for section in ("modbus", "imu_link", "text"):
-            if section != own and getattr(self, section) is not None:
-                raise ValueError(f'[{section}] does not belong to protocol = "{self.protocol}"; remove it')
-        if self.by_hand:
-            self._check_hand()
-        elif self.text is None:
+            if section != needed and getattr(self, section) is not None:
+                self._refuse(section)
+        if self.text is None and not self.by_hand:
             self._check_registers()
-        else:
+            return self
+        for section in ("status_bits", "commands", "registers"):
+            if getattr(self, section):
+                self._refuse(section)
+        if self.text is not None:
             self._check_text(self.text)
+        elif self.link_loss_stop_s is not None:
+            self._refuse("link_loss_stop_s")
         return self
+
+    @property
+    def _own_protocol(self) -> str:
+        return f'protocol = "{self.protocol}"'
+
+    def _refuse(self, *place: str) -> None:
+        raise EntryError("profile.not_with", *place, other=self._own_protocol)
 
     def _check_registers(self) -> None:
         axes = [
@@ -172,38 +179,19 @@ class TableProfile(StrictModel):
         ]
         self.map.check(axes, self.accuracy.encoder_sigma_deg, self.faults)
 
-    def _no_registers(self) -> None:
-        for name in ("status_bits", "commands", "registers"):
-            if getattr(self, name):
-                raise ValueError(f'[{name}] does not belong to protocol = "{self.protocol}"; remove it')
-
-    def _check_hand(self) -> None:
-        self._no_registers()
-        if self.link_loss_stop_s is not None:
-            raise ValueError('link_loss_stop_s does not belong to protocol = "hand"; remove it')
-
     def _check_text(self, text: TextSection) -> None:
-        self._no_registers()
-        for protocol, entry, there in (
-            ("atl", "text.prompt", bool(text.prompt)),
-            ("mn", "[text.checked]", text.checked is not None),
-        ):
-            if self.protocol == protocol and not there:
-                raise ValueError(f'protocol = "{protocol}" needs {entry}; add it')
-            if self.protocol != protocol and there:
-                raise ValueError(
-                    f'{entry} belongs to protocol = "{protocol}", not "{self.protocol}"; remove it'
-                )
-        step = 10.0**-text.decimals
-        if step > _COARSEST * self.accuracy.encoder_sigma_deg:
-            raise ValueError(
-                f"text.decimals = {text.decimals} tells angles to {step:g}°, too coarse for"
-                f" accuracy.encoder_sigma_deg = {self.accuracy.encoder_sigma_deg:g}; correct one"
-            )
+        for protocol, key in (("atl", "prompt"), ("mn", "checked")):
+            if self.protocol == protocol and not getattr(text, key):
+                raise EntryError("profile.needed_by", "text", key, owner=self._own_protocol)
+            if self.protocol != protocol and getattr(text, key):
+                self._refuse("text", key)
+        step, sigma = 10.0**-text.decimals, self.accuracy.encoder_sigma_deg
+        if step > _COARSEST * sigma:
+            raise EntryError("profile.angle_too_coarse", "text", "decimals", step=step, sigma=sigma)
 
     @property
     def map(self) -> TableMap:
-        """Registers, bits and commands, each register with the word order that it has on the link."""
+        """Registers, bits and commands, each register with its word order on the link."""
         section = self.modbus or self.imu_link
         order = section.word_order if section is not None else "big"
         registers = {
@@ -217,12 +205,12 @@ class TableProfile(StrictModel):
 
     @property
     def by_hand(self) -> bool:
-        """Whether nobody drives it: it has no link, and its angles are not known."""
+        """Whether it is a manual rig: without link, its angles unknown."""
         return self.protocol == "hand"
 
     @property
     def serial(self) -> SerialSettings:
-        """Settings of a serial port, where a station has none of its own."""
+        """Settings of a serial port, unless the station has its own."""
         if self.text is not None:
             return self.text.serial
         return self.modbus.serial if self.modbus is not None else SerialSettings()
@@ -235,13 +223,13 @@ class TableProfile(StrictModel):
 
     @property
     def unit(self) -> int | None:
-        """Modbus unit number, None where it has none."""
+        """Modbus unit number; None if it has none."""
         return self.modbus.unit if self.modbus is not None else None
 
     def at_place(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
-        """The profile with a station's own time for an answer and unit number, where it has them.
+        """The profile with a station's own time for an answer and unit number; None keeps the profile's.
 
-        Raises ConfigurationError where that is the number of the inner axis's drive.
+        Raises ConfigurationError for the unit number of the inner axis's drive.
         """
         if self.text is not None:
             changed = {"timeout_s": timeout_s} if timeout_s is not None else {}
@@ -249,25 +237,55 @@ class TableProfile(StrictModel):
         if self.modbus is None:
             return self
         if unit is not None and unit == self.modbus.inner_unit:
-            raise ConfigurationError(
-                f"table.unit = {unit} is the inner axis's own drive (modbus.inner_unit of the table profile); give the"
-                " outer one's"
-            )
-        told = {"timeout_s": timeout_s, "unit": unit}
-        modbus = self.modbus.model_copy(update={k: v for k, v in told.items() if v is not None})
+            raise ConfigurationError("table.unit_of_inner_drive", unit=unit)
+        given = {"timeout_s": timeout_s, "unit": unit}
+        modbus = self.modbus.model_copy(update={k: v for k, v in given.items() if v is not None})
         return self.model_copy(update={"modbus": modbus})
+
+    def check_endless(self, watchdog: float, rates: tuple[float, float], acceleration: float) -> None:
+        """Check that the table may turn at these rates until it is stopped.
+
+        Parameters
+        ----------
+        watchdog : timeout of the table's watchdog, s; 0 if it is off, infinite if there is none
+        rates : of the outer and the inner axis, rad/s
+        acceleration : rad/s²
+
+        Raises
+        ------
+        ConfigurationError
+            If the table would keep turning after a lost link, or cannot turn that fast.
+        """
+        if not 0.0 < watchdog < math.inf and self.link_loss_stop_s is None:
+            raise ConfigurationError("table.would_not_stop", profile=self.name)
+        limits = self.geometry().limits
+        for axis, rate, limit in zip(JOINTS, rates, limits.rate, strict=True):
+            if not abs(rate) <= limit * (1.0 + _ROUNDING):
+                raise ConfigurationError(
+                    "table.rate_above_limit",
+                    axis=axis,
+                    rate_dps=math.degrees(rate),
+                    limit_dps=math.degrees(limit),
+                )
+        limit = min(limits.acceleration)
+        if not 0.0 < acceleration <= limit * (1.0 + _ROUNDING):
+            raise ConfigurationError(
+                "table.acceleration_outside_limits",
+                acceleration_dps2=math.degrees(acceleration),
+                limit_dps2=math.degrees(limit),
+            )
 
     def geometry(self) -> TableGeometry:
         """Axes and limits in rad."""
-        joints = (self.outer, self.inner)
+        outer, inner = self.outer, self.inner
         return TableGeometry(
             _normalised(self.outer_axis),
             _normalised(self.inner_axis),
             JointLimits(
-                low=_radians(joints[0].low_deg, joints[1].low_deg),
-                high=_radians(joints[0].high_deg, joints[1].high_deg),
-                rate=_radians(joints[0].max_rate_dps, joints[1].max_rate_dps),
-                acceleration=_radians(joints[0].max_acceleration_dps2, joints[1].max_acceleration_dps2),
+                low=_radians(outer.low_deg, inner.low_deg),
+                high=_radians(outer.high_deg, inner.high_deg),
+                rate=_radians(outer.max_rate_dps, inner.max_rate_dps),
+                acceleration=_radians(outer.max_acceleration_dps2, inner.max_acceleration_dps2),
             ),
         )
 
@@ -282,5 +300,5 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 
 def load_table_profile(path: Path) -> TableProfile:
-    """Read and check a table profile; raises ConfigurationError naming file, entry and mend."""
+    """Read and check a table profile; raises ConfigurationError naming file, entry and remedy."""
     return load(TableProfile, path)

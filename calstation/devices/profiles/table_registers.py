@@ -12,7 +12,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from calstation.devices.codecs.numbers import Number, check_code, number
-from calstation.schema import StrictModel, entry, suggestion
+from calstation.messages.rendering import Text
+from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 JOINTS = ("outer", "inner")
 #: Of the table, or of each axis's own drive.
@@ -27,37 +28,37 @@ OPTIONAL_DRIVE_REGISTERS = (
     "status2",
 )
 JOINT_REGISTERS = ("position", "rate", "target", "target_rate", "acceleration")
-#: Travel as the table has it set; the rate of endless turns, where it is not `target_rate`.
+#: Travel as set in the table; the rate of endless turns, if it is not `target_rate`.
 OPTIONAL_JOINT_REGISTERS = ("low", "high", "turn_rate")
 TEXTS = ("model", "serial")
-#: Registers that are taken as they stand: whole numbers without a scale.
+#: Registers without unit: whole numbers without a scale.
 WORDS = ("controlword", "statusword", "fault", "interlock", "heartbeat", "command", "mode", "status2")
 STATUS_BITS = ("enabled", "fault", "settled", "homed")
-#: Bits that a profile may name besides: 0 while a quick stop is in force, 0 under local control, 1 at a limit.
+#: Optional bits: 0 during a quick stop, 0 under local control, 1 at a limit.
 HINDRANCE_BITS = ("quick_stop", "remote", "limit")
 OPTIONAL_BITS = ("moving", "interlock", *HINDRANCE_BITS)
 COMMANDS = ("move", "stop", "home")
-#: The command that a profile may name besides: turn endlessly at the target rates.
+#: Optional command: turn endlessly at the target rates.
 RATE_COMMAND = "rate"
 #: Registers that a command may write.
 WRITTEN = ("command", "controlword", "mode", "turn_rate", "target_rate")
 
 _LAST_ADDRESS = 0xFFFF
-#: An angle's step may be this many sigmas of the encoder: coarser, and no encoder could be so good.
+#: Largest step of an angle, in sigmas of the encoder: an encoder cannot be better than its step.
 _COARSEST = 3.0
 
 
 def _table_type(name: str) -> str:
     if name != "text" and number(name).width % 2:
-        raise ValueError(f"type '{name}' does not fill registers of 16 bits; correct it")
+        raise EntryError("profile.not_whole_registers", type=name)
     return name
 
 
 class ModbusRegister(StrictModel):
     """A holding register, 0-based; value = raw × scale in degrees, °/s, °/s² or s; text has `words`.
 
-    scale : negative where the table counts the other way round
-    word_order : of its 16-bit words, the link's own where absent
+    scale : negative if the table counts in the opposite sense
+    word_order : of its 16-bit words, the link's own if absent
     """
 
     address: int = Field(ge=0, le=_LAST_ADDRESS)
@@ -68,17 +69,17 @@ class ModbusRegister(StrictModel):
 
     @property
     def count(self) -> int:
-        """Registers that it takes."""
+        """Number of 16-bit registers."""
         return self.words if self.words is not None else self.number.width // 2
 
     @property
     def end(self) -> int:
-        """First address behind it."""
+        """First address after it."""
         return self.address + self.count
 
     @property
     def number(self) -> Number:
-        """What its type means; of a number only."""
+        """The number of its type; not of a text."""
         return number(self.type)
 
     @property
@@ -89,7 +90,7 @@ class ModbusRegister(StrictModel):
 
     @property
     def step(self) -> float:
-        """Smallest difference of two values; 0 of floats, whose digits follow the value."""
+        """Smallest difference of two values; 0 for floats, whose resolution follows the value."""
         kind = self.number
         return 0.0 if kind.kind == "f" else abs(self.scale) * 2.0**-kind.fraction
 
@@ -98,19 +99,23 @@ class ModbusRegister(StrictModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> "ModbusRegister":
-        if (self.type == "text") != (self.words is not None):
-            raise ValueError('words belongs to type "text" and only there; add or remove it')
-        if self.type == "text" and (self.scale != 1.0 or self.word_order is not None):
-            raise ValueError('a text has no scale and no word_order; remove them or correct type = "text"')
+        if self.type != "text" and self.words is not None:
+            raise EntryError("profile.belongs_to", "words", owner='type = "text"')
+        if self.type == "text":
+            if self.words is None:
+                raise EntryError("profile.needed_by", "words", owner='type = "text"')
+            for name in ("scale", "word_order"):
+                if getattr(self, name) != type(self).model_fields[name].default:
+                    raise EntryError("profile.not_with", name, other='type = "text"')
         if self.scale == 0.0:
-            raise ValueError("scale is 0, so every value would be; give the value of 1 in the register")
+            raise EntryError("profile.scale_zero", "scale")
         if self.end - 1 > _LAST_ADDRESS:
-            raise ValueError(f"{self} runs past address {_LAST_ADDRESS}; correct address, type or words")
+            raise EntryError("profile.past_last_address", address=self.address, last=self.end - 1)
         return self
 
 
 class StatusBit(StrictModel):
-    """A flag of the status: a bit of a register, or it is always the same (`homed` of absolute encoders)."""
+    """A flag of the status: a bit of a register, or a constant (`homed` of absolute encoders)."""
 
     word: Literal["statusword", "status2"] = "statusword"
     bit: int | None = Field(default=None, ge=0, le=63)
@@ -119,25 +124,27 @@ class StatusBit(StrictModel):
     @model_validator(mode="after")
     def _one_way(self) -> "StatusBit":
         if (self.bit is None) == (self.always is None):
-            raise ValueError("needs bit, or always; add or remove one")
+            raise EntryError("profile.bit_or_always")
         return self
 
 
-def _as_bit(told: Any) -> Any:
-    return {"bit": told} if isinstance(told, int) and not isinstance(told, bool) else told
+def _is_whole(given: Any) -> bool:
+    return isinstance(given, int) and not isinstance(given, bool)
 
 
-def _as_writes(told: Any) -> Any:
-    if isinstance(told, int) and not isinstance(told, bool):
-        return [{"command": told}]
-    if not isinstance(told, list) or not all(isinstance(write, dict) and len(write) == 1 for write in told):
-        raise ValueError(
-            "must be a whole number, or a list like [{ mode = 1 }, { controlword = 0x1F }]; correct it"
-        )
-    return told
+def _as_bit(given: Any) -> Any:
+    return {"bit": given} if _is_whole(given) else given
 
 
-#: The number of a bit in the statusword, or where else the flag stands.
+def _as_writes(given: Any) -> Any:
+    if _is_whole(given):
+        return [{"command": given}]
+    if not isinstance(given, list) or not all(isinstance(w, dict) and len(w) == 1 for w in given):
+        raise EntryError("profile.not_writes")
+    return given
+
+
+#: The number of a bit in the statusword, or the flag's other source.
 Bit = Annotated[StatusBit, BeforeValidator(_as_bit)]
 
 #: What a command writes, in order: the number for `command`, or values of several registers.
@@ -158,7 +165,7 @@ class Axis:
 class TableMap:
     """Registers, bits and commands of a table as its profile has them.
 
-    inner_apart : the registers of the inner axis (`inner_...`) are those of a drive of its own
+    inner_apart : the registers of the inner axis (`inner_...`) are those of its own drive
     """
 
     registers: Mapping[str, ModbusRegister]
@@ -167,21 +174,32 @@ class TableMap:
     inner_apart: bool
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Registers behind a name: one, one of each axis, or none."""
+        """Registers of a name: one, one for each axis, or none."""
         if name in self.registers:
             return (name,)
-        return tuple(own for own in (f"{joint}_{name}" for joint in JOINTS) if own in self.registers)
+        return tuple(own for own in _of_joints(name) if own in self.registers)
+
+    def turning(self) -> tuple[str, ...]:
+        """Registers that take the rates of an endless turn, outer and inner."""
+        return self.names("turn_rate") or self.names("target_rate")
 
     def check(self, axes: Sequence[Axis], encoder_sigma: float, faults: Mapping[str, str]) -> None:
-        """Is this a table that can be told to do what its profile says? Raises ValueError naming the entry.
+        """Check that a table can be driven by this map.
 
         Parameters
         ----------
-        axes : outer, inner; encoder_sigma : degrees
+        axes : outer, inner
+        encoder_sigma : degrees
+        faults : meaning of the fault codes
+
+        Raises
+        ------
+        EntryError
+            For the first wrong entry.
         """
         self._check_names()
-        self._check_apart()
-        self._check_kinds()
+        self._check_overlaps()
+        self._check_types()
         self._check_bits()
         self._check_commands()
         self._check_signs()
@@ -190,212 +208,184 @@ class TableMap:
         self._check_faults(faults)
 
     def _check_names(self) -> None:
-        told = set(self.registers)
-        known = [
-            *(f"{joint}_{name}" for joint in JOINTS for name in JOINT_REGISTERS + OPTIONAL_JOINT_REGISTERS)
-        ]
+        known = [own for name in JOINT_REGISTERS + OPTIONAL_JOINT_REGISTERS for own in _of_joints(name)]
         for name in DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS:
-            known += [name, *(f"{joint}_{name}" for joint in JOINTS)]
+            known += [name, *_of_joints(name)]
         for name in self.registers:
             if name not in known:
-                raise ValueError(f"registers.{name} is unknown{suggestion(name, known) or '; remove it'}")
+                raise EntryError("entry.unknown", "registers", name, remedy=near_miss(name, known))
         for name in (f"{joint}_{name}" for joint in JOINTS for name in JOINT_REGISTERS):
-            if name not in told:
-                raise ValueError(f"registers.{name} is missing; add it")
+            if name not in self.registers:
+                raise EntryError("entry.missing", "registers", name)
         for name in DRIVE_REGISTERS + OPTIONAL_DRIVE_REGISTERS:
-            own = [f"{joint}_{name}" for joint in JOINTS if f"{joint}_{name}" in told]
-            if name in told and own:
-                raise ValueError(f"registers.{name} and registers.{own[0]} are the same twice; remove one")
+            own = [joint_name for joint_name in _of_joints(name) if joint_name in self.registers]
+            if name in self.registers and own:
+                raise EntryError("profile.same_register_twice", "registers", own[0], other=name)
             if len(own) == 1:
-                other = next(f"{joint}_{name}" for joint in JOINTS if f"{joint}_{name}" not in told)
-                raise ValueError(f"registers.{other} is missing beside registers.{own[0]}; add it")
-            if name in DRIVE_REGISTERS and name not in told and not own:
-                raise ValueError(
-                    f"registers.{name} is missing; add it, or one for each axis: outer_{name}, inner_{name}"
-                )
-            if name in DRIVE_REGISTERS and self.inner_apart and name in told:
-                raise ValueError(
-                    f"registers.{name} is one, but modbus.inner_unit gives each axis a drive of its own; write"
-                    f" outer_{name} and inner_{name}"
-                )
+                other = next(joint_name for joint_name in _of_joints(name) if joint_name not in own)
+                raise EntryError("profile.needed_by", "registers", other, owner=f"registers.{own[0]}")
+            if name in DRIVE_REGISTERS and name not in self.registers and not own:
+                raise EntryError("profile.drive_register_missing", "registers", name, name=name)
+            if name in DRIVE_REGISTERS and self.inner_apart and name in self.registers:
+                raise EntryError("profile.one_register_of_two_drives", "registers", name, name=name)
         for joint in JOINTS:
-            if (f"{joint}_low" in told) != (f"{joint}_high" in told):
-                raise ValueError(
-                    f"registers.{joint}_low and registers.{joint}_high belong together; add the other"
-                )
+            for name, other in ((f"{joint}_low", f"{joint}_high"), (f"{joint}_high", f"{joint}_low")):
+                if name in self.registers and other not in self.registers:
+                    raise EntryError("profile.needed_by", "registers", other, owner=f"registers.{name}")
 
-    def _check_apart(self) -> None:
+    def _check_overlaps(self) -> None:
         drives: dict[bool, list[tuple[str, ModbusRegister]]] = {}
         for name, register in sorted(self.registers.items(), key=lambda item: item[1].address):
             drives.setdefault(self.inner_apart and name.startswith("inner_"), []).append((name, register))
         for drive in drives.values():
             for (first, a), (second, b) in pairwise(drive):
                 if b.address < a.end:
-                    raise ValueError(
-                        f"registers.{first} ({a.address}-{a.end - 1}) and registers.{second} ({b.address}) overlap;"
-                        " correct an address"
+                    raise EntryError(
+                        "profile.registers_overlap",
+                        *("registers", second, "address"),
+                        mine=str(b),
+                        other=f"registers.{first}",
+                        at=str(a),
                     )
 
-    def _check_kinds(self) -> None:
+    def _check_types(self) -> None:
         for name, register in self.registers.items():
             plain = name.removeprefix("outer_").removeprefix("inner_")
-            if (plain in TEXTS) != (register.type == "text"):
-                wanted = (
-                    'a text; write type = "text" and words'
-                    if plain in TEXTS
-                    else "a number; correct its type"
-                )
-                raise ValueError(f"registers.{name} has type '{register.type}', but it is {wanted}")
+            if plain in TEXTS and register.type != "text":
+                raise EntryError("profile.register_is_text", "registers", name, "type", type=register.type)
+            if plain not in TEXTS and register.type == "text":
+                raise EntryError("profile.register_is_number", "registers", name, "type", type=register.type)
             if plain in WORDS and (not register.number.whole or register.scale != 1.0):
-                raise ValueError(
-                    f"registers.{name} is taken as it stands; give it a whole number and no scale"
-                )
+                raise EntryError("profile.register_is_word", "registers", name)
 
     def _check_bits(self) -> None:
         for name in STATUS_BITS:
             if name not in self.bits:
-                raise ValueError(f"status_bits.{name} is missing; add it")
+                raise EntryError("entry.missing", "status_bits", name)
         known = STATUS_BITS + OPTIONAL_BITS
         seen: dict[tuple[str, int], str] = {}
         for name, bit in self.bits.items():
+            place = ("status_bits", name)
             if name not in known:
-                raise ValueError(f"status_bits.{name} is unknown{suggestion(name, known) or '; remove it'}")
+                raise EntryError("entry.unknown", *place, remedy=near_miss(name, known))
             if bit.bit is None:
                 if name != "homed" or not bit.always:
-                    raise ValueError(
-                        f"status_bits.{name}: always = true is for homed, of absolute encoders; give its bit"
-                    )
+                    raise EntryError("profile.only_homed_is_constant", *place)
                 continue
-            places = self.names(bit.word)
-            if not places:
-                raise ValueError(f"status_bits.{name} is a bit of {bit.word}; add registers.{bit.word}")
-            width = min(8 * self.registers[place].number.width for place in places)
+            registers = self.names(bit.word)
+            if not registers:
+                raise EntryError("profile.needs_register", *place, register=bit.word)
+            width = min(8 * self.registers[register].number.width for register in registers)
             if bit.bit >= width:
-                raise ValueError(
-                    f"status_bits.{name} = {bit.bit} is out of range; it must be 0 to {width - 1}"
-                )
+                raise EntryError("entry.out_of_range", *place, value=bit.bit, low=0, high=width - 1)
             if other := seen.get((bit.word, bit.bit)):
-                raise ValueError(
-                    f"status_bits.{name} and status_bits.{other} are the same bit {bit.bit}; correct one"
-                )
+                raise EntryError("profile.same_bit", *place, other=other, bit=bit.bit)
             seen[bit.word, bit.bit] = name
         if "interlock" in self.bits and self.names("interlock"):
-            raise ValueError("status_bits.interlock and registers.interlock say the same; remove one")
+            raise EntryError("profile.interlock_twice", "status_bits", "interlock")
 
     def _check_commands(self) -> None:
         for name in COMMANDS:
             if name not in self.commands:
-                raise ValueError(f"commands.{name} is missing; add it")
+                raise EntryError("entry.missing", "commands", name)
         known = (*COMMANDS, RATE_COMMAND)
         for name, writes in self.commands.items():
             if name not in known:
-                raise ValueError(f"commands.{name} is unknown{suggestion(name, known) or '; remove it'}")
+                raise EntryError("entry.unknown", "commands", name, remedy=near_miss(name, known))
             for write in writes:
                 for register, value in write.items():
-                    self._check_write(name, register, value)
+                    with entry("commands", name):
+                        self._check_write(register, value)
         for (a, first), (b, second) in combinations(self.commands.items(), 2):
             if list(first) == list(second):
-                raise ValueError(f"commands.{a} and commands.{b} write the same; correct one")
+                raise EntryError("profile.same_write", "commands", b, other=f"commands.{a}")
         if RATE_COMMAND in self.commands:
             for name in self.turning():
                 if self.registers[name].bounds[0] >= 0.0:
-                    raise ValueError(
-                        f"commands.rate: registers.{name} has no sign, so it cannot turn both ways; correct its type"
-                        " or remove the command"
-                    )
+                    raise EntryError("profile.turn_rate_unsigned", "registers", name, "type")
 
-    def _check_write(self, command: str, register: str, value: int) -> None:
+    def _check_write(self, register: str, value: int) -> None:
         if register not in WRITTEN:
-            raise ValueError(
-                f"commands.{command}: '{register}' is no register that a command writes"
-                f"{suggestion(register, WRITTEN) or '; it must be one of ' + ', '.join(WRITTEN)}"
-            )
-        places = self.names(register)
-        if not places:
-            raise ValueError(f"commands.{command} writes {register}; add registers.{register}")
-        for place in places:
-            low, high = self.registers[place].number.bounds
+            otherwise = Text.of("entry.choose_from", names=WRITTEN)
+            remedy = near_miss(register, WRITTEN, otherwise)
+            raise EntryError("profile.register_not_written", name=register, remedy=remedy)
+        if not self.names(register):
+            raise EntryError("profile.needs_register", register=register)
+        for name in self.names(register):
+            low, high = self.registers[name].number.bounds
             if not low <= value <= high:
-                raise ValueError(
-                    f"commands.{command} = {value} does not fit registers.{place}, {low:g} to {high:g}; correct it"
-                )
-
-    def turning(self) -> tuple[str, ...]:
-        """Registers that take the rates of an endless turn, outer and inner."""
-        return self.names("turn_rate") or self.names("target_rate")
+                raise EntryError("profile.value_beyond_register", value=value, name=name, low=low, high=high)
 
     def _check_ranges(self, axes: Sequence[Axis], encoder_sigma: float) -> None:
         for joint, axis in zip(JOINTS, axes, strict=True):
-            travel, both_ways = (axis.low, axis.high), (-axis.rate, axis.rate)
+            travel = ("profile.register_narrower_than_travel", axis.low, axis.high)
+            both_ways = ("profile.register_narrower_than_rate", -axis.rate, axis.rate)
             needed = {
-                "position": (*travel, "the axis travels", "°"),
-                "target": (*travel, "the axis travels", "°"),
-                "low": (*travel, "the axis travels", "°"),
-                "high": (*travel, "the axis travels", "°"),
-                "rate": (*both_ways, "the axis turns at", "°/s"),
-                "turn_rate": (*both_ways, "the axis turns at", "°/s"),
-                "target_rate": (0.0, axis.rate, "the axis turns at", "°/s"),
-                "acceleration": (0.0, axis.acceleration, "the axis takes", "°/s²"),
+                "position": travel,
+                "target": travel,
+                "low": travel,
+                "high": travel,
+                "rate": both_ways,
+                "turn_rate": both_ways,
+                "target_rate": ("profile.register_narrower_than_rate", 0.0, axis.rate),
+                "acceleration": ("profile.register_narrower_than_acceleration", 0.0, axis.acceleration),
             }
-            for name, (low, high, does, unit) in needed.items():
+            for name, (code, low, high) in needed.items():
                 register = self.registers.get(f"{joint}_{name}")
                 if register is None:
                     continue
+                place = ("registers", f"{joint}_{name}")
                 least, most = register.bounds
                 if low < least or high > most:
-                    raise ValueError(
-                        f"registers.{joint}_{name}: type {register.type} × {register.scale:g} holds {least:g} to"
-                        f" {most:g} {unit}, but {does} {low:g} to {high:g}; correct type, scale or [{joint}]"
-                    )
+                    held = {"type": register.type, "scale": register.scale, "least": least, "most": most}
+                    raise EntryError(code, *place, low=low, high=high, joint=joint, **held)
                 if name in ("position", "target") and register.step > _COARSEST * encoder_sigma:
-                    raise ValueError(
-                        f"registers.{joint}_{name}: a step of {register.step:g}° is too coarse for"
-                        f" accuracy.encoder_sigma_deg = {encoder_sigma:g}; correct one"
+                    raise EntryError(
+                        "profile.angle_too_coarse", *place, step=register.step, sigma=encoder_sigma
                     )
 
     def _check_signs(self) -> None:
-        """Angles are told and read in the same sense, and what has none is not negative."""
+        """Check that angles are sent and read in the same sense, and that magnitudes are not negative."""
         for joint in JOINTS:
             position = self.registers[f"{joint}_position"]
             signed = [f"{joint}_{name}" for name in ("target", "rate", "turn_rate", "low", "high")]
+            unsigned = [f"{joint}_{name}" for name in ("target_rate", "acceleration")]
             if RATE_COMMAND in self.commands:
                 signed += [name for name in self.turning() if name.startswith(joint)]
-            unsigned = [f"{joint}_{name}" for name in ("target_rate", "acceleration")]
             for name in unsigned:
-                if self.registers[name].scale < 0.0:
-                    raise ValueError(
-                        f"registers.{name}: scale = {self.registers[name].scale:g} is negative, but it tells a move how"
-                        " fast, whichever way it goes; make it positive"
-                    )
+                scale = self.registers[name].scale
+                if scale < 0.0:
+                    raise EntryError("profile.negative_magnitude", "registers", name, "scale", scale=scale)
             for name in signed:
                 register = self.registers.get(name)
-                if register is None or register.scale * position.scale > 0.0:
-                    continue
-                mend = f"add registers.{joint}_turn_rate" if name in unsigned else "correct one"
-                raise ValueError(
-                    f"registers.{name}: scale = {register.scale:g} counts the other way than that of"
-                    f" registers.{joint}_position, {position.scale:g}; {mend}"
-                )
+                if register is not None and register.scale * position.scale <= 0.0:
+                    values = {
+                        "scale": register.scale,
+                        "other": f"registers.{joint}_position",
+                        "its": position.scale,
+                    }
+                    code = "profile.turn_rate_needed" if name in unsigned else "profile.opposite_sense"
+                    raise EntryError(code, "registers", name, "scale", joint=joint, **values)
 
     def _check_watchdog(self) -> None:
-        """Its time is known where it is to be fed, and can be one."""
+        """Check that the watchdog's timeout is readable if it is fed, and cannot be negative."""
         for name in self.names("watchdog"):
             if self.registers[name].scale < 0.0:
-                raise ValueError(
-                    f"registers.{name}: scale = {self.registers[name].scale:g} is negative, and so its time would be;"
-                    " make it positive"
-                )
-        fed, known = self.names("heartbeat"), self.names("watchdog")
-        if fed and not known:
-            raise ValueError(
-                f"registers.{fed[0]} is never written where no register tells the watchdog's time, by which it is fed;"
-                " add registers.watchdog, or remove it"
-            )
+                raise EntryError("profile.negative_timeout", "registers", name, "scale")
+        fed = self.names("heartbeat")
+        if fed and not self.names("watchdog"):
+            raise EntryError("profile.heartbeat_without_watchdog", "registers", fed[0])
 
     def _check_faults(self, faults: Mapping[str, str]) -> None:
         for code in faults:
             with entry("faults", code):
                 check_code(code)
-            for place in self.names("fault"):
-                if int(code) > self.registers[place].number.bounds[1]:
-                    raise ValueError(f"faults.{code} is no value of registers.{place}; correct it")
+                for name in self.names("fault"):
+                    low, high = self.registers[name].number.bounds
+                    if int(code) > high:
+                        values = {"value": int(code), "low": low, "high": high}
+                        raise EntryError("profile.value_beyond_register", name=name, **values)
+
+
+def _of_joints(name: str) -> tuple[str, str]:
+    return f"outer_{name}", f"inner_{name}"

@@ -1,4 +1,4 @@
-"""The lines of a table that is commanded in text (`[text]`): what to send, what the answers mean."""
+"""The lines of a table that is commanded in text (`[text]`): what to send and what the answers mean."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -8,13 +8,15 @@ from typing import Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.devices.links.serial_link import SerialSettings
-from calstation.schema import EntryError, StrictModel, entry, suggestion
+from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.messages.rendering import Text
+from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 #: What a command's line may name in braces, in degrees, °/s and °/s²; also `outer_angle`, `inner_rate` and so on.
 COMMAND_VALUES = ("axis", "angle", "rate", "acceleration")
-#: Values that each command has to tell; the first it must.
+#: Values of each command; its lines must name the first.
 _VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration")}
+#: Commands that may send the same lines.
 _MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
 _NEVER_ALWAYS = ("fault", "moving", "settled")
 _FLAGS = ("enabled", "homed", "moving", "settled", "fault", "interlock", "remote")
@@ -23,7 +25,7 @@ _FLAGS = ("enabled", "homed", "moving", "settled", "fault", "interlock", "remote
 class CommandLines(StrictModel):
     """`[text.commands]`: the lines of each command, in order; lines that name {axis} go to outer, then inner.
 
-    rate : left out where the table is never to turn endlessly; heartbeat : where it has a watchdog to feed
+    rate : left out if the table must never turn endlessly; heartbeat : if it has a watchdog to feed
     """
 
     enable: list[str] = Field(min_length=1)
@@ -37,71 +39,63 @@ class CommandLines(StrictModel):
 
     @model_validator(mode="after")
     def _can_be_sent(self) -> "CommandLines":
-        for name in type(self).model_fields:
-            values, lines = _VALUES.get(name, ()), getattr(self, name)
-            told: set[str] = set()
-            with entry(name):
-                for line in lines:
-                    told |= _check_line(repr(line), line, values)
-                if values and lines:
-                    _check_told(values[0], told)
-        self._check_distinct()
-        return self
-
-    def _check_distinct(self) -> None:
         lines = {name: getattr(self, name) for name in type(self).model_fields if getattr(self, name)}
+        for name, own in lines.items():
+            values = _VALUES.get(name, ())
+            named: set[str] = set()
+            for i, line in enumerate(own):
+                with entry(name, i):
+                    named |= _check_line(line, values)
+            if values:
+                _check_both_axes(name, values[0], named)
         for a, b in combinations(lines, 2):
             if lines[a] == lines[b] and {a, b} not in _MAY_BE_ALIKE:
-                raise EntryError(f"{a} and {b} send the same lines; correct one", b)
+                raise EntryError("profile.same_lines", b, other=a)
+        return self
 
 
-def _check_told(value: str, told: set[str]) -> None:
-    """Where to, or how fast, is told of both axes."""
+def _check_both_axes(command: str, value: str, named: set[str]) -> None:
+    """Check that a command's lines give the value for both axes."""
     for joint in ("outer", "inner"):
-        if value not in told and f"{joint}_{value}" not in told:
-            missing = f"{joint}_{value}" if any(place.endswith(f"_{value}") for place in told) else value
-            raise ValueError(
-                f"no line tells {{{missing}}}, so the table would go by what it was told before; add it"
-            )
+        if value not in named and f"{joint}_{value}" not in named:
+            missing = f"{joint}_{value}" if any(name.endswith(f"_{value}") for name in named) else value
+            raise EntryError("profile.value_not_sent", command, name=missing)
 
 
-def _check_line(called: str, line: str, values: Sequence[str]) -> set[str]:
-    """What a line names in braces. Raises ValueError where it cannot be filled in and sent.
-
-    Parameters
-    ----------
-    called : how messages call it; values : what its command has to tell
-    """
+def _check_line(line: str, values: Sequence[str]) -> set[str]:
+    """The names in braces of a line whose command has these values; raises EntryError if it cannot be filled in."""
     if not line.isascii() or not line.isprintable():
-        raise ValueError(f"{called} must be one line of ASCII; remove what is not")
-    own = ("axis", *values)
-    known = (*own, *(f"{joint}_{name}" for joint in ("outer", "inner") for name in values))
+        raise EntryError("profile.line_not_ascii", value=line)
+    known = ("axis", *values, *(f"{joint}_{name}" for joint in ("outer", "inner") for name in values))
     try:
         parts = list(Formatter().parse(line))
     except ValueError:
-        raise ValueError(f"{called} has a brace alone; write {{axis}}, or {{{{ for the character") from None
-    told = set()
-    for _, place, form, conversion in parts:
-        if place is None:
+        raise EntryError("profile.single_brace", value=line) from None
+    found = set()
+    for _, name, form, conversion in parts:
+        if name is None:
             continue
-        if form or conversion or place not in known:
-            wrong = place + (f"!{conversion}" if conversion else "") + (f":{form}" if form else "")
-            raise ValueError(
-                f"{called}: '{{{wrong}}}' is unknown here{suggestion(place, known) or '; it may name '}"
-                f"{'' if suggestion(place, known) else ', '.join(known)}"
-            )
-        told.add(place)
-    for place in sorted(told & set(values)):
-        if "axis" not in told:
-            raise ValueError(
-                f"{called} tells {{{place}}} without {{axis}}, so it would be the outer axis's alone; write"
-                f" {{outer_{place}}} and {{inner_{place}}}, or add {{axis}}"
-            )
-    return told
+        if form or conversion or name not in known:
+            written = name + (f"!{conversion}" if conversion else "") + (f":{form}" if form else "")
+            otherwise = Text.of("entry.choose_from", names=known)
+            remedy = near_miss(name, known, otherwise)
+            raise EntryError("profile.unknown_brace", value=line, name=f"{{{written}}}", remedy=remedy)
+        found.add(name)
+    for name in sorted(found & set(values)):
+        if "axis" not in found:
+            raise EntryError("profile.value_without_axis", value=line, name=name)
+    return found
+
+
+def _check_pattern(pattern: str) -> re.Pattern[str]:
+    try:
+        return re.compile(pattern)
+    except re.error as exc:
+        raise EntryError("profile.not_a_pattern", value=pattern, reason=str(exc)) from None
 
 
 class Query(StrictModel):
-    """A question: the line to send, once for each axis where it names {axis}, and what its answer looks like.
+    """A question: the line to send, once for each axis if it names {axis}, and the form of its answer.
 
     answer : a regular expression, searched in the reply; its named groups are the values
     """
@@ -112,23 +106,24 @@ class Query(StrictModel):
     @field_validator("send")
     @classmethod
     def _line(cls, send: str) -> str:
-        _check_line(repr(send), send, ())
+        _check_line(send, ())
         return send
 
     @field_validator("answer")
     @classmethod
     def _pattern(cls, answer: str) -> str:
-        try:
-            pattern = re.compile(answer)
-        except re.error as exc:
-            raise ValueError(f"'{answer}' is no regular expression ({exc})") from None
-        if not pattern.groupindex:
-            raise ValueError(f"'{answer}' has no named group; write one like (?P<value>[-+0-9.eE]+)")
+        if not _check_pattern(answer).groupindex:
+            raise EntryError("profile.no_named_group", value=answer)
         return answer
+
+    @property
+    def groups(self) -> Mapping[str, int]:
+        """Named groups of the answer."""
+        return re.compile(self.answer).groupindex
 
 
 class Flag(StrictModel):
-    """What a flag of the status is taken from: a bit or the words of a query's group, or it is always the same.
+    """Source of a flag of the status: a bit or the words of a query's group, or a constant.
 
     base : of the number that has the bit
     """
@@ -143,16 +138,16 @@ class Flag(StrictModel):
     @model_validator(mode="after")
     def _one_way(self) -> "Flag":
         if sum(way is not None for way in (self.bit, self.matches, self.always)) != 1:
-            raise ValueError("a flag needs one of bit, matches and always")
+            raise EntryError("profile.flag_needs_one_source")
         if (self.query is None) != (self.always is not None):
-            raise ValueError("a flag needs the query that tells it; only with always it has none")
+            raise EntryError("profile.flag_needs_query")
         return self
 
 
 class CheckedLines(StrictModel):
-    """`checked`: commands and replies are HEAD body MARK check, the check the 8-bit sum of what stands before MARK.
+    """`checked`: commands and replies are HEAD body MARK check, the check the 8-bit sum of what precedes MARK.
 
-    counts_head : the sum takes the head along
+    counts_head : the sum includes the head
     """
 
     head: str = Field(min_length=1)
@@ -162,18 +157,18 @@ class CheckedLines(StrictModel):
 
 
 class TextSection(StrictModel):
-    """`[text]`: how lines are framed, and which there are.
+    """`[text]`: the framing of lines, and the lines themselves.
 
     axes : names of the outer and the inner axis in the lines
     timeout_s : host time for an answer; gap_s : host time between two lines
-    line_end : of what is sent; prompt : what ends a reply (protocol "atl")
-    silent : a regular expression for lines that are not answered; flush : the query asked behind such a line, whose
-        answer brings what the table still had to say
+    line_end : of sent lines; prompt : end of a reply (protocol "atl")
+    silent : a regular expression for lines without answer; flush : the query sent after such a line, whose answer
+        brings what the table still had to send
     refused : a regular expression for replies that refuse a command
     decimals : of numbers in commands
-    rest_rate_dps : below which an axis is at rest, where the table does not say that it moves
-    settled_deg, settled_polls : where the table does not say that it has settled: at rest, and no further apart
-        than this over so many polls
+    rest_rate_dps : below which an axis is at rest, if the table does not report motion
+    settled_deg, settled_polls : if the table does not report that it has settled: at rest, and angles no further
+        apart than this over so many polls
     """
 
     axes: list[str]
@@ -198,92 +193,69 @@ class TextSection(StrictModel):
     @classmethod
     def _two(cls, axes: list[str]) -> list[str]:
         if len(axes) != 2 or axes[0] == axes[1] or not all(axes):
-            raise ValueError(
-                f'= {axes} must be two different names, of outer and inner axis, like ["1", "2"]; correct it'
-            )
+            raise EntryError("profile.two_axis_names", value=axes)
         return axes
 
     @field_validator("silent", "refused")
     @classmethod
     def _pattern(cls, pattern: str | None) -> str | None:
-        try:
-            re.compile(pattern or "")
-        except re.error as exc:
-            raise ValueError(f"'{pattern}' is no regular expression ({exc})") from None
+        _check_pattern(pattern or "")
         return pattern
 
     @model_validator(mode="after")
     def _whole(self) -> "TextSection":
-        for name in ("identity", "position", "rate"):
-            if name not in self.queries:
-                raise ValueError(f"queries.{name} is missing; add it")
-        if "model" not in self._groups("identity"):
-            raise ValueError("queries.identity: the answer needs a group model; add it")
-        for name in ("position", "rate"):
-            self._needs_joints(name)
-        for end in ("low", "high") if "limits" in self.queries else ():
-            if end not in self._groups("limits"):
-                raise ValueError(f"queries.limits: the answer needs a group {end}; add it")
-        if "watchdog" in self.queries and "value" not in self._groups("watchdog"):
-            raise ValueError("queries.watchdog: the answer needs a group value, in seconds; add it")
-        if self.commands.heartbeat and "watchdog" not in self.queries:
-            raise ValueError(
-                "commands.heartbeat is never sent where no query tells the watchdog's time, by which it is fed; add"
-                " queries.watchdog, or remove it"
-            )
+        self._check_queries()
         self._check_patterns()
         self._check_flags()
         if self.flush is not None and self.flush not in self.queries:
-            raise EntryError(
-                f"there is no query '{self.flush}'{suggestion(self.flush, tuple(self.queries))}",
-                "flush",
-            )
+            raise EntryError("profile.no_such_query", "flush", **self._unknown_query(self.flush))
         for name in ("enabled", "homed", "fault"):
             if name not in self.flags:
-                raise ValueError(f"flags.{name} is missing; add it")
+                raise EntryError("entry.missing", "flags", name)
         return self
 
-    def _groups(self, name: str) -> Mapping[str, int]:
-        """Named groups of a query's answer."""
-        return re.compile(self.queries[name].answer).groupindex
+    def _check_queries(self) -> None:
+        """Check that the needed queries are present and their answers have the needed groups."""
+        for name in ("identity", "position", "rate"):
+            if name not in self.queries:
+                raise EntryError("entry.missing", "queries", name)
+        needed: dict[str, tuple[str, ...]] = {"identity": ("model",)}
+        for name in ("position", "rate"):
+            needed[name] = ("value",) if "{axis}" in self.queries[name].send else ("outer", "inner")
+        needed |= {"limits": ("low", "high"), "watchdog": ("value",)}
+        for name, groups in needed.items():
+            for group in groups if name in self.queries else ():
+                if group not in self.queries[name].groups:
+                    raise EntryError("profile.group_missing", "queries", name, "answer", group=group)
+        if self.commands.heartbeat and "watchdog" not in self.queries:
+            raise EntryError("profile.heartbeat_without_watchdog", "commands", "heartbeat")
 
     def _check_patterns(self) -> None:
-        """Questions are answered, and not every answer refuses."""
+        """Check that questions are answered, and that not every answer refuses."""
         for name, query in self.queries.items():
             if self.silent is not None and re.search(self.silent, query.send):
-                raise ValueError(
-                    f"silent matches queries.{name} '{query.send}', which would never be answered; narrow the pattern"
-                )
+                raise EntryError("profile.silent_matches_query", "silent", query=name, line=query.send)
         if self.refused is not None and re.search(self.refused, ""):
-            raise ValueError("refused matches every reply; narrow the pattern, or remove it")
+            raise EntryError("profile.refused_matches_all", "refused")
 
     def _check_flags(self) -> None:
         seen: dict[tuple[str | None, str, int | str | None], str] = {}
         for name, flag in self.flags.items():
+            place = ("flags", name)
             if name not in _FLAGS:
-                raise ValueError(f"flags.{name} is unknown{suggestion(name, _FLAGS) or '; remove it'}")
+                raise EntryError("entry.unknown", *place, remedy=near_miss(name, _FLAGS))
             if flag.query is None:
                 if name in _NEVER_ALWAYS:
-                    raise ValueError(f"flags.{name} cannot be always the same; say which query tells it")
+                    raise EntryError("profile.flag_cannot_be_constant", *place)
                 continue
-            query = self.queries.get(flag.query)
-            if query is None:
-                raise ValueError(
-                    f"flags.{name}: there is no query '{flag.query}'{suggestion(flag.query, tuple(self.queries))}"
-                )
-            if flag.group not in self._groups(flag.query):
-                raise ValueError(
-                    f"flags.{name}: query '{flag.query}' has no group '{flag.group}'; correct it"
-                )
-            place = (flag.query, flag.group, flag.matches if flag.bit is None else flag.bit)
-            if other := seen.get(place):
-                raise ValueError(f"flags.{name} and flags.{other} are told by the same; correct one")
-            seen[place] = name
+            if flag.query not in self.queries:
+                raise EntryError("profile.no_such_query", *place, **self._unknown_query(flag.query))
+            if flag.group not in self.queries[flag.query].groups:
+                raise EntryError("profile.no_such_group", *place, query=flag.query, group=flag.group)
+            source = (flag.query, flag.group, flag.matches if flag.bit is None else flag.bit)
+            if other := seen.get(source):
+                raise EntryError("profile.same_flag", *place, other=other)
+            seen[source] = name
 
-    def _needs_joints(self, name: str) -> None:
-        query = self.queries[name]
-        groups = self._groups(name)
-        needed = ("value",) if "{axis}" in query.send else ("outer", "inner")
-        for group in needed:
-            if group not in groups:
-                raise ValueError(f"queries.{name}: the answer needs a group {group}; add it")
+    def _unknown_query(self, name: str) -> dict[str, str | Text]:
+        return {"name": name, "remedy": near_miss(name, self.queries)}

@@ -9,7 +9,6 @@ import numpy as np
 from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableIdentity, TableStatus
 from calstation.devices.profiles.table import TableProfile
 from calstation.devices.profiles.table_registers import JOINTS, RATE_COMMAND, ModbusRegister
-from calstation.devices.table.endless import check_endless
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common.samples import snap_angles
 from calstation.physics.table import JointLimits
@@ -169,7 +168,7 @@ class RegisterTable:
         """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
         if RATE_COMMAND not in self._profile.commands:
             raise ConfigurationError("table: the profile has no commands.rate; add it")
-        check_endless(self._profile, self.status().watchdog, (outer, inner), acceleration)
+        self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
         told = [
             self._encoded({turning: rate, f"{joint}_acceleration": acceleration})
             for joint, turning, rate in zip(JOINTS, self._map.turning(), (outer, inner), strict=True)

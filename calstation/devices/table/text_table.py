@@ -5,14 +5,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calstation.devices.codecs.quoting import quoted_text
+from calstation.devices.codecs.packets import quoted_text
 from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableIdentity, TableStatus
-from calstation.devices.links.serial_link import SerialSettings
 from calstation.devices.links.text_link import TextLink, UnlikeAnswerError
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import TableProfile
 from calstation.devices.profiles.table_registers import JOINTS
 from calstation.devices.profiles.text import Flag
-from calstation.devices.table.endless import check_endless
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common.samples import snap_angles
 from calstation.physics.arrays import FloatArray
@@ -101,7 +100,7 @@ class TextTable:
         """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
         if not self._text.commands.rate:
             raise ConfigurationError("table: the profile has no command rate; add it")
-        check_endless(self._profile, self.status().watchdog, (outer, inner), acceleration)
+        self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
         self._still = 0
         self._send("rate", rate=(outer, inner), acceleration=(acceleration, acceleration))
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -11,23 +10,6 @@ from calstation.devices.profiles.frame import FrameField, FrameSection, hex_byte
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
 Column = FloatArray | IntArray
-
-
-class PacketKind(Protocol):
-    """One kind of packet that a stream may carry.
-
-    Attributes
-    ----------
-    sync : bytes that begin it
-    """
-
-    sync: bytes
-
-    def size(self, buffer: bytes, place: int) -> int | None:
-        """Bytes of the packet that begins at `place`; None until more have come, 0 where none can begin."""
-
-    def sound(self, packet: bytes) -> bool:
-        """Whether a whole packet passes its check."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +42,7 @@ class BinaryFrame:
         self._check_order = frame.crc.byte_order or frame.byte_order
         self._tail = frame.tail_bytes
         self._id = hex_bytes(frame.id.value) if frame.id else b""
-        self._places = _places(frame)
+        self._places = [(f, at) for f, at, _ in frame.positions() if not f.is_spare]
         #: Bytes of a frame, of the shortest where they differ.
         self.shortest = self._shortest()
         self._fixed = frame.length is None
@@ -69,7 +51,7 @@ class BinaryFrame:
     def _shortest(self) -> int:
         behind = self._check_size + len(self._tail)
         if self._frame.length is None:
-            return _end(self._frame) + behind
+            return max((end for _, _, end in self._frame.positions()), default=self._frame.body) + behind
         return max(len(self.sync), self._frame.length.at + number(self._frame.length.type).width) + behind
 
     def size(self, buffer: bytes, place: int) -> int | None:
@@ -90,7 +72,7 @@ class BinaryFrame:
             size = told + length.adds + extra
         return size if self.shortest <= size <= self._frame.max_size else 0
 
-    def sound(self, packet: bytes) -> bool:
+    def is_valid(self, packet: bytes) -> bool:
         """See `PacketKind`; items that do not fill a frame exactly make it unsound."""
         end = len(packet) - len(self._tail) - self._check_size
         if not packet.endswith(self._tail):
@@ -98,9 +80,9 @@ class BinaryFrame:
         check = int.from_bytes(packet[end : end + self._check_size], self._check_order)
         if self._check(packet[self._frame.crc.start : end]) != check:
             return False
-        return self._frame.items is None or not self.sampled(packet) or self._walk(packet) is not None
+        return self._frame.items is None or not self.is_sample(packet) or self._walk(packet) is not None
 
-    def sampled(self, packet: bytes) -> bool:
+    def is_sample(self, packet: bytes) -> bool:
         """Whether a sound packet is of the samples' id."""
         at = self._frame.id.at if self._frame.id else 0
         return packet[at : at + len(self._id)] == self._id
@@ -240,27 +222,6 @@ class Layout:
 
 #: Layouts remembered: noise that passes a check must not fill the memory.
 _LAYOUTS_KEPT = 256
-
-
-def _places(frame: FrameSection) -> list[tuple[FrameField, int]]:
-    """Fields that are read, each with its first byte in the frame or in its item."""
-    places = []
-    ends: dict[str, int] = {}
-    for f in frame.fields:
-        key = f.item or ""
-        begin = ends.get(key, 0 if f.item else frame.body) if f.at is None else f.at
-        ends[key] = begin + f.width
-        if not f.name.startswith("spare"):
-            places.append((f, begin))
-    return places
-
-
-def _end(frame: FrameSection) -> int:
-    """First byte behind the last field of a frame without items, spare ones included."""
-    end = frame.body
-    for f in frame.fields:
-        end = (end if f.at is None else f.at) + f.width
-    return end
 
 
 def _nothing(f: FrameField, count: int) -> Column:

@@ -1,0 +1,72 @@
+"""The driver of an IMU by its profile's protocol, and the driver of an IMU that only streams."""
+
+from collections.abc import Callable, Mapping
+
+from calstation.devices.imu.framed_imu import FramedImu
+from calstation.devices.imu.modbus_imu import ModbusImu
+from calstation.devices.imu.registered_imu import RegisteredImu
+from calstation.devices.imu.streamed_imu import StreamedImu
+from calstation.devices.imu.vectornav_imu import VectorNavImu
+from calstation.devices.interfaces import ImuIdentity
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.imu import ImuProfile
+
+
+class SilentImu(StreamedImu):
+    """An IMU that only streams: it takes no command, has no registers and cannot be identified.
+
+    Parameters
+    ----------
+    link : open port
+    profile : IMU profile
+    serial : serial number, as given by the operator
+    """
+
+    def __init__(self, link: SerialLink, profile: ImuProfile, serial: str) -> None:
+        super().__init__(link, profile, None)
+        self._serial = serial
+
+    def start(self, *, corrected: bool = False) -> None:
+        """Do nothing: it streams by itself, and in one way."""
+
+    def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
+        """Forget noise only: a unit that restarted streams again by itself."""
+        self._forget_noise()
+
+    def identify(self) -> ImuIdentity:
+        """The profile's model and the operator's serial number."""
+        return ImuIdentity(self._profile.model, self._serial, "")
+
+    def read_registers(self) -> dict[str, float]:
+        """No registers."""
+        return {}
+
+    def write_registers(self, values: Mapping[str, float]) -> None:
+        """Do nothing: it has no registers."""
+
+    def commit(self) -> None:
+        """Do nothing: it has no registers."""
+
+    def reset(self) -> None:
+        """Do nothing: it takes no command."""
+
+
+_DRIVERS: dict[str, Callable[[SerialLink, ImuProfile], RegisteredImu]] = {
+    "framed": FramedImu,
+    "modbus": ModbusImu,
+    "vectornav": VectorNavImu,
+}
+
+
+def open_imu(link: SerialLink, profile: ImuProfile, serial: str) -> StreamedImu:
+    """The driver of an IMU, not streaming yet.
+
+    Parameters
+    ----------
+    link : open port
+    profile : IMU profile
+    serial : serial number as given by the operator, used if the unit cannot report its own
+    """
+    if profile.protocol == "stream":
+        return SilentImu(link, profile, serial)
+    return _DRIVERS[profile.protocol](link, profile)

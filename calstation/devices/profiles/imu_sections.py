@@ -1,0 +1,235 @@
+"""The sections of an IMU profile: stream, noise, status, commands by protocol, corrected output."""
+
+from typing import Literal
+
+from pydantic import Field, field_validator
+
+from calstation.devices.codecs.frame_checks import CRC_WIDTHS
+from calstation.devices.codecs.numbers import ByteOrder, WordOrder, check_code
+from calstation.devices.profiles.frame import FrameSection, hex_bytes
+from calstation.schema import EntryError, StrictModel, entry, near_miss
+
+#: Ops of the framed link and their usual numbers; those of words belong to systems with axes of their own.
+OPS = {
+    "identify": 1,
+    "read": 2,
+    "write": 3,
+    "commit": 4,
+    "reset": 5,
+    "stream": 6,
+    "read_words": 7,
+    "write_words": 8,
+    "error": 255,
+}
+
+#: The usual error code of the framed link for "flash busy".
+FLASH_BUSY = 3
+
+
+def check_lines(lines: list[str]) -> list[str]:
+    """Check lines to a VectorNav, without $ and check; raises EntryError naming the line."""
+    for i, line in enumerate(lines):
+        if not line or not line.isascii() or not line.isprintable() or set(line) & set("$*"):
+            raise EntryError("profile.not_a_command_line", i, value=line)
+    return lines
+
+
+class StreamSection(StrictModel):
+    """`[stream]`: what a count means; units as in a log's `[imu]`.
+
+    order : whether the stream precedes or follows the unit's own calibration registers
+    """
+
+    sample_rate_hz: float = Field(gt=0, le=100_000)
+    output: Literal["increment", "rate"]
+    gyro_lsb: float = Field(gt=0)
+    accel_lsb: float = Field(gt=0)
+    order: Literal["before_registers", "after_registers"]
+
+
+class NoiseSection(StrictModel):
+    """`[noise]`: rad/√s, m/s/√s, rad/s, m/s²."""
+
+    gyro_arw: float = Field(gt=0)
+    accel_vrw: float = Field(gt=0)
+    gyro_bias_instability: float = Field(default=0.0, ge=0)
+    accel_bias_instability: float = Field(default=0.0, ge=0)
+
+
+class StatusSection(StrictModel):
+    """`[status]`: masks of the status word; 0 if the unit does not report it."""
+
+    ready: int = Field(default=0, ge=0)
+    saturated: int = Field(default=0, ge=0)
+    failed: int = Field(default=0, ge=0)
+
+
+class CommandSection(StrictModel):
+    """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | check over op to payload.
+
+    ops : numbers of the ops that differ from `OPS`; errors : meaning of the codes in an error's reply
+    busy : error codes for "not yet"; 3 if absent and the errors are the usual ones
+    timeout_s : host time for an answer; commit_timeout_s : for burning the flash; reset_timeout_s : for the unit to
+        answer again after a reset
+    """
+
+    request_sync: str
+    reply_sync: str
+    crc: str
+    ops: dict[str, int] = Field(default_factory=dict)
+    errors: dict[str, str] = Field(default_factory=dict)
+    busy: list[int] | None = None
+    timeout_s: float = Field(gt=0, le=60)
+    commit_timeout_s: float = Field(default=5.0, gt=0, le=120)
+    reset_timeout_s: float = Field(default=30.0, gt=0)
+
+    @field_validator("ops")
+    @classmethod
+    def _ops(cls, ops: dict[str, int]) -> dict[str, int]:
+        for name, op in ops.items():
+            if name not in OPS:
+                raise EntryError("entry.unknown", name, remedy=near_miss(name, OPS))
+            if not 0 <= op <= 255:
+                raise EntryError("entry.out_of_range", name, value=op, low=0, high=255)
+        every = {**OPS, **ops}
+        if len(set(every.values())) < len(every):
+            raise EntryError("profile.same_op_twice")
+        return every
+
+    @property
+    def busy_codes(self) -> tuple[int, ...]:
+        """Error codes for "not yet"."""
+        return tuple(self.busy) if self.busy is not None else () if self.errors else (FLASH_BUSY,)
+
+    @field_validator("errors")
+    @classmethod
+    def _errors(cls, errors: dict[str, str]) -> dict[str, str]:
+        for code in errors:
+            with entry(code):
+                check_code(code)
+                if int(code) > 0xFF:
+                    raise EntryError("entry.out_of_range", value=code, low=0, high=255)
+        return errors
+
+    @field_validator("request_sync", "reply_sync")
+    @classmethod
+    def _sync(cls, sync: str) -> str:
+        if not hex_bytes(sync):
+            raise EntryError("profile.no_sync_bytes")
+        return sync
+
+    @field_validator("crc")
+    @classmethod
+    def _known(cls, kind: str) -> str:
+        if kind not in CRC_WIDTHS:
+            raise EntryError("profile.unknown_check", value=kind, names=list(CRC_WIDTHS))
+        return kind
+
+
+class TextRegisters(StrictModel):
+    """ASCII in holding registers, two characters each, high byte first."""
+
+    address: int = Field(ge=0, le=0xFFFF)
+    words: int = Field(ge=1, le=64)
+
+
+class WordCommand(StrictModel):
+    """A command given by writing a value to a holding register.
+
+    done : what the register reads once it is done; without it the answer to the write suffices
+    """
+
+    address: int = Field(ge=0, le=0xFFFF)
+    value: int = Field(ge=0, le=0xFFFF)
+    done: int | None = Field(default=None, ge=0, le=0xFFFF)
+
+
+class StreamSwitch(StrictModel):
+    """The holding register that switches the stream; off : value while registers are accessed, if the unit needs it."""
+
+    address: int = Field(ge=0, le=0xFFFF)
+    on: int = Field(ge=0, le=0xFFFF)
+    off: int | None = Field(default=None, ge=0, le=0xFFFF)
+
+    @property
+    def values(self) -> tuple[int, ...]:
+        """Values that switch the stream on and off."""
+        return (self.on,) if self.off is None else (self.on, self.off)
+
+
+class ModbusUnitSection(StrictModel):
+    """`[modbus]`: the unit's registers over Modbus RTU, on the line of its stream. Addresses are 0-based.
+
+    model, serial, firmware : texts; byte_order, word_order : of the calibration registers
+    page : register that selects the page; commit, reset, stream : the registers of these commands
+    timeout_s, commit_timeout_s, reset_timeout_s : host time for an answer, for a commit, until it answers again
+    """
+
+    unit: int = Field(ge=1, le=247)
+    model: TextRegisters
+    serial: TextRegisters
+    firmware: TextRegisters | None = None
+    byte_order: ByteOrder = "big"
+    word_order: WordOrder | None = None
+    page: int | None = Field(default=None, ge=0, le=0xFFFF)
+    commit: WordCommand
+    reset: WordCommand
+    stream: StreamSwitch | None = None
+    timeout_s: float = Field(gt=0, le=60)
+    commit_timeout_s: float = Field(default=5.0, gt=0, le=120)
+    reset_timeout_s: float = Field(default=30.0, gt=0)
+
+    @property
+    def ranges(self) -> dict[str, tuple[int, int]]:
+        """First address of everything but the calibration, and the address after the last, by name."""
+        found = {}
+        for name in ("model", "serial", "firmware"):
+            text: TextRegisters | None = getattr(self, name)
+            if text is not None:
+                found[name] = (text.address, text.address + text.words)
+        for name in ("commit", "reset", "stream"):
+            word: WordCommand | StreamSwitch | None = getattr(self, name)
+            if word is not None:
+                found[name] = (word.address, word.address + 1)
+        if self.page is not None:
+            found["page"] = (self.page, self.page + 1)
+        return found
+
+    @property
+    def written(self) -> dict[str, tuple[int, ...]]:
+        """Values written to the registers whose value selects the command."""
+        switch = {} if self.stream is None else {"stream": self.stream.values}
+        return {"commit": (self.commit.value,), "reset": (self.reset.value,), **switch}
+
+
+class VectorNavSection(StrictModel):
+    """`[vectornav]`: commands in lines, $VN...*check.
+
+    start : lines that configure and start the stream, without $ and check, e.g. "VNWRG,75,1,4,05,0001,001C"
+    digits : significant digits of a written value
+    commit_timeout_s : a commit takes about half a second
+    """
+
+    check: Literal["xor8", "crc16_xmodem"] = "xor8"
+    start: list[str] = Field(default_factory=list)
+    digits: int = Field(default=9, ge=9, le=17)
+    timeout_s: float = Field(gt=0, le=60)
+    commit_timeout_s: float = Field(default=3.0, gt=0, le=120)
+    reset_timeout_s: float = Field(default=30.0, gt=0)
+
+    _lines = field_validator("start")(check_lines)
+
+
+class CorrectedSection(StrictModel):
+    """`[corrected]`: how the unit is told to stream its output with the registers applied; left out if it cannot.
+
+    stream : what switches that stream on: the byte after the framed link's op, or the value of the Modbus register
+    start : the lines that do so on a VectorNav, without $ and check
+    frame : its frame if it differs from the raw one, in the same units and at the same rate
+    """
+
+    stream: int | None = Field(default=None, ge=0, le=0xFFFF)
+    start: list[str] = Field(default_factory=list)
+    frame: FrameSection | None = None
+
+    _lines = field_validator("start")(check_lines)

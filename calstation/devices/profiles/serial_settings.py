@@ -1,0 +1,37 @@
+"""Settings of a serial port, in a profile as defaults and in a station file as the values of this station."""
+
+from typing import Literal
+
+from pydantic import Field, field_validator
+
+from calstation.schema import EntryError, StrictModel
+
+
+class SerialSettings(StrictModel):
+    """Settings of a serial port.
+
+    write_timeout_s : host time in which a command must leave
+    """
+
+    baud: int = Field(default=115200, ge=50, le=12_000_000)
+    data_bits: Literal[5, 6, 7, 8] = 8
+    parity: Literal["N", "E", "O", "M", "S"] = "N"
+    stop_bits: float = 1
+    write_timeout_s: float = Field(default=1.0, gt=0, le=60)
+
+    @field_validator("stop_bits")
+    @classmethod
+    def _stop_bits(cls, bits: float) -> float:
+        if bits not in (1, 1.5, 2):
+            raise EntryError("profile.stop_bits", value=bits)
+        return bits
+
+    @property
+    def line(self) -> str:
+        """The usual notation, e.g. ``921600 8N1``."""
+        return f"{self.baud} {self.data_bits}{self.parity}{self.stop_bits:g}"
+
+    @property
+    def bits_per_byte(self) -> float:
+        """Bits on the line for each byte, start, parity and stop bits included."""
+        return 1 + self.data_bits + (self.parity != "N") + self.stop_bits

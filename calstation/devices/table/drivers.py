@@ -1,0 +1,94 @@
+"""The driver of a table by its profile's protocol, and the manual rig in place of a table."""
+
+import math
+
+import numpy as np
+
+from calstation.devices.interfaces import TableIdentity, TableStatus
+from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.profiles.table import TableProfile
+from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.table.text_table import TextTable
+from calstation.errors import ConfigurationError
+
+
+def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) -> ModbusTable | TextTable:
+    """The driver of a table on its open port.
+
+    Parameters
+    ----------
+    port : `tcp://host:port`, or a serial port
+    profile : table profile
+    serial : settings of the serial port; None for the profile's
+
+    Raises
+    ------
+    DeviceFaultError, ConfigurationError
+        The port cannot be opened.
+    """
+    if profile.protocol == "imu_link":
+        raise ConfigurationError("table.behind_imu", profile=profile.name)
+    if profile.by_hand:
+        raise ConfigurationError("table.rig_without_port", profile=profile.name)
+    if profile.protocol == "modbus":
+        return ModbusTable(port, profile, serial)
+    return TextTable(port, profile, serial)
+
+
+class ManualTable:
+    """A manual rig, rails turned by the operator, in place of a table: no motor, encoder or link.
+
+    It is always at rest, its angles are unknown, and it cannot be driven. Meets `interfaces.Table`.
+    """
+
+    def __init__(self, profile: TableProfile) -> None:
+        self._profile = profile
+        self._status = TableStatus(
+            angles=np.full(2, np.nan),
+            rates=np.full(2, np.nan),
+            enabled=True,
+            homed=True,
+            moving=False,
+            settled=True,
+            fault=None,
+            interlock_closed=True,
+            watchdog=math.inf,
+            limits=profile.geometry().limits,
+        )
+
+    def identify(self) -> TableIdentity:
+        """The profile's model."""
+        return TableIdentity(self._profile.model, "by hand")
+
+    def status(self) -> TableStatus:
+        """At rest at unknown angles."""
+        return self._status
+
+    def enable(self) -> None:
+        """Do nothing."""
+
+    def disable(self) -> None:
+        """Do nothing."""
+
+    def home(self) -> None:
+        """Do nothing."""
+
+    def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
+        """Raise ConfigurationError."""
+        raise ConfigurationError("table.rig_cannot_move", profile=self._profile.name)
+
+    def rate(self, outer: float, inner: float, acceleration: float) -> None:
+        """Raise ConfigurationError."""
+        raise ConfigurationError("table.rig_cannot_move", profile=self._profile.name)
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+    def reset_fault(self) -> None:
+        """Do nothing."""
+
+    def heartbeat(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
