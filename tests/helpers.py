@@ -17,3 +17,11 @@ def raises_code(
     with pytest.raises(kind) as caught:
         yield caught
     assert caught.value.code == code, f"{caught.value.code or 'no code'}: {caught.value}"
+
+
+def complaint(error: CalstationError) -> str:
+    """Entry and code of the first thing that a profile's loader complains about, e.g. ``link.baud entry.missing``."""
+    what = error.values["what"]
+    if what.code == "entry.at":
+        return f"{what.values['field']} {what.values['what'].code}"
+    return str(what.code)

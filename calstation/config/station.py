@@ -10,8 +10,8 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
 from calstation.devices.links.opening import SOCKETS, host_and_port
-from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.records.checks import ChecksSection

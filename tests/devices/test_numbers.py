@@ -6,11 +6,13 @@ import struct
 
 import numpy as np
 import pytest
+from helpers import raises_code
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, check_bytes, check_function, parametric_crc
 from calstation.devices.codecs.numbers import check_orders, number
+from calstation.schema import EntryError
 
 TYPES = ["u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u40", "i48", "u56", "i64", "f32", "f64"]
 TYPES += ["q1.15", "q12.20", "q16.32", "uq16.16", "q8.24", "uq0.16", "q32.32"]
@@ -82,20 +84,27 @@ def test_values_inside_the_bounds_are_held_to_half_a_step(name: str, part: float
     ("name", "value"),
     [("u8", 256), ("u8", -1), ("i16", 40000), ("q1.15", 1.0), ("f32", 1e39), ("i32", math.nan)],
 )
-def test_what_does_not_fit_is_refused(name: str, value: float) -> None:
+def test_a_value_out_of_range_is_rejected(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=r"outside|cannot be held"):
         number(name).pack(value, "big")
 
 
 @pytest.mark.parametrize("name", ["u12", "f16", "i72", "q0.0", "q4.5", "q40.40", "float", "", "q8.0"])
-def test_a_type_that_is_none_is_told(name: str) -> None:
-    with pytest.raises(ValueError, match=f"type '{name}' is unknown"):
+def test_an_unknown_type_is_rejected(name: str) -> None:
+    with raises_code(EntryError, "profile.unknown_type"):
         number(name)
 
 
-@pytest.mark.parametrize(("name", "words"), [("i24", "little"), ("u8", "big"), ("f32", "fraction_first")])
-def test_an_order_that_does_not_fit_is_told(name: str, words: str) -> None:
-    with pytest.raises(ValueError, match="does not fit type"):
+@pytest.mark.parametrize(
+    ("name", "words", "code"),
+    [
+        ("i24", "little", "profile.no_words"),
+        ("u8", "big", "profile.no_words"),
+        ("f32", "fraction_first", "profile.fraction_first"),
+    ],
+)
+def test_a_word_order_that_does_not_suit_its_type_is_rejected(name: str, words: str, code: str) -> None:
+    with raises_code(EntryError, code):
         check_orders(name, words)  # type: ignore[arg-type]
 
 
@@ -114,7 +123,7 @@ TEXT = b"123456789"
         ("fletcher16", 0xDDF3 - 0xF3 + 0x15),
     ],
 )
-def test_known_sums(kind: str, value: int) -> None:
+def test_sums_by_name(kind: str, value: int) -> None:
     assert check_function(kind)(TEXT) == value
     assert check_bytes(kind, TEXT, "big") == value.to_bytes(CHECK_WIDTHS[kind], "big")
 

@@ -158,10 +158,10 @@ class ImuProfile(StrictModel):
 
     def _check_stream(self, frame: FrameSection, *place: str) -> None:
         """Check that a stream of these frames carries what is needed, and that the link carries it."""
-        rate = self.stream.sample_rate_hz
-        check_status(self.status, frame)
+        rate, name = self.stream.sample_rate_hz, ".".join(place)
+        check_status(self.status, frame, name)
         if "baud" in self.link.model_fields_set:
-            check_baud(self.link, frame, rate)
+            check_baud(self.link, frame, name, rate)
         with entry(*place):
             check_wrap(frame, rate)
             if self.protocol == "vectornav":

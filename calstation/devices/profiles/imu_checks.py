@@ -20,27 +20,33 @@ SHORTEST_WRAP = 0.1
 _LARGEST_ADDRESS = 0xFFFF
 
 
-def check_status(status: StatusSection, frame: FrameSection) -> None:
-    """Check that the frame holds the bits of the status masks, and that no bit has two meanings."""
-    words = [(i, frame.field(name)) for i, name in enumerate(STATUS_WORDS)]
+def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:
+    """Check that the frame of a name holds the bits of the status masks, and that no bit has two meanings."""
+    words = [(i, frame.field(word)) for i, word in enumerate(STATUS_WORDS)]
     present = sum(((1 << 8 * f.width) - 1) << 16 * i for i, f in words if f is not None)
     masks = {"ready": status.ready, "saturated": status.saturated, "failed": status.failed}
-    for name, mask in masks.items():
+    for key, mask in masks.items():
         if mask & ~present:
-            raise EntryError("profile.mask_outside_frame", "status", name, value=mask)
-    for name in ("saturated", "failed"):
-        if masks["ready"] & masks[name]:
-            raise EntryError("profile.mask_of_ready", "status", name)
+            raise EntryError("profile.mask_outside_frame", "status", key, value=mask, frame=name)
+    for key in ("saturated", "failed"):
+        if masks["ready"] & masks[key]:
+            raise EntryError("profile.mask_of_ready", "status", key)
 
 
-def check_baud(settings: SerialSettings, frame: FrameSection, rate: float) -> None:
-    """Check that the serial line can carry the stream at `rate` samples per second."""
+def check_baud(settings: SerialSettings, frame: FrameSection, name: str, rate: float) -> None:
+    """Check that the serial line can carry a stream.
+
+    Parameters
+    ----------
+    settings : of the line
+    frame, name : frame of the stream, and its name in the profile
+    rate : samples per second
+    """
     size = frame.min_size(("counter", *CHANNELS))
     needed = settings.bits_per_byte * size * rate
     if needed > settings.baud:
-        raise EntryError(
-            "profile.baud_too_low", "link", "baud", baud=settings.baud, rate=rate, size=size, needed=needed
-        )
+        values = {"frame": name, "size": size, "rate": rate, "needed": needed}
+        raise EntryError("profile.baud_too_low", "link", "baud", baud=settings.baud, **values)
 
 
 def check_nanoseconds(frame: FrameSection, rate: float) -> None:

@@ -185,10 +185,10 @@ def check_registers(
 
 
 def _check_entry(register: RegisterEntry, sigmas: Mapping[str, float], pages: bool) -> None:
-    for name in register.names:
-        if name and name not in NAMES and name not in SLOTS:
+    for i, name in enumerate(register.parameters):
+        if name and name not in _KNOWN:
             remedy = near_miss(name, _KNOWN)
-            raise EntryError("entry.unknown_parameter", "parameters", name=name, remedy=remedy)
+            raise EntryError("entry.unknown_parameter", "parameters", i, name=name, remedy=remedy)
     check_orders(register.type, register.word_order)
     if register.page and not pages:
         raise EntryError("profile.no_pages", "page")

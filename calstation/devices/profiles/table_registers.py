@@ -318,8 +318,8 @@ class TableMap:
 
     def _check_ranges(self, axes: Sequence[Axis], encoder_sigma: float) -> None:
         for joint, axis in zip(JOINTS, axes, strict=True):
-            travel = ("profile.register_narrower_than_travel", axis.low, axis.high)
-            both_ways = ("profile.register_narrower_than_rate", -axis.rate, axis.rate)
+            travel = ("profile.narrower_than_travel", axis.low, axis.high)
+            both_ways = ("profile.narrower_than_rate", -axis.rate, axis.rate)
             needed = {
                 "position": travel,
                 "target": travel,
@@ -327,8 +327,8 @@ class TableMap:
                 "high": travel,
                 "rate": both_ways,
                 "turn_rate": both_ways,
-                "target_rate": ("profile.register_narrower_than_rate", 0.0, axis.rate),
-                "acceleration": ("profile.register_narrower_than_acceleration", 0.0, axis.acceleration),
+                "target_rate": ("profile.narrower_than_rate", 0.0, axis.rate),
+                "acceleration": ("profile.narrower_than_acceleration", 0.0, axis.acceleration),
             }
             for name, (code, low, high) in needed.items():
                 register = self.registers.get(f"{joint}_{name}")
