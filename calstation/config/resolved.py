@@ -32,6 +32,7 @@ from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import SolveContext
 from calstation.estimation.common.stage_data import BIAS_SIGMAS, SLOWEST
+from calstation.messages.rendering import Text
 from calstation.physics.earth import normal_gravity
 from calstation.physics.motion import Step
 from calstation.physics.parameters import group_indices
@@ -46,7 +47,7 @@ from calstation.records.meta import (
     context_from_meta,
     prior_from_meta,
 )
-from calstation.schema import validate
+from calstation.schema import EntryError, validate
 from calstation.sequencer.acquisition import StatusMasks
 from calstation.sequencer.preflight import PreflightLimits
 from calstation.sequencer.stop_rule import StopRule, named
@@ -437,10 +438,9 @@ def _check_baud(resolved: ResolvedConfiguration, station_path: Path) -> None:
     try:
         for frame in resolved.imu.frames:
             check_baud(serial, frame, resolved.imu.stream.sample_rate_hz)
-    except ValueError as exc:
-        raise ConfigurationError(
-            f"{station_path}: imu.serial: {str(exc).replace('link.baud', 'baud')}"
-        ) from None
+    except EntryError as exc:
+        what = Text.of("entry.at", field="imu.serial.baud", what=Text(exc.code, exc.values))
+        raise ConfigurationError("entry.in_file", file=station_path, what=what) from None
 
 
 def _check_targets(field_name: str, targets: Iterable[str], product_path: Path) -> None:

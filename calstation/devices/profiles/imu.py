@@ -161,7 +161,7 @@ class ImuProfile(StrictModel):
         rate, name = self.stream.sample_rate_hz, ".".join(place)
         check_status(self.status, frame, name)
         if "baud" in self.link.model_fields_set:
-            check_baud(self.link, frame, name, rate)
+            check_baud(self.link, frame, rate, name)
         with entry(*place):
             check_wrap(frame, rate)
             if self.protocol == "vectornav":

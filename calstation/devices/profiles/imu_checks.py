@@ -33,7 +33,7 @@ def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:
             raise EntryError("profile.mask_of_ready", "status", key)
 
 
-def check_baud(settings: SerialSettings, frame: FrameSection, name: str, rate: float) -> None:
+def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name: str = "frame") -> None:
     """Check that the serial line can carry a stream.
 
     Parameters
