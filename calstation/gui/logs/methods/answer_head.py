@@ -44,14 +44,14 @@ class AnswerHead(QWidget):
         self._remarks.setText(remarks)
         self._remarks.setVisible(bool(remarks))
         self.badge.show_state(*self._verdict(answer))
-        result, recording = answer.resolved.result_json, answer.recording
+        result, recording = answer.resolved.result, answer.recording
         about = [
             recording.serial,
             self.tr("{0} at {1:g} Hz").format(duration_text(recording.duration), recording.rate),
         ]
-        lost = result["unobservable"]
+        lost = result.unobservable
         if lost:
-            about.append(self.tr("not determined: {0} of {1}").format(len(lost), len(result["parameters"])))
+            about.append(self.tr("not determined: {0} of {1}").format(len(lost), len(result.parameters)))
         self._about.setText("  ·  ".join(about))
 
     def changeEvent(self, event: QEvent) -> None:
@@ -62,13 +62,13 @@ class AnswerHead(QWidget):
 
     def _verdict(self, answer: MethodAnswer) -> tuple[str, str]:
         """Shape and words of what the checks say."""
-        result = answer.resolved.result_json
-        failed = sum(not check["passed"] for check in result["checks"])
-        near = sum(bool(check.get("near_miss")) for check in result["checks"])
+        result = answer.resolved.result
+        failed = len(result.failed_checks)
+        near = sum(check.near_miss for check in result.checks)
         if failed:
-            said = self.tr("{0} of {1} checks failed").format(failed, len(result["checks"]))
-            return "bad" if result["passed"] is False else "caution", said
-        if result["passed"] is None:
+            said = self.tr("{0} of {1} checks failed").format(failed, len(result.checks))
+            return "bad" if result.passed is False else "caution", said
+        if result.passed is None:
             return "good", self.tr("Solved; the recording names no limits")
         if near:
             return "caution", self.tr("Passed, {0} near-misses").format(near)

@@ -1,7 +1,6 @@
 """A method's parameters: value and sigma, what they were before, and what else they can be compared with."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
@@ -11,6 +10,7 @@ from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.units import aligned, display, number
 from calstation.results.plots.gimbal import GimbalPlotData
 from calstation.results.plots.method_answer import MethodAnswer
+from calstation.results.result import Parameter
 
 _NONE = "–"
 #: A difference of more than so many sigmas is marked.
@@ -56,9 +56,9 @@ class AnswerTable(QWidget):
             texts = aligned([self._cells[name][column] for name in there])
             for name, text in zip(there, texts, strict=True):
                 self._cells[name][column] = text
-        result = answer.resolved.result_json
-        self._lost = frozenset(result["unobservable"])
-        self._outside = frozenset(c["name"].partition(" ")[0] for c in result["checks"] if not c["passed"])
+        result = answer.resolved.result
+        self._lost = frozenset(result.unobservable)
+        self._outside = frozenset(check.subject for check in result.failed_checks)
         self.model.set_columns(self._columns(answer, bool(other), bool(truth)))
         self.model.set_names(names)
 
@@ -109,14 +109,14 @@ class AnswerTable(QWidget):
 
 def _cells(
     name: str,
-    row: Mapping[str, Any],
+    row: Parameter,
     before: tuple[float, float | None] | None,
     other: tuple[float, float] | None,
     truth: float | None,
 ) -> dict[str, str]:
     """A parameter's cells, each with the digits that its sigma is worth."""
-    sigma, unit = display(name, row["sigma"])
-    value = display(name, row["value"])[0]
+    sigma, unit = display(name, row.sigma)
+    value = display(name, row.value)[0]
     cells = {
         "unit": unit if unit != "1" else "",
         "value": _signed(value, sigma),
@@ -140,15 +140,13 @@ def _cells(
     return cells
 
 
-def _apart(
-    row: Mapping[str, Any], other: tuple[float, float] | None, truth: float | None
-) -> dict[str, float]:
+def _apart(row: Parameter, other: tuple[float, float] | None, truth: float | None) -> dict[str, float]:
     """Differences in sigmas: from the other answer in the larger of both sigmas, from the truth in its own."""
     apart = {}
     if other is not None:
-        apart["other"] = (row["value"] - other[0]) / max(row["sigma"], other[1], 1e-300)
+        apart["other"] = (row.value - other[0]) / max(row.sigma, other[1], 1e-300)
     if truth is not None:
-        apart["truth"] = (row["value"] - truth) / max(row["sigma"], 1e-300)
+        apart["truth"] = (row.value - truth) / max(row.sigma, 1e-300)
     return apart
 
 

@@ -14,7 +14,6 @@ from calstation.gui.logs.methods.pair_view import PairCheckView, PairLeftView
 from calstation.gui.logs.methods.positions_view import PositionsView
 from calstation.gui.logs.methods.scrolled import scrolled
 from calstation.gui.widgets.checks_table import ChecksTable
-from calstation.records.limits import Check
 from calstation.results.plots.gimbal import GimbalPlotData
 from calstation.results.plots.method_answer import MethodAnswer
 from calstation.results.plots.positions import PositionPlotData
@@ -65,4 +64,4 @@ class AnswerViews:
             self.check.show_answer(answer)
             self.left.show_answer(answer)
         self.table.show_answer(answer)
-        self.checks.show_checks([Check.from_json(row) for row in answer.resolved.result_json["checks"]])
+        self.checks.show_checks(answer.resolved.result.checks)
