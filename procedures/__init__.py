@@ -1,4 +1,4 @@
-"""Calibration methods, one file each: a new method is a new file here, found by its `METHOD`."""
+"""Calibration methods, one file each; a new method is a new file here with an object `METHOD`."""
 
 from functools import cache
 from importlib import import_module
@@ -12,9 +12,9 @@ DEFAULT_STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
 @cache
 def method(name: str) -> Method:
-    """The method called `name`. Raises ConfigurationError naming those that exist."""
+    """The method called `name`. Raises ConfigurationError, which lists the known methods."""
     names = sorted((m.name for m in iter_modules(__path__)), key=lambda n: (n not in DEFAULT_STAGES, n))
     if name not in names:
-        raise ConfigurationError(f"stages: there is no stage '{name}'; choose from {', '.join(names)}")
+        raise ConfigurationError("plan.no_such_stage", stage=name, known=names)
     found: Method = import_module(f"{__name__}.{name}").METHOD
     return found

@@ -1,7 +1,7 @@
-"""Azimuth flips: half turns about the vertical, +, −, −, +, with long rests; the 12-state filter finds the biases.
+"""Azimuth flips: half turns about the vertical, +, −, −, +, with long rests; a 12-state filter estimates the biases.
 
-States: φ, δv, gyro and accelerometer bias. Everything else the excitation found counts with its covariance as
-consider states, so a bias that flips determine weakly (the gyro along the vertical) keeps what was known before.
+States: φ, δv, gyro and accelerometer bias. All other parameters are consider states with the covariance from earlier
+stages, so a bias that flips determine weakly (the gyro along the vertical) keeps its prior.
 """
 
 from collections.abc import Iterator
@@ -10,11 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.method import Method, RepeatedSchedule
 from calstation.estimation.navigation.stage import NavigationStage
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
-from calstation.physics.table import TableGeometry
+from calstation.physics.table import JOINTS, TableGeometry
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("gyro_bias", "accel_bias") for axis in "xyz")
 WAYS = (1.0, -1.0, -1.0, 1.0)
@@ -30,14 +29,12 @@ class Schedule(RepeatedSchedule):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Endless rounds of four half turns; `RoundEnd` after each. Raises ConfigurationError on too little travel."""
+    """Endless rounds of four half turns with `RoundEnd` after each. Raises ConfigurationError on too short a travel."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     joint, pose = geometry.vertical_joint((0.0, 0.0))
     joints = list(pose)
     if not all(geometry.limits.within(joint, joints[joint] + way * np.pi) for way in (1.0, -1.0)):
-        raise ConfigurationError(
-            f"table limits: azimuth flips need 180° both ways on the {('outer', 'inner')[joint]} axis; widen its travel"
-        )
+        raise ConfigurationError("plan.flips_exceed_travel", axis=JOINTS[joint])
     yield Move(joints[0], joints[1], rate, acceleration, ("start",))
     yield Dwell(schedule.dwell_s)
     rounds = 0
@@ -50,14 +47,10 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
         yield RoundEnd(rounds)
 
 
-def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Gyro and accelerometer biases."""
-    return ESTIMATED
-
-
-def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> NavigationStage:
-    """The 12-state filter over the stage, the other parameters as consider states."""
-    return NavigationStage("azimuth_flip", context, prior, ESTIMATED)
-
-
-METHOD = Method("azimuth_flip", Schedule, plan, solver, estimates)
+METHOD = Method(
+    "azimuth_flip",
+    Schedule,
+    plan,
+    solver=lambda context, prior, schedule: NavigationStage("azimuth_flip", context, prior, ESTIMATED),
+    estimates=lambda context: ESTIMATED,
+)

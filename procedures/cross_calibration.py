@@ -1,8 +1,8 @@
-"""Cross-calibration: secondary IMUs on one body against a primary one, from any motion that all of them feel.
+"""Cross-calibration: secondary IMUs on one body against a primary one, from any motion that they share.
 
-Asked for by command it fits all that was recorded. Left to its triggers it first checks at a rest, at start-up and by
-the period, and calibrates only a secondary that is off while the primary is not; the newest answer replaces the one
-before.
+By command it fits everything that was recorded. With triggers it first checks at a rest, at start-up and periodically,
+and calibrates only a secondary that is out of tolerance while the primary is not; the newest solution replaces the
+previous one.
 """
 
 from collections.abc import Iterator
@@ -21,25 +21,29 @@ from calstation.estimation.pairs.calibration import PairCalibration, PairResult,
 from calstation.estimation.pairs.fit import ACCEL_BIAS, GYRO_BIAS, Model, PairChoice
 from calstation.estimation.pairs.static import Threshold
 from calstation.estimation.pairs.watch import PairWatch, Triggers, WatchEvent, check_values
+from calstation.messages.rendering import values_to_json
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Step
 from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
 from calstation.physics.table import TableGeometry
 
 NOTHING = Consistency(0.0, 0.0, 0.0, 0)
-#: A sigma beyond this says that the motion did not determine the value; of the clock offset, half a sample.
+#: A value with a larger sigma was not determined by the motion; for the clock offset the limit is half a sample.
 UNDETERMINED = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
 
 
 class Schedule(BaseModel):
-    """What is fitted, when, and beyond what.
+    """What is fitted, when, and the tolerances.
 
-    model : bias, scale (scale factors too) or full (3×3); lever, clock_offset : fitted as well, lever with full only
+    Attributes
+    ----------
+    model : bias, scale (scale factors too) or full (3×3)
+    lever, clock_offset : fitted as well, the lever only with full
     sensors : all, or only those that triggered
     trigger : command (everything recorded is fitted), start_up, period (start-up, then every period_s)
-    static_s, motion_s, longest_s : a rest to check at, the motion to collect, and the longest to wait for it
-    moving_dps : rate beyond that at rest from which the body moves
-    primary_*, secondary_* : what a sensor may show at rest, rad/s and m/s² (see `estimation.pair_static.Threshold`)
+    static_s, motion_s, longest_s : rest to check at, motion to collect, and longest time for it
+    moving_dps : smallest rate, less that at rest, that counts as motion
+    primary_*, secondary_* : largest deviations at rest, rad/s and m/s²
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -65,7 +69,7 @@ class Schedule(BaseModel):
 
     @property
     def rules(self) -> PairRules:
-        """What counts as off, and what is fitted then."""
+        """Tolerances, and what is fitted."""
         return PairRules(
             rest=self.static_s,
             primary={"gyro": self.primary_gyro, "accel": self.primary_accel},
@@ -76,7 +80,7 @@ class Schedule(BaseModel):
 
     @property
     def triggers(self) -> Triggers:
-        """When to check and how long to wait."""
+        """When to check and how long to collect motion."""
         return Triggers(
             start_up=self.trigger != "command",
             period=self.period_s if self.trigger == "period" else None,
@@ -87,26 +91,16 @@ class Schedule(BaseModel):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """None: any motion will do, but a station records one IMU. Raises ConfigurationError."""
-    raise ConfigurationError(
-        "cross_calibration needs IMUs on one body recorded together, which a run on the table does not; record them "
-        "and solve the log"
-    )
-
-
-def estimates(context: SolveContext) -> tuple[str, ...]:
-    """None of the 30 parameters: what is found is between two units."""
-    return ()
+    """Raises ConfigurationError: a run on the table records one IMU."""
+    raise ConfigurationError("plan.needs_joint_recording")
 
 
 class PairStage:
-    """A `StageSolver` over the whole recording, or over what its triggers choose of it."""
+    """A `StageSolver` over the whole recording, or over the parts that its triggers select."""
 
     def __init__(self, context: SolveContext, prior: Belief, schedule: Schedule) -> None:
         if not context.secondaries:
-            raise InputError(
-                "cross_calibration needs a second IMU; add [imu2] to the configuration and its columns to the log"
-            )
+            raise InputError("solve.no_second_imu")
         self._context, self._prior, self._schedule = context, prior, schedule
         self._calibration = PairCalibration(context, prior, schedule.rules)
         self._watch: PairWatch | None = None
@@ -123,11 +117,11 @@ class PairStage:
         self._events += self._watch.feed(block)
 
     def sigma(self) -> FloatArray:
-        """The prior's: none of the 30 parameters is estimated, SI, shape (30,)."""
+        """The prior's standard deviations, SI, shape (30,); none of the 30 parameters is estimated."""
         return self._prior.sigma
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve what was recorded. Raises InputError naming what makes it worthless."""
+        """Solve the recording. Raises InputError if it is unusable."""
         if self._watch is None:
             return self._all(stage_data(list(self._spool.blocks()), self._context.imu), progress)
         return self._watched(self._watch)
@@ -158,7 +152,7 @@ class PairStage:
             if e.kind in ("primary_off", "calibrated", "given_up")
         ]
         if not checks:
-            raise InputError(f"no rest of {self._schedule.static_s:g} s to check at; lay the body still once")
+            raise InputError("solve.no_rest_to_check", seconds=self._schedule.static_s)
         return self._solution(watch.calibrated, checks, watch.stored, 0, tuple(messages))
 
     def _solution(
@@ -189,7 +183,8 @@ class PairStage:
                     for s in self._context.secondaries
                 ],
                 "events": [
-                    {"kind": e.kind, "time": e.time, "number": e.number, **e.values} for e in self._events
+                    {"kind": e.kind, "time": e.time, "number": e.number, **values_to_json(e.values)}
+                    for e in self._events
                 ],
             },
             messages=messages,
@@ -201,7 +196,7 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     fit = calibrated.fit
     sigma = np.sqrt(np.diag(fit.covariance))
     limits = {**UNDETERMINED, "clock_offset": 0.5 / sample_rate}
-    # where only the bias was fitted the matrix is told too: it is the one the bias belongs to
+    # if only the bias was fitted the matrix is listed too, because the bias belongs to it
     fixed = {
         f"secondary_{s}_matrix"
         for s, place in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS))
@@ -219,23 +214,19 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
 def _details(
     secondary: Secondary, calibrated: PairResult | None, check: Any, stored: StoredPair
 ) -> dict[str, Any]:
+    kept = stored if calibrated is None else calibrated.stored
     details: dict[str, Any] = {
         "number": secondary.number,
         "serial": secondary.imu.serial,
         "check": check,
         "stored": {
-            "values": dict(stored.values),
-            "gyro_static": stored.gyro_static,
-            "accel_static": stored.accel_static,
-        },
-    }
-    if calibrated is not None:
-        fit, kept = calibrated.fit, calibrated.stored
-        details["stored"] = {
             "values": dict(kept.values),
             "gyro_static": kept.gyro_static,
             "accel_static": kept.accel_static,
-        }
+        },
+    }
+    if calibrated is not None:
+        fit = calibrated.fit
         details["fit"] = {
             "residual": {"gyro": fit.rms[0], "accel": fit.rms[1]},
             "noise": {"gyro": fit.expected[0], "accel": fit.expected[1]},
@@ -245,4 +236,6 @@ def _details(
     return details
 
 
-METHOD = Method("cross_calibration", Schedule, plan, PairStage, estimates, needs_no_table=True)
+METHOD = Method(
+    "cross_calibration", Schedule, plan, PairStage, estimates=lambda context: (), needs_no_table=True
+)

@@ -1,7 +1,8 @@
-"""Excitation: rotations about y, x, z, then z, x, y, repeated; the 39-state filter finds all parameters.
+"""Excitation: rotations about y, x, z, then z, x, y, repeated; the 39-state filter estimates all parameters.
 
-Each body axis is turned once round in quarter turns with a rest after each, always the same way; a joint unwinds
-by whole turns only where its travel demands it. The inner axis turns while it lies level, where gravity sees it.
+Each body axis makes one whole turn in quarter turns with a rest after each, always in the same direction; a joint
+unwinds by whole turns only if its travel requires it. The inner axis turns while horizontal, so that gravity observes
+its turns.
 """
 
 from collections.abc import Iterator
@@ -9,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import Field
 
-from calstation.estimation.common.context import Belief, SolveContext
+from calstation.estimation.common.context import SolveContext
 from calstation.estimation.method import Method, RepeatedSchedule
 from calstation.estimation.navigation.stage import NavigationStage
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
@@ -21,11 +22,7 @@ QUARTERS = 4
 
 
 class Schedule(RepeatedSchedule):
-    """Rests and rates of the turns, and when to stop.
-
-    dwell_s : rest after a quarter turn and before the first; place_dwell_s : after a turn that only brings an axis
-    into place; rates in °/s, °/s²
-    """
+    """Rests in s, rates in °/s and °/s², and the stop rule; `place_dwell_s` is the rest after positioning moves."""
 
     dwell_s: float = Field(20.0, ge=2.0, le=600.0, description="rest after every quarter turn")
     place_dwell_s: float = Field(
@@ -36,7 +33,7 @@ class Schedule(RepeatedSchedule):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Endless rounds of y, x, z, z, x, y; `RoundEnd` after each."""
+    """Endless rounds of y, x, z, z, x, y with `RoundEnd` after each."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     joints = [0.0, 0.0]
     yield Move(0.0, 0.0, rate, acceleration, ("start",))
@@ -70,20 +67,21 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _unwound(geometry: TableGeometry, joint: int, angle: float, sign: int) -> float:
-    """The same attitude as many whole turns back as the travel allows, a quarter turn's room assured."""
+    """The same attitude as many whole turns back as the travel allows, with room for a quarter turn."""
     end = geometry.limits.low[joint] if sign > 0 else geometry.limits.high[joint]
     turns = np.floor(abs(end - angle) / (2.0 * np.pi) + 1e-9)
     return float(geometry.nearest(joint, angle, angle - sign * 2.0 * np.pi * max(turns, 1.0)))
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:
-    """All 30 parameters; the outer lever only where the table has one."""
+    """All 30 parameters; the outer lever only if the table has one."""
     return tuple(n for n in NAMES if context.table.outer_lever == "estimated" or not n.startswith("outer"))
 
 
-def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> NavigationStage:
-    """The 39-state filter over the stage."""
-    return NavigationStage("excitation", context, prior, estimates(context))
-
-
-METHOD = Method("excitation", Schedule, plan, solver, estimates)
+METHOD = Method(
+    "excitation",
+    Schedule,
+    plan,
+    solver=lambda context, prior, schedule: NavigationStage("excitation", context, prior, estimates(context)),
+    estimates=estimates,
+)

@@ -1,13 +1,14 @@
 """Gimbal: gyro misalignment from the joints of a gimbal that stabilises on the corrected rates, turn by turn.
 
-The correction starts at zero. From joints at zero one axis is turned by a preset angle; how far the other two joints
-drift meanwhile corrects K; the joints go back to zero, and again until the drift is small. Then the next axis. A
-recording is replayed: its joints give the same corrections as they gave online, and the same samples give the
-least-squares answer beside it.
+The correction K starts at zero. With the joints at zero, one axis is turned by a preset angle; the drift of the other
+two joints corrects K, the joints return to zero, and this is repeated until the drift is small. Then follows the next
+axis. A recording is replayed: its joints give the same corrections as online, and the same samples also give a
+least-squares solution for comparison.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,25 +33,32 @@ from calstation.estimation.gimbal.iteration import (
 )
 from calstation.estimation.gimbal.motions import Motion, find_motions
 from calstation.estimation.method import Method, Solution
-from calstation.estimation.positions.recording_faults import frozen_columns
+from calstation.estimation.positions.recording_faults import CHANNELS, frozen_columns
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Step
 from calstation.physics.parameters import INDEX, NAMES
 from calstation.physics.table import TableGeometry
+from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
-#: Drifts that keep this share of their size through turns that should have halved it were not corrected.
+#: Share of its size that a drift keeps if the rates were not corrected, after turns that should have halved it.
 STUCK = 0.7
 
 
 class Schedule(BaseModel):
     """The iteration and the gimbal.
 
-    angle_deg : of every turn; gain : α, rad of correction per rad of drift; iterations : per axis at most
-    threshold_arcsec : drift below which an axis is done; alternate : every second turn goes the other way
-    order : joints from the base to the unit; dwell_s : stabilised rest before and after a turn; rate_dps
-    mount_sigma_deg : how far b, as the accelerometers define it, may be turned from the joints' axes; 0 where the
-        joints define it
+    Attributes
+    ----------
+    angle_deg, rate_dps : of every turn
+    gain : α, rad of correction per rad of drift
+    iterations : largest number of turns per axis
+    threshold_arcsec : drift below which an axis is done
+    alternate : whether every second turn goes the other way
+    order : joints from the base to the unit
+    dwell_s : stabilised rest before and after a turn
+    mount_sigma_deg : misalignment between b, as the accelerometers define it, and the joints' axes; 0 if the joints
+        define b
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -68,11 +76,11 @@ class Schedule(BaseModel):
     @classmethod
     def _order(cls, order: str) -> str:
         if sorted(order) != ["x", "y", "z"]:
-            raise ValueError(f"order = '{order}' must name x, y and z once each, from the base to the unit")
+            raise EntryError("plan.gimbal_order", order=order)
         return order
 
     def iteration(self) -> GimbalIteration:
-        """A fresh iteration."""
+        """A new iteration."""
         return GimbalIteration(
             self.gain,
             float(np.deg2rad(self.angle_deg)),
@@ -83,38 +91,38 @@ class Schedule(BaseModel):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """None: a table does not stabilise on the unit's rates. Raises ConfigurationError."""
-    raise ConfigurationError(
-        "gimbal needs a gimbal that stabilises on the corrected rates, which a rate table is not; record there and "
-        "solve the log"
-    )
-
-
-def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Gyro misalignments."""
-    return ESTIMATED
-
-
-def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> BatchStage:
-    """Collects the recording and replays it at its end."""
-    return BatchStage(context, prior, lambda data, c, p: solve(data, c, p, schedule))
+    """Raises ConfigurationError: a table does not stabilise on the unit's rates."""
+    raise ConfigurationError("plan.needs_gimbal")
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
-    """Replay the turns. Raises InputError naming what makes a recording worthless."""
+    """Replay the turns and fit them.
+
+    Parameters
+    ----------
+    data : samples of the recording
+    context : site, IMU and table
+    prior : of the parameters
+    schedule : the iteration and the gimbal
+
+    Raises
+    ------
+    InputError
+        The recording is unusable.
+    """
     _require_channels(data)
     motions = find_motions(data, context.imu)
     _require_joints(data, motions)
     iteration, turns = _replayed(motions, schedule)
-    known = []
+    solved = []
     for course, turned in zip(iteration.courses, turns, strict=True):
-        known.append(_known(course, turned, context, prior, schedule))
-        _require_corrected(course, known[-1])
+        solved.append(_axis_solution(course, turned, context, prior, schedule))
+        _require_corrected(course, solved[-1])
     fit = fit_gimbal(data, motions, schedule.order, context, prior, context.table.encoder_sigma)
     mask = np.array([name in ESTIMATED for name in NAMES])
     return Solution(
         stage="gimbal",
-        belief=restricted(prior, _measured(prior, known), mask),
+        belief=restricted(prior, _measured(prior, solved), mask),
         estimated=ESTIMATED,
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,
@@ -129,8 +137,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
             },
             "motions": [
                 {
-                    "first_seq": int(data.seq[m.start]),
-                    "last_seq": int(data.seq[m.stop - 1]),
+                    **data.seq_range(m.start, m.stop),
                     "residual": r.tolist(),
                 }
                 for m, r in zip(motions, fit.residual, strict=True)
@@ -141,7 +148,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
 
 
 def _replayed(motions: list[Motion], schedule: Schedule) -> tuple[GimbalIteration, list[list[Motion]]]:
-    """The iteration as it went online: which axis was turned the recording says, not the schedule."""
+    """The iteration as it went online, with the axes in the order of the recording."""
     iteration = schedule.iteration()
     iteration.courses = []
     turns: list[list[Motion]] = []
@@ -151,56 +158,55 @@ def _replayed(motions: list[Motion], schedule: Schedule) -> tuple[GimbalIteratio
         if not iteration.courses or iteration.courses[-1].axis != m.axis:
             iteration.courses.append(AxisTurns(m.axis))
             turns.append([])
-        iteration.answer(m.angle, m.lean(schedule.order))
+        iteration.add_drift(m.angle, m.joint_drift(schedule.order))
         turns[-1].append(m)
     return iteration, turns
 
 
 def _require_channels(data: StageData) -> None:
-    names = ("gyro_x", "gyro_y", "gyro_z", "joint_x", "joint_y", "joint_z")
     polled = data.joints.shape[1] == 3
     joints = data.joints[~np.isnan(data.joints).any(axis=1)] if polled else np.empty((0, 3))
     if polled and len(joints) > 1:
         for k, still in enumerate(np.ptp(joints, axis=0) == 0.0):
             if still:
-                raise InputError(f"{names[3 + k]} is frozen: one value all through; check its encoder")
-    for name, first, last in frozen_columns(names[:3], data.gyro, data.dt):
+                raise InputError("recording.frozen_joint", channel=f"joint_{AXES[k]}")
+    for name, first, last in frozen_columns(CHANNELS[:3], data.gyro, data.dt):
         raise InputError(
-            f"{name} is frozen from sample {data.seq[first]} to {data.seq[last]}; check the unit and its cable"
+            "recording.frozen",
+            channel=name,
+            first=int(data.seq[first]),
+            last=int(data.seq[last]),
+            seconds=(last - first) * data.dt,
         )
 
 
 def _require_joints(data: StageData, motions: list[Motion]) -> None:
-    """The joint that was turned must be the axis the gyros saw turn, by the same angle."""
+    """Check that the gyros sense the turns about the same axes and by the same angles as the joints."""
     for m in motions:
         if m.axis is None:
             continue
         turned = data.gyro[m.start : m.stop].sum(axis=0) * data.dt
         seen = int(np.argmax(np.abs(turned)))
-        where = f"samples {data.seq[m.start]} to {data.seq[m.stop - 1]}"
+        span = {"first": int(data.seq[m.start]), "last": int(data.seq[m.stop - 1])}
         if seen != m.axis:
-            raise InputError(
-                f"joint_{AXES[m.axis]} was turned but gyro_{AXES[seen]} saw it ({where}); axes are swapped, correct "
-                "the columns"
-            )
-        ratio = turned[seen] / m.angle
+            raise InputError("recording.joint_axes_swapped", joint=AXES[m.axis], gyro=AXES[seen], **span)
+        ratio = float(turned[seen] / m.angle)
         if ratio < 0.0:
-            raise InputError(
-                f"gyro_{AXES[seen]} and joint_{AXES[seen]} turn opposite ways ({where}); correct a sign"
-            )
+            raise InputError("recording.joint_sign", axis=AXES[seen], **span)
         if not 0.8 < ratio < 1.25:
-            raise InputError(
-                f"gyro_{AXES[seen]} turned {ratio:.4g} times as far as joint_{AXES[seen]} ({where}): units wrong by a "
-                "factor; correct imu.gyro_lsb or the joints' columns"
-            )
+            raise InputError("recording.joint_unit", axis=AXES[seen], ratio=ratio, **span)
 
 
 @dataclass(frozen=True)
-class Known:
-    """How well one axis is known at its end.
+class _AxisSolution:
+    """Solution of one axis.
 
-    values : misalignments by name, rad; covariance : of them, shape (2, 2)
-    remaining : share of the first error that all turns leave; drift_sigma : of the last drift by noise alone, rad
+    Attributes
+    ----------
+    values : misalignments by name, rad
+    covariance : of them, rad², shape (2, 2)
+    remaining : share of the first error that all turns leave
+    drift_sigma : of the last drift by noise alone, rad
     """
 
     values: dict[str, float]
@@ -209,13 +215,13 @@ class Known:
     drift_sigma: float
 
 
-def _known(
+def _axis_solution(
     course: AxisTurns, motions: list[Motion], context: SolveContext, prior: Belief, schedule: Schedule
-) -> Known:
-    """Noise of every drift taken through the recursion.
+) -> _AxisSolution:
+    """Propagate the noise of every drift through the recursion.
 
-    A demand of pure turning makes N's column parallel to the axis, so off the diagonal K = M / (1 + scale). What of the
-    first error the last turn has not yet taken out stays a doubt.
+    A commanded pure rotation makes N's column parallel to the axis, so off the diagonal K = M / (1 + scale). The part
+    of the first error that the last turn leaves counts as uncertainty.
     """
     noise, name = filter_noise(context), AXES[course.axis]
     P, left, drift = np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
@@ -235,7 +241,7 @@ def _known(
         f"gyro_misalign_{AXES[row]}{name}": float(k) * (1.0 + scale)
         for row, k in zip(others(course.axis), last, strict=True)
     }
-    return Known(
+    return _AxisSolution(
         values,
         P + np.diag((left @ last) ** 2) + mount**2 * np.eye(2),
         float(np.linalg.norm(left, 2)),
@@ -243,21 +249,23 @@ def _known(
     )
 
 
-def _require_corrected(course: AxisTurns, known: Known) -> None:
-    """Drifts must have shrunk as far as the gain promises; if not, the rates were not corrected by K."""
+def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
+    """Check that drifts have shrunk as the gain predicts; if not, the rates were not corrected by K."""
     first, last = (float(np.linalg.norm(course.drifts[k])) for k in (0, -1))
-    if known.remaining < 0.5 * STUCK and last > STUCK * first and last > 6.0 * known.drift_sigma:
+    if solved.remaining < 0.5 * STUCK and last > STUCK * first and last > 6.0 * solved.drift_sigma:
         raise InputError(
-            f"turned about {AXES[course.axis]} the joints drift by {np.rad2deg(last) * 3600:.0f}″ after "
-            f"{len(course.drifts)} turns and drifted by {np.rad2deg(first) * 3600:.0f}″ at first: the rates were not "
-            "corrected by K; correct them, or the schedule's gain and order"
+            "recording.rates_not_corrected",
+            axis=AXES[course.axis],
+            first_arcsec=float(np.rad2deg(first) * 3600),
+            last_arcsec=float(np.rad2deg(last) * 3600),
+            turns=len(course.drifts),
         )
 
 
-def _measured(prior: Belief, known: list[Known]) -> Belief:
+def _measured(prior: Belief, solved: list[_AxisSolution]) -> Belief:
     """The prior with the misalignments observed (Kalman update)."""
     belief = prior
-    for axis in known:
+    for axis in solved:
         places, z = [INDEX[name] for name in axis.values], np.array(list(axis.values.values()))
         P, R = belief.covariance, axis.covariance
         gain = np.linalg.solve(P[np.ix_(places, places)] + R, P[places]).T
@@ -301,4 +309,11 @@ def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str
     return tuple(messages)
 
 
-METHOD = Method("gimbal", Schedule, plan, solver, estimates, needs_no_table=True)
+METHOD = Method(
+    "gimbal",
+    Schedule,
+    plan,
+    solver=lambda context, prior, schedule: BatchStage(context, prior, partial(solve, schedule=schedule)),
+    estimates=lambda context: ESTIMATED,
+    needs_no_table=True,
+)

@@ -1,11 +1,12 @@
-"""Multi-position: gyros and accelerometers together on a simple rig, or by hand, with no accurate angle anywhere.
+"""Multi-position: gyros and accelerometers together on a simple rig, or by hand, without accurate angles.
 
-From level the inner rail carries the unit around and back with a rest at each position, then the outer rail does,
-once more with the inner one a quarter turn on, so that every body axis has turned about the horizontal, where gravity
-sees it. Rests and motions are found from the data alone; what the rig's angles were is never asked.
+From level the inner rail turns the unit around and back with a rest at each position. The outer rail does the same,
+first with the inner one at zero and then with it a quarter turn on, so that every body axis turns about the horizontal
+and gravity observes it. Rests and motions are found from the data alone; the rig's angles are not used.
 """
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,30 +22,27 @@ from calstation.estimation.method import Method, Solution
 from calstation.estimation.positions.fit import MOST_ITERATIONS, PositionFit, fit_positions
 from calstation.estimation.positions.observations import Position, Scatter, positions
 from calstation.estimation.positions.recording_faults import valid_links
-from calstation.physics.earth import normal_gravity
 from calstation.physics.motion import Carry, Dwell, Move, Step
 from calstation.physics.parameters import NAMES, PARAMETERS
-from calstation.physics.table import INNER, OUTER, TableGeometry
+from calstation.physics.table import INNER, JOINTS, OUTER, TableGeometry
 
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
-
-
 #: Joint angles outer and inner, rad.
 Pose = tuple[float, float]
-
-#: What a person needs beside turning a rail, to read what is asked and to let go, s.
+#: Time that an operator needs to read an instruction and to let go of a rail, s.
 HESITATION = 3.0
 
 
 class Schedule(BaseModel):
     """Rests in s, angles in degrees, rates in °/s and °/s².
 
-    initial_rest_s : at level before the first motion; rest_s : at each position
+    Attributes
+    ----------
+    initial_rest_s, rest_s : at level before the first motion, and at each position
     step_deg : from position to position
-    manual : the rails are moved by hand: the operator is guided, and nothing moves by itself; rate_dps is then how
-        fast hands are likely to turn them
-    shortest_rest_s : a shorter stillness in the data is a pause in a motion and no position
+    manual : whether the operator turns the rails by hand, guided by the program; rate_dps is then the expected rate
+    shortest_rest_s : a shorter rest in the data is a pause in a motion and not a position
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -60,7 +58,7 @@ class Schedule(BaseModel):
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """Inner rail around and back, outer rail the same, outer rail once more with the inner one a quarter turn on.
 
-    Raises ConfigurationError where the travel holds no position but the first.
+    Raises ConfigurationError if the travel allows no position but the first.
     """
     poses = _poses(geometry, schedule)
     if schedule.manual:
@@ -75,7 +73,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _poses(geometry: TableGeometry, schedule: Schedule) -> Iterator[Pose]:
-    """Joint angles (rad) of the positions behind the first, which is (0, 0)."""
+    """Joint angles (rad) of the positions after the first, which is (0, 0)."""
     level = geometry.level_inner((0.0, 0.0))
     for joint, other in ((INNER, level), (OUTER, 0.0), (OUTER, 0.5 * np.pi)):
         for angle in _around(geometry, joint, np.deg2rad(schedule.step_deg)):
@@ -83,7 +81,7 @@ def _poses(geometry: TableGeometry, schedule: Schedule) -> Iterator[Pose]:
 
 
 def _by_hand(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
-    """Every position once; nobody is asked to bring the rails to where they are."""
+    """Every position once; positions at which the rails already are give no step."""
     way: list[Pose] = [(0.0, 0.0)]
     for pose in poses:
         if max(abs(a - b) for a, b in zip(pose, way[-1], strict=True)) > 1e-6:
@@ -97,7 +95,7 @@ def _by_hand(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
 
 
 def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]:
-    """Joint angles (rad) once round and back to 0, or to both ends of a travel that is shorter."""
+    """Joint angles (rad) once round and back to 0, or to both ends of a shorter travel."""
     whole = round(2.0 * np.pi / step)
     for way in (1.0, -1.0):
         if geometry.limits.within(joint, way * whole * step):
@@ -107,28 +105,15 @@ def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]
     up, down = int((high + 1e-9) // step), int((-low + 1e-9) // step)
     if up + down < 1:
         raise ConfigurationError(
-            f"table limits: multi_position needs positions {np.rad2deg(step):.0f}° apart on the "
-            f"{('outer', 'inner')[joint]} axis; widen its travel or lower step_deg in the schedule"
+            "plan.positions_exceed_travel", step_deg=float(np.rad2deg(step)), axis=JOINTS[joint]
         )
     yield from (k * step for k in (*range(up + 1), *range(up - 1, -down - 1, -1), *range(-down + 1, 1)))
 
 
-def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Gyro and accelerometer matrices and biases."""
-    return ESTIMATED
-
-
-def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> BatchStage:
-    """Collects the recording and solves it at its end."""
-    return BatchStage(context, prior, lambda data, c, p: solve(data, c, p, schedule.shortest_rest_s))
-
-
 def solve(data: StageData, context: SolveContext, prior: Belief, shortest: float = 1.0) -> Solution:
-    """Solve from rests and motions. Raises InputError naming what makes a recording worthless."""
-    site = context.site
+    """Solve from rests of at least `shortest` s and motions. Raises InputError if the recording is unusable."""
     still = find_stillness(data, context.imu, shortest)
-    gravity = site.gravity or normal_gravity(site.latitude, site.height)
-    links = valid_links(data, still, context.imu, gravity, prior, shortest)
+    links = valid_links(data, still, context.imu, context.site.local_gravity, prior, shortest)
     rests = positions(data, still, context)
     mask = np.array([name in ESTIMATED for name in NAMES])
     fit = fit_positions(data, rests, links, context, prior, mask)
@@ -149,8 +134,7 @@ def _details(
     return {
         "positions": [
             {
-                "first_seq": int(data.seq[r.start]),
-                "last_seq": int(data.seq[r.stop - 1]),
+                **data.seq_range(r.start, r.stop),
                 "force": r.force.tolist(),
                 "up": C[2].tolist(),
                 "residual": residual.tolist(),
@@ -159,8 +143,7 @@ def _details(
         ],
         "motions": [
             {
-                "first_seq": int(data.seq[link.start]),
-                "last_seq": int(data.seq[link.stop - 1]),
+                **data.seq_range(link.start, link.stop),
                 "from": link.first,
                 "to": link.second,
                 "residual": residual.tolist(),
@@ -192,4 +175,13 @@ def _messages(
     return tuple(messages)
 
 
-METHOD = Method("multi_position", Schedule, plan, solver, estimates, needs_no_table=True)
+METHOD = Method(
+    "multi_position",
+    Schedule,
+    plan,
+    solver=lambda context, prior, schedule: BatchStage(
+        context, prior, partial(solve, shortest=schedule.shortest_rest_s)
+    ),
+    estimates=lambda context: ESTIMATED,
+    needs_no_table=True,
+)

@@ -1,8 +1,8 @@
-"""Rate: whole turns about each gyro axis both ways against the table's angle; gyro scale factors.
+"""Rate: whole turns about each gyro axis in both directions against the table's angle; gyro scale factors.
 
-Over a whole turn the earth's rate across the axis averages out; both ways together cancel what lies along it and the
-bias. The axis of turn is not taken for the gyro's: mount, table axes and misalignments are unknowns with their prior,
-and so is every encoder reading at rest.
+Over a whole turn the earth rate across the axis averages out; both directions together cancel the earth rate along it
+and the bias. The axis of rotation is not assumed to be the gyro's: mount, table axes, misalignments and every encoder
+reading at rest are unknowns with their prior.
 """
 
 import itertools
@@ -14,26 +14,27 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.batch_stage import BatchStage
+from calstation.estimation.common.alignment import FREE_AZIMUTH_SIGMA
 from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, restricted
 from calstation.estimation.common.noise import BIAS_DRIFT_TIME, filter_noise
-from calstation.estimation.common.stage_data import StageData, mean_angles, rests
+from calstation.estimation.common.stage_data import StageData, find_rests, mean_angles
 from calstation.estimation.method import Innovations, Method, Solution
+from calstation.messages.rendering import Text
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import rotation_rate
 from calstation.physics.motion import Dwell, Move, Step
 from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.rotation import axis_rotation, rotation_matrix
-from calstation.physics.table import INNER, TableGeometry
+from calstation.physics.table import INNER, JOINTS, TableGeometry
 
 ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
-#: A smaller rotation between two rests only moves the unit into place.
+#: A smaller rotation between two rests is a positioning move, rad.
 SMALLEST_TURN = np.deg2rad(300.0)
-#: A turn counts as whole when it ends this close to where it began.
+#: Largest deviation of a turn from a whole number of turns, rad.
 WHOLE = np.deg2rad(5.0)
-#: How far a table's axes may lie from where its profile says: non-orthogonality and wobble, rad.
+#: Standard deviation of a table's axes from its profile: non-orthogonality and wobble, rad.
 AXIS_SIGMA = np.deg2rad(0.1)
-FREE_AZIMUTH = np.pi / np.sqrt(3.0)
 
 
 class Schedule(BaseModel):
@@ -50,8 +51,13 @@ class Schedule(BaseModel):
 class Turn:
     """A whole turn between two rests.
 
-    start, stop : samples at rest before and after; total : integral of the raw rate, rad, shape (3,)
-    joint : 0 outer, 1 inner; angles : encoder before and after, rad, shape (2, 2); rest : places of the two rests
+    Attributes
+    ----------
+    start, stop : samples at rest before and after
+    total : integral of the raw rate, rad, shape (3,)
+    joint : 0 outer, 1 inner
+    angles : encoder before and after, rad, shape (2, 2)
+    rest : indices of the two rests
     duration : s
     """
 
@@ -65,7 +71,7 @@ class Turn:
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """About x, y and z: into place, rest, whole turns one way, rest, whole turns back, rest."""
+    """About x, y and z: positioning move, rest, whole turns one way, rest, whole turns back, rest."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     joints = [0.0, 0.0]
     for axis in range(3):
@@ -84,9 +90,9 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _room(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int) -> tuple[float, float]:
-    """Where to start nearest `at`, rad, and the first way: positive about the body axis if there is room for it.
+    """Start angle nearest `at` and first rotation, rad: positive about the body axis if there is room for it.
 
-    Raises ConfigurationError where the travel is too short for the turns wherever they start.
+    Raises ConfigurationError if the travel is too short for the turns.
     """
     limits, way = geometry.limits, 2.0 * np.pi * turns * sign
     low, high = limits.low[joint], limits.high[joint]
@@ -95,36 +101,29 @@ def _room(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int)
             return at, first
     if high - low < abs(way):
         raise ConfigurationError(
-            f"table limits: {turns} whole turns need {360 * turns}° of travel on the {('outer', 'inner')[joint]} axis, "
-            f"which has {np.rad2deg(high - low):.0f}°; lower turns in the schedule of rate"
+            "plan.turns_exceed_travel",
+            turns=turns,
+            needed_deg=360 * turns,
+            axis=JOINTS[joint],
+            travel_deg=float(np.rad2deg(high - low)),
         )
     return float(np.clip(at, low - min(way, 0.0), high - max(way, 0.0))), way
 
 
-def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Gyro scale factors."""
-    return ESTIMATED
-
-
-def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> BatchStage:
-    """Collects the stage and solves it at its end."""
-    return BatchStage(context, prior, solve)
-
-
 def solve(data: StageData, context: SolveContext, prior: Belief) -> Solution:
-    """Solve from the whole turns. Raises InsufficientDataError naming those that are missing."""
+    """Solve from the whole turns. Raises InsufficientDataError if some are missing."""
     turns, assumed = find_turns(data, context, prior)
     _require_turns(turns, data.gaps)
     return _solve(data, turns, context, prior, assumed)
 
 
 def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[list[Turn], bool]:
-    """Whole turns between rests, and whether their angle was assumed whole for want of an encoder."""
-    geometry = TableGeometry(context.table.outer_axis, context.table.inner_axis)
+    """Whole turns between rests, and whether their angle was assumed whole for lack of encoder angles."""
+    geometry = context.table.geometry
     bias = group_indices("gyro_bias")
     found, assumed, rest_count = [], False, 0
     for segment in data.segments:
-        still = rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max()))
+        still = find_rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max()))
         for number, ((a0, a1), (b0, b1)) in enumerate(itertools.pairwise(still)):
             start, stop = (a0 + a1) // 2, (b0 + b1) // 2
             duration = (stop - start) * data.dt
@@ -147,7 +146,7 @@ def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[l
 
 
 def _whole_turn(geometry: TableGeometry, turned: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-    """Joint angles of a turn without encoder: the nearest whole number of turns about the nearest body axis."""
+    """Joint angles of a turn without encoder: the nearest whole number of turns about the nearest body axis, rad."""
     axis = np.zeros(3)
     axis[int(np.argmax(np.abs(turned)))] = 1.0
     body_turn = geometry.body_turn(axis, 0.0)
@@ -165,25 +164,22 @@ def _require_turns(turns: list[Turn], gaps: int) -> None:
             if not any(np.argmax(np.abs(t.total)) == axis and sign * t.total[axis] > 0.0 for t in turns):
                 missing.append(f"{way}{'xyz'[axis]}")
     if missing:
-        raise InsufficientDataError(
-            f"rate: no whole turn about {', '.join(missing)} between two rests ({len(turns)} turns found"
-            f"{f', {gaps} gaps or spoilt stretches, each of which costs its turn' if gaps else ''}); "
-            "include both ways about every axis with the rests before and after"
-        )
+        note = Text.of("solve.gaps_cost_turns", gaps=gaps) if gaps else ""
+        raise InsufficientDataError("solve.no_whole_turn", missing=missing, turns=len(turns), gaps_note=note)
 
 
 def _solve(
     data: StageData, turns: list[Turn], context: SolveContext, prior: Belief, assumed: bool
 ) -> Solution:
     table, site = context.table, context.site
-    geometry = TableGeometry(table.outer_axis, table.inner_axis)
+    geometry = table.geometry
     noise = filter_noise(context)
     places = sorted({r for t in turns for r in t.rest})
     earth = rotation_rate(site.latitude)
     earths = [_earth_integral(data, t, geometry, earth, site.azimuth or 0.0) for t in turns]
 
-    # nuisances: mount (3), azimuth (1), direction of the outer and the inner axis (3 + 3), encoders at each rest (2)
-    azimuth_sigma = table.azimuth_sigma if site.azimuth is not None and not assumed else FREE_AZIMUTH
+    # nuisances: mount (3), azimuth (1), directions of outer and inner axis (3 + 3), encoders at each rest (2)
+    azimuth_sigma = table.azimuth_sigma if site.azimuth is not None and not assumed else FREE_AZIMUTH_SIGMA
     sigma = np.concatenate(
         [
             [table.mount_sigma] * 3,
@@ -228,9 +224,8 @@ def _solve(
         details={
             "turns": [
                 {
-                    "first_seq": int(data.seq[t.start]),
-                    "last_seq": int(data.seq[t.stop - 1]),
-                    "joint": ("outer", "inner")[t.joint],
+                    **data.seq_range(t.start, t.stop),
+                    "joint": JOINTS[t.joint],
                     "angle": float(t.angles[1, t.joint] - t.angles[0, t.joint]),
                     "residual": r.tolist(),
                 }
@@ -244,9 +239,9 @@ def _solve(
 def _earth_integral(
     data: StageData, turn: Turn, geometry: TableGeometry, earth: FloatArray, azimuth: float
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
-    """Integral of the earth's rate in b over a turn: its vertical part, and north as cos and sin of a heading error.
+    """Integral of earth rate in b over a turn: vertical part, and north as cosine and sine of a heading error, rad.
 
-    The joint's angle follows the gyros' own integral between the encoder's end points. Each shape (3,), rad.
+    The joint angle follows the gyros' integral between the encoder's end points. Each has shape (3,).
     """
     progress = np.cumsum(np.linalg.norm(data.gyro[turn.start : turn.stop], axis=1))
     progress = progress / progress[-1]
@@ -263,4 +258,10 @@ def _earth_integral(
     return vertical * weight, (north * weight, east * weight)
 
 
-METHOD = Method("rate", Schedule, plan, solver, estimates)
+METHOD = Method(
+    "rate",
+    Schedule,
+    plan,
+    solver=lambda context, prior, schedule: BatchStage(context, prior, solve),
+    estimates=lambda context: ESTIMATED,
+)

@@ -1,8 +1,8 @@
 """Six positions: each accelerometer axis up and down; the modulus of gravity gives scale factors and bias.
 
-No face is taken for level: the direction of gravity in the body is an unknown of every rest, and only its length
-is known. What six faces cannot separate (second-order term from bias, misalignment times tilt from scale) stands
-in the sigmas through the prior covariance of the parameters that this stage does not estimate.
+No face is assumed level: the direction of gravity in the body is an unknown of every rest, and only its length is
+known. What six faces cannot separate (second-order term from bias, misalignment times tilt from scale) enters the
+sigmas through the prior covariance of the parameters that this stage does not estimate.
 """
 
 from collections.abc import Iterator
@@ -16,10 +16,9 @@ from calstation.estimation.batch_stage import BatchStage
 from calstation.estimation.common.context import Belief, SolveContext
 from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, restricted
 from calstation.estimation.common.noise import filter_noise, rest_mean_variance
-from calstation.estimation.common.stage_data import StageData, mean_angles, rests, slope_weights
+from calstation.estimation.common.stage_data import StageData, find_rests, mean_angles, slope_weights
 from calstation.estimation.method import Innovations, Method, Solution
 from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import normal_gravity
 from calstation.physics.imu_model import compensation
 from calstation.physics.motion import Dwell, Move, Step
 from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
@@ -27,11 +26,11 @@ from calstation.physics.rotation import rotation_matrix
 from calstation.physics.table import TableGeometry
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
-#: A rest shorter than this, s, is a pause in a turn and no position.
+#: A shorter rest, s, is a pause in a turn and not a position.
 SHORTEST_REST = 1.0
-#: Prior of a direction of which nothing is known, rad about the measured one.
+#: Prior sigma of an unknown direction about the measured one, rad.
 FREE_DIRECTION_SIGMA = 1.0
-#: A rest further than this from every face supports the fit but is no face.
+#: Largest angle of a rest from a face, rad; other rests support the fit but count as no face.
 ON_FACE = np.deg2rad(30.0)
 
 
@@ -56,7 +55,7 @@ class Position:
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """z up, z down, y up, y down, x up, x down, each from the joint angles nearest the last."""
+    """z up, z down, y up, y down, x up, x down, each at the joint angles nearest to the last."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     pose = (0.0, 0.0)
     for axis in (2, 1, 0):
@@ -69,18 +68,8 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
             yield Dwell(schedule.dwell_s)
 
 
-def estimates(context: SolveContext) -> tuple[str, ...]:
-    """Accelerometer scale factors, and a coarse bias."""
-    return ESTIMATED
-
-
-def solver(context: SolveContext, prior: Belief, schedule: Schedule) -> BatchStage:
-    """Collects the stage and solves it at its end."""
-    return BatchStage(context, prior, solve)
-
-
 def solve(data: StageData, context: SolveContext, prior: Belief) -> Solution:
-    """Solve from the rests. Raises InsufficientDataError naming the faces that are missing."""
+    """Solve from the rests. Raises InsufficientDataError if faces are missing."""
     positions = find_positions(data, context, prior)
     _require_faces(positions, prior)
     return _solve(data, positions, context, prior)
@@ -92,7 +81,7 @@ def find_positions(data: StageData, context: SolveContext, prior: Belief) -> lis
     stride = max(round(filter_noise(context).interval / data.dt), 1)
     found = []
     for segment in data.segments:
-        for a, b in rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max())):
+        for a, b in find_rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max())):
             if (b - a) * data.dt >= SHORTEST_REST:
                 force = slope_weights(b - a, stride) @ data.accel[a:b]
                 variance = rest_mean_variance(context, (b - a) * data.dt)
@@ -111,16 +100,12 @@ def _require_faces(positions: list[Position], prior: Belief) -> None:
     missing = [f for f in ("+x", "-x", "+y", "-y", "+z", "-z") if f not in seen]
     if missing:
         raise InsufficientDataError(
-            f"six_position: no rest of {SHORTEST_REST:.0f} s or more with {', '.join(missing)} upward "
-            f"({len(positions)} rests found); include all six faces"
+            "solve.missing_faces", seconds=SHORTEST_REST, missing=missing, rests=len(positions)
         )
 
 
 def _solve(data: StageData, positions: list[Position], context: SolveContext, prior: Belief) -> Solution:
-    site, table = context.site, context.table
-    gravity = site.gravity or normal_gravity(site.latitude, site.height)
-    geometry = TableGeometry(table.outer_axis, table.inner_axis)
-    tilt = float(np.sqrt(table.mount_sigma**2 + table.base_tilt_sigma**2 + table.encoder_sigma**2))
+    gravity, geometry, tilt = context.site.local_gravity, context.table.geometry, context.table.tilt_sigma
     constants = compensation(prior.mean)
     directions, frames, nuisance, sigma = [], [], [], []
     for p in positions:
@@ -165,8 +150,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         details={
             "positions": [
                 {
-                    "first_seq": int(data.seq[p.start]),
-                    "last_seq": int(data.seq[p.stop - 1]),
+                    **data.seq_range(p.start, p.stop),
                     "force": p.force.tolist(),
                     "residual": r.tolist(),
                 }
@@ -186,4 +170,10 @@ def _tangents(direction: FloatArray) -> FloatArray:
     return np.vstack([first, np.cross(direction, first)])
 
 
-METHOD = Method("six_position", Schedule, plan, solver, estimates)
+METHOD = Method(
+    "six_position",
+    Schedule,
+    plan,
+    solver=lambda context, prior, schedule: BatchStage(context, prior, solve),
+    estimates=lambda context: ESTIMATED,
+)

@@ -1,1 +1,1 @@
-"""Filters, least squares, observability and covariance analysis: pure functions of arrays."""
+"""Solvers: filters, least squares, observability and covariance analysis as pure functions of arrays."""

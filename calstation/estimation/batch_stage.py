@@ -1,4 +1,4 @@
-"""The solver that stages of single rests and turns share: collects a stage, solves it in one batch at its end."""
+"""Solver of stages that are collected and then solved in one batch."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,9 @@ class BatchStage:
 
     Parameters
     ----------
-    solve : (data, context, prior) -> solution; raises InsufficientDataError saying what is missing
+    context : site, IMU and table
+    prior : of the parameters
+    solve : (data, context, prior) -> solution; may raise InsufficientDataError
     """
 
     def __init__(
@@ -32,9 +34,9 @@ class BatchStage:
         self._spool.append(block)
 
     def sigma(self) -> FloatArray:
-        """The prior's sigmas until the stage is solved, SI, shape (30,)."""
+        """The prior's standard deviations, SI, shape (30,)."""
         return self.prior.sigma
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage, which takes no time worth telling."""
+        """Solve the stored stage; too fast to report progress."""
         return self._solve(stage_data(list(self._spool.blocks()), self.context.imu), self.context, self.prior)

@@ -1,4 +1,4 @@
-"""What a calibration method is to the rest of the house: a plan, a solver, and what it estimates."""
+"""The interface of a calibration method: its plan, its solver and the parameters it estimates."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,16 +15,18 @@ from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.motion import Step
 from calstation.physics.table import TableGeometry
 
-#: Is told how far something is, 0 to 1, never falling.
+#: Called with progress from 0 to 1, never falling.
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Innovations:
-    """What a stage's observations brought beyond what was expected of them.
+    """Innovations of a stage's observations.
 
+    Attributes
+    ----------
     seq : sequence number at the end of each observation, shape (m,)
-    normalised : its components in units of their sigmas, each freed of what those before it told, shape (m, 3)
+    normalised : decorrelated components in units of their sigmas, shape (m, 3)
     """
 
     seq: IntArray
@@ -33,7 +35,7 @@ class Innovations:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value that is none of the 30 parameters, SI; `determined` is False where the data did not tell it."""
+    """A value beyond the 30 parameters, SI; `determined` is False if the data did not determine it."""
 
     value: float
     sigma: float
@@ -43,23 +45,22 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a stage's solver found.
+    """Solution of a stage.
 
     Attributes
     ----------
     stage : name
     belief : joint posterior of the 30 parameters, the next stage's prior
-    estimated : names this stage was asked for and estimated
+    estimated : names of the parameters that the stage estimated
     consistency : innovation test of the stage
-    gaps : gaps and resets met
-    observability : per state, the segment in which it became observable and how strongly (see
-        `estimation.observability`), JSON-ready
-    details : anything further worth keeping (residuals, notes), JSON-ready
+    gaps : number of gaps and resets
+    observability : see `navigation.observability.observability_analysis`, JSON-ready
+    details : further results such as residuals, JSON-ready
     messages : remarks for the user, (message id, values)
-    innovations : for who looks closer; no part of a result
-    found : values by contract name that are none of the 30 parameters
-    evidence : rests and motions of its samples, where the product's checks ask for them
-    latitude : as the gyros see it in all rests so far, where they are good enough
+    innovations : for diagnosis; no part of a result
+    found : values beyond the 30 parameters, by contract name
+    evidence : rests and motions of its samples, if the product's checks need them
+    latitude : from the gyros at all rests so far, if they are good enough
     """
 
     stage: str
@@ -77,7 +78,7 @@ class Solution:
 
 
 class StageSolver(Protocol):
-    """Consumes a stage's blocks as they come; answers the same however they were cut."""
+    """Consumes a stage's blocks; the solution does not depend on how samples are cut into blocks."""
 
     def feed(self, block: SampleBlock) -> None:
         """Take further samples of the stage."""
@@ -86,16 +87,17 @@ class StageSolver(Protocol):
         """Standard deviations of the 30 parameters so far, shape (30,), SI."""
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage. Raises InsufficientDataError saying what is missing.
-
-        progress : told from time to time how far it is; may be left unused by a solver that is done at once
-        """
+        """Solve the stored stage; slow solvers report `progress`. Raises InsufficientDataError."""
 
 
 class RepeatedSchedule(BaseModel):
-    """When a plan that repeats has done enough: the first of these that is met.
+    """Stop rule of a repeated plan: the first of these conditions that is met.
 
-    rounds : complete rounds; duration_s : of the stage, s; targets : largest sigma per parameter or group, SI
+    Attributes
+    ----------
+    rounds : complete rounds
+    duration_s : of the stage, s
+    targets : largest sigma per parameter or group, SI
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -120,8 +122,8 @@ class Method:
         endless and marks each round with `RoundEnd`
     solver : (context, prior, schedule) -> solver
     estimates : (context) -> names of the parameters that the stage estimates
-    needs_no_table : it finds its steps in the data, so a recording whose column 'stage' does not name it
-        is solved as a whole where it is asked for
+    needs_no_table : the solver finds the steps in the data, so a recording whose column 'stage' does not name the
+        method can be solved as a whole
     """
 
     name: str

@@ -50,6 +50,9 @@ class Text:
         """The message of a code with these values."""
         return cls(code, values)
 
+    def __str__(self) -> str:
+        return sentence(self)
+
     def to_json(self) -> dict[str, Any]:
         """JSON-ready: code and values, messages inside likewise."""
         return {"code": self.code, "values": values_to_json(self.values)}

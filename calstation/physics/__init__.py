@@ -1,1 +1,1 @@
-"""Pure physics: error model, earth, strapdown, table geometry, motion as data, units."""
+"""Pure physics: error model, earth, strapdown, table geometry, motion steps and units; no filter, file or device."""

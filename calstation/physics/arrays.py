@@ -1,4 +1,4 @@
-"""Array types shared by all rooms."""
+"""NumPy array types that every package uses."""
 
 from typing import TypeAlias
 

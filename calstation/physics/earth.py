@@ -1,4 +1,4 @@
-"""The rotating WGS-84 earth at the table: rotation rate and gravity in the local level (ENU) frame.
+"""The rotating WGS-84 earth at a site: rotation rate and gravity in the local level (ENU) frame.
 
 References
 ----------
@@ -10,18 +10,18 @@ import numpy as np
 
 from calstation.physics.arrays import FloatArray
 
-RATE = 7.292115e-5
 #: Rotation rate of the earth in rad/s.
-SEMI_MAJOR_AXIS = 6378137.0
+RATE = 7.292115e-5
 #: Semi-major axis in m.
-FLATTENING = 1.0 / 298.257223563
+SEMI_MAJOR_AXIS = 6378137.0
 #: Flattening of the ellipsoid.
-GRAVITATIONAL_PARAMETER = 3.986004418e14
+FLATTENING = 1.0 / 298.257223563
 #: GM in m³/s².
-EQUATOR_GRAVITY = 9.7803253359
+GRAVITATIONAL_PARAMETER = 3.986004418e14
 #: Normal gravity at the equator in m/s².
-POLE_GRAVITY = 9.8321849378
+EQUATOR_GRAVITY = 9.7803253359
 #: Normal gravity at the poles in m/s².
+POLE_GRAVITY = 9.8321849378
 
 
 def normal_gravity(latitude: float, height: float) -> float:

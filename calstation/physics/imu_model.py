@@ -1,4 +1,4 @@
-"""The error model's constants as a solver needs them: inverted matrices for one set of parameters."""
+"""Compensation of raw IMU output by the error model's parameters."""
 
 from typing import NamedTuple
 
@@ -9,8 +9,10 @@ from calstation.physics.parameters import group_matrix, group_vector
 
 
 class Compensation(NamedTuple):
-    """What turns raw output into angular rate and specific force at the IMU's reference point.
+    """Constants that turn raw output into angular rate and specific force at the IMU's reference point.
 
+    Attributes
+    ----------
     gyro_inverse : (I + M_g)⁻¹, shape (3, 3); gyro_bias : rad/s, shape (3,)
     accel_inverse : (I + M_a)⁻¹, shape (3, 3); accel_bias : m/s², shape (3,)
     quadratic : K2, s²/m, shape (3,); inner_lever, outer_lever : m, shape (3,)
@@ -26,7 +28,7 @@ class Compensation(NamedTuple):
 
 
 def compensation(parameters: FloatArray) -> Compensation:
-    """Constants for one parameter vector, shape (30,), SI."""
+    """Compensation constants of a parameter vector, shape (30,), SI."""
     return Compensation(
         _inverse(parameters, "gyro_scale", "gyro_misalign"),
         group_vector(parameters, "gyro_bias"),
@@ -43,10 +45,18 @@ def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
 
 
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angular rate (rad/s) and specific force (m/s²) at the reference point from raw rates, each shape (n, 3).
+    """Invert the error model for raw mean rates.
 
-    Inverts the contract's model; the second-order term by three steps of fixed-point iteration, whose rest is
-    (2 K2 f)³ of the term itself.
+    The second-order term takes three steps of fixed-point iteration, whose error is (2 K2 f)³ of the term itself.
+
+    Parameters
+    ----------
+    c : constants of the parameters
+    gyro, accel : raw output, rad/s and m/s², shape (n, 3)
+
+    Returns
+    -------
+    omega, force : angular rate, rad/s, and specific force, m/s², at the reference point, shape (n, 3)
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
     linear = accel - c.accel_bias

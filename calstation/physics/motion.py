@@ -1,4 +1,4 @@
-"""The few kinds of step a plan is made of: data, interpreted by preview, sequencer and simulation alike."""
+"""The kinds of step of a plan; preview, sequencer and simulation interpret them."""
 
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -37,34 +37,34 @@ class Dwell:
 
 @dataclass(frozen=True)
 class RoundEnd:
-    """A place where a repeated plan may end: `rounds` are complete, the stop rule is asked."""
+    """A point where a repeated plan may end: `rounds` rounds are complete and the stop rule applies."""
 
     rounds: int
 
 
 @dataclass(frozen=True)
 class Carry:
-    """Have the operator bring both rails of a manual rig to about these angles, and let go until it has rested.
+    """Have the operator turn both rails of a manual rig to about these angles and leave it at rest.
 
     Attributes
     ----------
-    outer, inner : rail angles asked for, rad, cumulative
-    rest : how long it is to rest there, s
-    way : what bringing it there is likely to take, s
-    index, count : which position it is, from 1, and of how many
+    outer, inner : target rail angles, rad, cumulative
+    rest : rest required there, s
+    travel_time : expected time to get there, s
+    index, count : number of this position, from 1, and of all positions
     """
 
     outer: float
     inner: float
     rest: float
-    way: float
+    travel_time: float
     index: int
     count: int
 
 
 @dataclass(frozen=True)
 class Finish:
-    """Drive to the load angle and switch the axes off."""
+    """Move to the load position and switch the axes off."""
 
 
 Step: TypeAlias = Prepare | Move | Dwell | RoundEnd | Carry | Finish

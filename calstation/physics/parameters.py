@@ -1,10 +1,9 @@
-"""The error model as one table: the 30 parameters, their units and where each enters.
+"""The error model's 30 parameters: names, order, units and matrix elements.
 
     gyro   measured = (I + M_g) ω + b_g + noise                 M_g full 3×3
     accel  measured = (I + M_a) f + K2 ∘ f² + b_a + noise       M_a lower triangular
 
-Estimator, register maps, files and screens all take names, order and units from here. Values are
-relative to the nominal scale of the IMU's profile.
+Values are relative to the nominal scale of the IMU's profile.
 """
 
 from dataclasses import dataclass
@@ -26,8 +25,8 @@ class Parameter:
     unit : SI unit as written in files
     group : name without its axis, e.g. ``gyro_misalign``
     sensor : ``gyro``, ``accel`` or ``lever``
-    row, column : place in the group's matrix (both the axis index for vectors)
-    prior_sigma : standard deviation assumed where neither a profile nor a log states one, in `unit`
+    row, column : element of the group's matrix (for vectors both are the axis index)
+    prior_sigma : standard deviation, in `unit`, when neither a profile nor a log states one
     """
 
     name: str
@@ -66,13 +65,14 @@ PARAMETERS: tuple[Parameter, ...] = tuple(
 
 @dataclass(frozen=True)
 class PairParameter:
-    """One scalar of a secondary IMU against the primary one on the same body, `secondary measured = C · primary + b`.
+    """One scalar of a secondary IMU relative to the primary one, `secondary measured = C · primary + b`.
 
     Attributes
     ----------
     name : contract name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``
-    unit : SI unit as written in files; group : name without its axes
-    neutral : value where the secondary is the primary's equal
+    unit : SI unit as written in files
+    group : name without its axes
+    neutral : value of a secondary identical to the primary
     """
 
     name: str
@@ -81,7 +81,7 @@ class PairParameter:
     neutral: float = 0.0
 
 
-#: What cross-calibration finds, in the order of every table.
+#: Parameters of cross-calibration in the order of every table.
 PAIR_PARAMETERS: tuple[PairParameter, ...] = (
     *(
         PairParameter(f"secondary_{sensor}_{what}", unit, f"secondary_{sensor}_{kind}", neutral)
@@ -97,14 +97,14 @@ PAIR_PARAMETERS: tuple[PairParameter, ...] = (
 
 
 def pair_name(name: str, number: int) -> str:
-    """A pair parameter's name for the IMU `number`: the contract's for the second, with the number for further ones."""
+    """A pair parameter's name for the IMU `number`; only the third and further IMUs have their number in it."""
     if number == 2:
         return name
     return name.replace("secondary_", f"secondary{number}_", 1) if "secondary" in name else f"{name}{number}"
 
 
 def pair_parameter(name: str) -> PairParameter | None:
-    """The pair parameter of a name with or without number; None where it is none."""
+    """The pair parameter of a name with or without IMU number; None if the name is unknown."""
     return _PAIR.get(name.translate(_NO_DIGITS))
 
 
@@ -118,12 +118,12 @@ GROUPS: tuple[str, ...] = tuple(dict.fromkeys(p.group for p in PARAMETERS))
 
 
 def group_indices(group: str) -> list[int]:
-    """Places of a group's parameters in the state vector."""
+    """Indices of a group's parameters in the parameter vector."""
     return [i for i, p in enumerate(PARAMETERS) if p.group == group]
 
 
 def group_matrix(values: FloatArray, *groups: str) -> FloatArray:
-    """Parameters of `groups` laid out as a matrix, ndarray, shape (3, 3), zeros elsewhere."""
+    """Parameters of `groups` as a matrix, shape (3, 3), zero elsewhere."""
     matrix = np.zeros((3, 3))
     for i, p in enumerate(PARAMETERS):
         if p.group in groups:
@@ -132,5 +132,5 @@ def group_matrix(values: FloatArray, *groups: str) -> FloatArray:
 
 
 def group_vector(values: FloatArray, group: str) -> FloatArray:
-    """Parameters of a three-component group, ndarray, shape (3,)."""
+    """Parameters of a three-component group, shape (3,)."""
     return np.asarray(values)[group_indices(group)].astype(np.float64)

@@ -1,4 +1,4 @@
-"""Small rotation algebra: cross-product matrices, rotation vectors, directions."""
+"""Rotation algebra: cross-product matrices, rotation vectors, directions."""
 
 import numba as nb
 import numpy as np
@@ -60,14 +60,14 @@ def rotation_vector(C: FloatArray) -> FloatArray:
 
 
 def angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
-    """Angle (rad) about unit `axis` that turns `start` towards `end` (Paden-Kahan subproblem 1)."""
+    """Angle (rad) about a unit `axis` that turns `start` towards `end` (Paden-Kahan subproblem 1)."""
     u = start - axis * (axis @ start)
     w = end - axis * (axis @ end)
     return float(np.arctan2(axis @ np.cross(u, w), u @ w))
 
 
 def level_attitude(up_b: FloatArray) -> FloatArray:
-    """Some attitude `C_bn` whose up axis is `up_b` (any length), heading arbitrary, shape (3, 3)."""
+    """An attitude C_bn with `up_b` (any length) upward and arbitrary heading, shape (3, 3)."""
     up = up_b / np.linalg.norm(up_b)
     reference = np.zeros(3)
     reference[int(np.argmin(np.abs(up)))] = 1.0

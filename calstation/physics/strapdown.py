@@ -1,4 +1,4 @@
-"""Strapdown navigation at the IMU's rate with the transition blocks of its errors, one compiled kernel.
+"""Strapdown navigation at the IMU's rate with the transition matrix of its errors, compiled.
 
 State order of the errors: φ (0:3), δv (3:6), δp (6:9), the 30 parameters (9:39), where
 `C_true = (I + [φ×]) C_computed`, `v_true = v + δv`. With ω, f compensated by the assumed parameters:
@@ -28,8 +28,10 @@ PARAMETER_START = 9
 
 
 class IntervalWork(NamedTuple):
-    """What one interval of the kernel writes.
+    """State and output of `propagate` for one interval.
 
+    Attributes
+    ----------
     transition : F over the interval, shape (39, 39)
     attitude : C_bn, shape (3, 3), read and advanced; velocity : v in n, m/s, shape (3,), read and advanced
     rate : angular rate ω_ib at the interval's end, rad/s, shape (3,)
@@ -160,11 +162,11 @@ def propagate(
     ----------
     c : constants of the assumed parameters
     earth : earth rate in n, rad/s, shape (3,)
-    gravity : m/s²
+    gravity : normal or surveyed gravity, m/s²
     dt : sample period, s
     gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
-    start, stop : samples of this interval; the neighbours on both sides serve coning and the end rate
-    work : see `IntervalWork`
+    start, stop : samples of this interval; the samples before and after it serve coning and the end rate
+    work : state and output
     """
     C, v, F = work.attitude, work.velocity, work.transition
     omega, force, last_omega, last_force = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -290,9 +292,14 @@ def propagate(
 def write_navigation_block(
     F: FloatArray, earth: FloatArray, force_sum: FloatArray, force_moment: FloatArray, T: float
 ) -> None:
-    """The φ and δv columns of a transition over T s, to first order in Ω T.
+    """Write the φ and δv columns of a transition, to first order in Ω T.
 
+    Parameters
+    ----------
+    F : transition, shape (≥9, ≥6)
+    earth : earth rate in n, rad/s, shape (3,)
     force_sum, force_moment : ∫f dt and ∬f dt² in n, m/s and m, shape (3,)
+    T : length of the interval, s
     """
     for r, scale in ((0, 1.0), (3, 2.0)):
         F[r, r + 1] = scale * earth[2] * T
@@ -312,7 +319,19 @@ def write_navigation_block(
 
 @nb.njit(cache=True)
 def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop: int) -> FloatArray:
-    """Rotation of the body from sample `start` to `stop` relative to inertial space, C_b(start)←b(stop), (3, 3)."""
+    """Rotation of the body between two samples relative to inertial space.
+
+    Parameters
+    ----------
+    c : constants of the assumed parameters
+    dt : sample period, s
+    gyro : raw mean rates of all samples, rad/s, shape (n, 3)
+    start, stop : first sample and the one after the last
+
+    Returns
+    -------
+    C_b(start)←b(stop), shape (3, 3)
+    """
     B, K, turned = np.eye(3), np.zeros((3, 3)), np.empty((3, 3))
     omega, last, cross, rotvec = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     before = start - 1 if start > 0 else start
@@ -336,7 +355,17 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
 
 @nb.njit(cache=True)
 def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """∂ω/∂p and ∂f/∂p for the parameters before the outer lever, each shape (3, 27), at ω (rad/s), f (m/s²)."""
+    """Derivatives of rate and specific force by the 27 parameters before the outer lever.
+
+    Parameters
+    ----------
+    c : constants of the assumed parameters
+    omega, force : angular rate, rad/s, and specific force, m/s², shape (3,)
+
+    Returns
+    -------
+    rate_jacobian, force_jacobian : ∂ω/∂p and ∂f/∂p, SI, shape (3, 27)
+    """
     rate_jacobian, force_jacobian = np.zeros((3, 27)), np.zeros((3, 27))
     _rate_jacobian(c, omega, rate_jacobian)
     _force_jacobian(c, omega, force, rate_jacobian, force_jacobian)

@@ -1,4 +1,4 @@
-"""Two-axis table geometry for arbitrary axis directions: attitudes, and body-axis turns as joint moves.
+"""Two-axis table geometry for arbitrary axis directions: attitudes, and joint moves that turn about a body axis.
 
 `C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner)`; positive joint angles are
 right-handed. Which joint angles bring a body direction upward is Paden-Kahan subproblem 2
@@ -15,8 +15,10 @@ from calstation.physics.rotation import angle_about, axis_rotation
 
 UP = np.array([0.0, 0.0, 1.0])
 OUTER, INNER = 0, 1
+#: Names of the joints in messages, files and the catalogue.
+JOINTS = ("outer", "inner")
 
-#: A pose further than this from the one asked for does not count as reached.
+#: Largest angle between a reached and a requested direction, rad.
 _REACH = np.deg2rad(5.0)
 
 
@@ -30,15 +32,19 @@ class JointLimits:
     acceleration: tuple[float, float] = (np.inf, np.inf)
 
     def within(self, joint: int, angle: float) -> bool:
-        """Whether `angle` (rad) lies in the joint's travel, a billionth of a radian allowed for rounding."""
+        """Whether `angle` (rad) lies in the joint's travel, with 1e-9 rad for rounding."""
         return self.low[joint] - 1e-9 <= angle <= self.high[joint] + 1e-9
 
 
 @dataclass(frozen=True)
 class BodyTurn:
-    """How to turn about a body axis: with which joint, which way, and at which inner angle first.
+    """How to turn about a body axis.
 
-    joint : 0 outer, 1 inner; sign : joint turn per body turn, ±1; inner : rad, None where any will do
+    Attributes
+    ----------
+    joint : 0 outer, 1 inner
+    sign : joint turn per body turn, ±1
+    inner : inner angle at which to turn, rad; None if any will do
     """
 
     joint: int
@@ -63,15 +69,23 @@ class TableGeometry:
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
     def joint_axis(self, joint: int, inner: float) -> FloatArray:
-        """Axis of a joint in b at the given inner angle (rad), unit vector, shape (3,)."""
+        """Axis of a joint in b at an inner angle (rad), unit vector, shape (3,)."""
         if joint == INNER:
             return np.array(self.inner_axis)
         return np.asarray(axis_rotation(self.inner_axis, -inner) @ np.array(self.outer_axis))
 
     def nearest(self, joint: int, angle: float, near: float) -> float:
-        """`angle` plus the whole turns that bring it closest to `near` within the joint's travel, rad.
+        """`angle` plus the whole turns that bring it closest to `near` within the joint's travel.
 
-        Raises ConfigurationError where the travel holds no such angle.
+        Parameters
+        ----------
+        joint : 0 outer, 1 inner
+        angle, near : rad
+
+        Raises
+        ------
+        ConfigurationError
+            The travel contains no such angle.
         """
         turn = 2.0 * np.pi
         reachable = np.clip(near, self.limits.low[joint], self.limits.high[joint])
@@ -80,17 +94,18 @@ class TableGeometry:
         for candidate in sorted(candidates, key=lambda c: abs(c - near)):
             if self.limits.within(joint, candidate):
                 return float(candidate)
-        name = ("outer", "inner")[joint]
         raise ConfigurationError(
-            f"table limits: the {name} axis cannot reach {np.rad2deg(angle):.1f}° (or whole turns from it) "
-            f"within {np.rad2deg(self.limits.low[joint]):.0f}° to {np.rad2deg(self.limits.high[joint]):.0f}°; "
-            "widen the travel or mount the unit otherwise"
+            "plan.angle_out_of_travel",
+            axis=JOINTS[joint],
+            angle_deg=float(np.rad2deg(angle)),
+            low_deg=float(np.rad2deg(self.limits.low[joint])),
+            high_deg=float(np.rad2deg(self.limits.high[joint])),
         )
 
     def pose_up(self, direction: FloatArray, near: tuple[float, float]) -> tuple[float, float]:
         """Joint angles (outer, inner), rad, that point a body direction upward, closest to `near`.
 
-        Raises ConfigurationError where the axes cannot do it within 5°.
+        Raises ConfigurationError if the axes cannot do so within 5°.
         """
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         p = direction / np.linalg.norm(direction)
@@ -103,16 +118,13 @@ class TableGeometry:
                 pose = (self.nearest(OUTER, outer, near[OUTER]), self.nearest(INNER, inner, near[INNER]))
                 solutions.append(pose)
         if not solutions:
-            raise ConfigurationError(
-                f"table axes: no joint angles point body direction {np.round(p, 3).tolist()} upward; "
-                "check outer_axis and inner_axis"
-            )
+            raise ConfigurationError("plan.direction_not_upward", direction=np.round(p, 3).tolist())
         return min(solutions, key=lambda s: (abs(s[0] - near[0]) + abs(s[1] - near[1]), s))
 
     def body_turn(self, axis: FloatArray, near_inner: float) -> BodyTurn:
-        """How to turn about the body direction `axis`, inner angle closest to `near_inner` (rad).
+        """How to turn about the body direction `axis`, with the inner angle closest to `near_inner` (rad).
 
-        Raises ConfigurationError where neither joint axis can be brought along it within 5°.
+        Raises ConfigurationError if neither joint axis can be brought along it within 5°.
         """
         a = axis / np.linalg.norm(axis)
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
@@ -124,16 +136,13 @@ class TableGeometry:
             if axis_rotation(self.inner_axis, inner) @ a @ (sign * w1) > np.cos(_REACH):
                 options.append(BodyTurn(OUTER, sign, self.nearest(INNER, inner, near_inner)))
         if not options:
-            raise ConfigurationError(
-                f"table axes: neither axis can be brought along body direction {np.round(a, 3).tolist()}; "
-                "check outer_axis and inner_axis"
-            )
+            raise ConfigurationError("plan.no_axis_along", direction=np.round(a, 3).tolist())
         return min(options, key=lambda o: (abs((o.inner or 0.0) - near_inner), -o.sign))
 
     def level_inner(self, near: tuple[float, float]) -> float:
-        """Outer angle (rad) nearest `near` that lays the inner axis horizontal, where gravity sees its turns.
+        """Outer angle (rad) nearest `near` that makes the inner axis horizontal, so that gravity observes its turns.
 
-        Returns the outer angle of `near` where the outer axis cannot change the inner one's height.
+        Returns the outer angle of `near` if the outer axis cannot change the inner axis' elevation.
         """
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         # height of R(w1, o) w2 = a + b cos o + c sin o

@@ -1,10 +1,10 @@
-"""Where people read: degrees, ppm, µg, °/h and arcseconds; the one place that converts."""
+"""Units that people read: degrees, ppm, µg, °/h and arcseconds."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from calstation.physics.parameters import PARAMETERS, Parameter, pair_parameter
+from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
 
 DEGREE = np.pi / 180.0
 ARCSECOND = DEGREE / 3600.0
@@ -14,7 +14,7 @@ STANDARD_GRAVITY = 9.80665
 FIGURE_SPACE, POINT_SPACE = "\u2007", "\u2008"
 MICRO_G = 1e-6 * STANDARD_GRAVITY
 
-#: How a group is shown: unit and its size in SI.
+#: Displayed unit of a parameter group and its size in SI.
 DISPLAY: dict[str, tuple[str, float]] = {
     "gyro_bias": ("°/h", DEGREE_PER_HOUR),
     "gyro_scale": ("ppm", 1e-6),
@@ -33,12 +33,10 @@ DISPLAY: dict[str, tuple[str, float]] = {
     "clock_offset": ("µs", 1e-6),
 }
 
-_BY_NAME: dict[str, Parameter] = {p.name: p for p in PARAMETERS}
-
 
 def display(name: str, value: float) -> tuple[float, str]:
-    """A parameter's SI value in the unit people read, and that unit."""
-    parameter = _BY_NAME.get(name) or pair_parameter(name)
+    """A parameter's SI value in its displayed unit, and that unit. Raises KeyError for an unknown name."""
+    parameter = PARAMETERS[INDEX[name]] if name in INDEX else pair_parameter(name)
     if parameter is None:
         raise KeyError(name)
     unit, size = DISPLAY[parameter.group]
@@ -46,7 +44,7 @@ def display(name: str, value: float) -> tuple[float, str]:
 
 
 def number(value: float, sigma: float) -> str:
-    """`value` with the digits that its `sigma` is worth (two of sigma's)."""
+    """`value` rounded to two significant digits of its `sigma`."""
     if not 0.0 < sigma < float("inf"):
         return f"{value:.6g}"
     exponent = int(f"{sigma:e}".partition("e")[2])
@@ -55,7 +53,7 @@ def number(value: float, sigma: float) -> str:
 
 
 def aligned(numbers: Sequence[str]) -> list[str]:
-    """Numbers filled up at their ends with spaces as wide as figures and points, so that points stand in line."""
+    """Numbers padded at their ends with figure and point spaces, so that their points line up."""
     after = [len(text.partition(".")[2]) for text in numbers]
     points = any("." in text for text in numbers)
     most = max(after, default=0)

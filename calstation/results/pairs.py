@@ -16,6 +16,7 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.pairs.calibration import PairCalibration
 from calstation.estimation.pairs.static import StaticCheck
 from calstation.estimation.pairs.watch import PairWatch, WatchEvent, check_values
+from calstation.messages.rendering import values_from_json, values_to_json
 from calstation.records.csv_log import estimated_rows
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, load_pair, prior_from_meta, store_pair
@@ -123,7 +124,7 @@ class PairProgress:
 
     def to_note(self) -> str:
         """As the text that travels with a job's progress."""
-        happened = [(h.kind, h.time, h.number, dict(h.values)) for h in self.happened]
+        happened = [(h.kind, h.time, h.number, values_to_json(h.values)) for h in self.happened]
         return json.dumps([self.time, self.duration, self.state, self.motion, happened])
 
 
@@ -132,7 +133,8 @@ def progress_from_note(note: str) -> PairProgress | None:
     if not note.startswith("["):
         return None
     time, duration, state, motion, happened = json.loads(note)
-    return PairProgress(time, duration, state, motion, tuple(PairEvent(*each) for each in happened))
+    events = tuple(PairEvent(*event, values_from_json(values)) for *event, values in happened)
+    return PairProgress(time, duration, state, motion, events)
 
 
 @dataclass(frozen=True)

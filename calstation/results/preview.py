@@ -276,7 +276,7 @@ class _Foretelling:
             self._joints = target
         elif isinstance(step, Carry):
             self._joints = (step.outer, step.inner)
-            self._course.append((self._clock + step.way, *self._joints))
+            self._course.append((self._clock + step.travel_time, *self._joints))
         if stage:
             for block in self._samples.run(step, seconds, stage):
                 self._chain.feed(block)

@@ -57,7 +57,7 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) ->
     if isinstance(step, Move):
         return move_time(start, step) + settle
     if isinstance(step, Carry):
-        return step.way + step.rest
+        return step.travel_time + step.rest
     return step.duration if isinstance(step, Dwell) else 0.0
 
 

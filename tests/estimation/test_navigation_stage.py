@@ -12,6 +12,7 @@ from calstation.bench.truth.simulate import Simulator
 from calstation.errors import InsufficientDataError
 from calstation.physics.motion import Dwell
 from calstation.physics.parameters import INDEX, NAMES
+from tests.helpers import raises_code
 
 
 @pytest.fixture(scope="module")
@@ -119,13 +120,15 @@ def test_with_nothing_at_rest_it_says_what_is_missing(nav_stage):
     turning = np.flatnonzero(nav_stage.block.step == 8)[:120]
     keep = np.zeros(len(nav_stage.block), dtype=bool)
     keep[turning] = True
-    with pytest.raises(InsufficientDataError, match=r"excitation: no rest of at least 1 s in 1\.2 s"):
+    with raises_code(InsufficientDataError, "solve.no_rest_to_align") as caught:
         solved(nav_stage.truth, nav_stage.prior, [block_of(nav_stage.samples, keep)])
+    assert caught.value.values["seconds"] == pytest.approx(1.2)
 
 
 def test_with_no_samples_at_all_it_says_so_too(nav_stage):
-    with pytest.raises(InsufficientDataError, match=r"0\.0 s of samples"):
+    with raises_code(InsufficientDataError, "solve.no_rest_to_align") as caught:
         solver_of(nav_stage.truth, nav_stage.prior, "excitation").finish()
+    assert caught.value.values["seconds"] == 0.0
 
 
 @pytest.mark.parametrize(

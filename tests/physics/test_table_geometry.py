@@ -1,5 +1,7 @@
 """Two-axis geometry: the contract's closed forms, and what any pair of axes must do within its limits."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -9,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from calstation.errors import ConfigurationError
 from calstation.physics.rotation import rotation_vector
 from calstation.physics.table import INNER, OUTER, UP, JointLimits, TableGeometry
+from tests.helpers import raises_code
 
 ANGLES = st.floats(-7.0, 7.0)
 COMPONENT = st.floats(-1.0, 1.0)
@@ -158,10 +161,12 @@ def test_nearest_finds_the_travel_however_far_away_near_is():
 
 def test_an_angle_outside_the_travel_is_refused_in_degrees():
     table = TableGeometry(limits=JointLimits((-1.0, -1.0), (1.0, 1.0)))
-    with pytest.raises(ConfigurationError, match=r"outer axis cannot reach 90\.0°.*-57° to 57°"):
+    with raises_code(ConfigurationError, "plan.angle_out_of_travel") as caught:
         table.nearest(OUTER, np.pi / 2, 0.0)
-    with pytest.raises(ConfigurationError, match="inner axis cannot reach"):
+    assert re.search(r"outer axis cannot reach 90\.0°.*-57° to 57°", str(caught.value))
+    with raises_code(ConfigurationError, "plan.angle_out_of_travel") as caught:
         table.nearest(INNER, 2.0, 0.0)
+    assert caught.value.values["axis"] == "inner"
 
 
 @given(tables(), DIRECTIONS)
@@ -177,7 +182,7 @@ def test_poses_stay_within_limits_where_there_are_any(table, direction):
 
 def test_parallel_axes_cannot_turn_the_others():
     vertical = TableGeometry((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))
-    with pytest.raises(ConfigurationError, match="neither axis"):
+    with raises_code(ConfigurationError, "plan.no_axis_along"):
         vertical.body_turn(np.array([1.0, 0.0, 0.0]), 0.0)
 
 

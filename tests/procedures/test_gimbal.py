@@ -20,6 +20,7 @@ from calstation.physics.parameters import INDEX
 from calstation.physics.table import TableGeometry
 from procedures import method
 from procedures.gimbal import ESTIMATED
+from tests.helpers import raises_code
 
 PLACES = [INDEX[name] for name in ESTIMATED]
 
@@ -107,19 +108,19 @@ def test_a_gain_beyond_the_range_is_told(loop):
 
 def test_the_axes_are_done_one_after_another_until_the_count_or_the_threshold():
     iteration = GimbalIteration(1.0, 0.5, 3, 1e-4)
-    demand = iteration.demand()
+    demand = iteration.next_turn()
     assert (demand.axis, demand.angle) == (0, 0.5)
-    iteration.answer(0.5, np.array([-2e-3, 1e-3]))
+    iteration.add_drift(0.5, np.array([-2e-3, 1e-3]))
     assert iteration.correction[1:, 0] == pytest.approx([2e-3, -1e-3])
-    assert iteration.demand().angle == -0.5
-    iteration.answer(-0.5, np.array([-5e-4, 0.0]))
+    assert iteration.next_turn().angle == -0.5
+    iteration.add_drift(-0.5, np.array([-5e-4, 0.0]))
     assert iteration.correction[1:, 0] == pytest.approx([1.5e-3, -1e-3])
-    iteration.answer(0.5, np.array([5e-3, 0.0]))
-    assert iteration.demand().axis == 1  # the count is reached
-    iteration.answer(0.5, np.array([5e-5, -5e-5]))
-    assert iteration.demand().axis == 2  # below the threshold
-    iteration.answer(0.5, np.array([0.0, 0.0]))
-    assert iteration.demand() is None
+    iteration.add_drift(0.5, np.array([5e-3, 0.0]))
+    assert iteration.next_turn().axis == 1  # the count is reached
+    iteration.add_drift(0.5, np.array([5e-5, -5e-5]))
+    assert iteration.next_turn().axis == 2  # below the threshold
+    iteration.add_drift(0.5, np.array([0.0, 0.0]))
+    assert iteration.next_turn() is None
     assert iteration.done
 
 
@@ -137,30 +138,32 @@ def altered(block, **columns):
 def test_bad_recordings_are_named_instead_of_answered(loop):
     imu, _, block = loop
     joints = block.joints
-    with pytest.raises(InputError, match="no joint angles; add the columns"):
+    with raises_code(InputError, "recording.no_joint_angles"):
         solved(altered(block, joints=np.empty((len(block), 0))), imu)
     stuck = joints.copy()
     stuck[:, 1] = 0.0
-    with pytest.raises(InputError, match="joint_y is frozen"):
+    with raises_code(InputError, "recording.frozen_joint") as caught:
         solved(altered(block, joints=stuck), imu)
-    with pytest.raises(InputError, match="axes are swapped"):
+    assert caught.value.values == {"channel": "joint_y"}
+    with raises_code(InputError, "recording.joint_axes_swapped"):
         solved(altered(block, joints=joints[:, [1, 0, 2]]), imu)
-    with pytest.raises(InputError, match="units wrong by a factor"):
+    with raises_code(InputError, "recording.joint_unit"):
         solved(altered(block, joints=0.5 * joints), imu)
-    with pytest.raises(InputError, match="opposite ways"):
+    with raises_code(InputError, "recording.joint_sign"):
         solved(altered(block, joints=-joints), imu)
     frozen = block.counts.copy()
     frozen[3000:6000, 2] = frozen[3000, 2]
-    with pytest.raises(InputError, match="gyro_z is frozen"):
+    with raises_code(InputError, "recording.frozen") as caught:
         solved(altered(block, counts=frozen), imu)
-    with pytest.raises(InsufficientDataError, match="no turn of one joint from zero"):
+    assert caught.value.values["channel"] == "gyro_z"
+    with raises_code(InsufficientDataError, "recording.no_joint_turn"):
         solved(block.part(0, 900), imu)
 
 
 def test_rates_that_were_not_corrected_are_told():
     imu = unit(14)
     _, block = recorded(imu, 14, corrected=False, iterations=5)
-    with pytest.raises(InputError, match="the rates were not corrected by K"):
+    with raises_code(InputError, "recording.rates_not_corrected"):
         solved(block, imu, iterations=5)
 
 
@@ -175,7 +178,7 @@ def test_polled_joints_do_as_well(loop):
 
 def test_a_rate_table_is_no_gimbal():
     chosen = method("gimbal")
-    with pytest.raises(ConfigurationError, match="a gimbal that stabilises on the corrected rates"):
+    with raises_code(ConfigurationError, "plan.needs_gimbal"):
         list(chosen.plan(TableGeometry(), chosen.schedule()))
     with pytest.raises(ValueError, match="must name x, y and z once each"):
         chosen.schedule(order="zzy")

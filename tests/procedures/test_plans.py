@@ -15,6 +15,7 @@ from calstation.physics.motion import Dwell, Move, RoundEnd
 from calstation.physics.rotation import rotation_vector
 from calstation.physics.table import UP, JointLimits, TableGeometry
 from procedures import DEFAULT_STAGES, method
+from tests.helpers import raises_code
 
 TABLES = [
     TableGeometry(),
@@ -67,10 +68,10 @@ def test_every_file_is_a_method_of_its_own_name():
 
 
 def test_an_unknown_stage_is_refused_with_those_there_are():
-    with pytest.raises(
-        ConfigurationError, match=r"no stage 'rates'; choose from azimuth_flip, excitation, .*rate"
-    ):
+    with raises_code(ConfigurationError, "plan.no_such_stage") as caught:
         method("rates")
+    assert caught.value.values["stage"] == "rates"
+    assert set(DEFAULT_STAGES) <= set(caught.value.values["known"])
 
 
 @pytest.mark.parametrize("stage", DEFAULT_STAGES)
@@ -108,7 +109,7 @@ def test_six_positions_stay_within_any_travel_of_half_a_turn_either_way(travel):
 
 
 def test_an_outer_axis_that_stands_upright_cannot_show_the_faces():
-    with pytest.raises(ConfigurationError, match="upward"):
+    with raises_code(ConfigurationError, "plan.direction_not_upward"):
         steps_of("six_position", TableGeometry((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
 
 
@@ -154,8 +155,9 @@ def test_whole_turns_stay_within_the_travel_or_are_refused(travel, turns):
     table = TableGeometry(limits=travel)
     room = min(high - low for low, high in zip(travel.low, travel.high, strict=True))
     if room < 2.0 * np.pi * turns:
-        with pytest.raises(ConfigurationError, match=f"{turns} whole turns need {360 * turns}° of travel"):
+        with raises_code(ConfigurationError, "plan.turns_exceed_travel") as caught:
             steps_of("rate", table, turns=turns)
+        assert f"{turns} whole turns need {360 * turns}° of travel" in str(caught.value)
     else:
         assert_within(travel, steps_of("rate", table, turns=turns))
 
@@ -206,8 +208,9 @@ def test_azimuth_flips_are_half_turns_about_the_vertical_plus_minus_minus_plus(t
 
 def test_azimuth_flips_need_half_a_turn_either_way():
     narrow = TableGeometry(limits=JointLimits((-4.0, -3.0), (4.0, 3.0)))
-    with pytest.raises(ConfigurationError, match="180° both ways on the inner axis"):
+    with raises_code(ConfigurationError, "plan.flips_exceed_travel") as caught:
         steps_of("azimuth_flip", narrow, 1)
+    assert "on the inner axis" in str(caught.value)
 
 
 @given(limits())

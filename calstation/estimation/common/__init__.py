@@ -1,1 +1,1 @@
-"""common."""
+"""What all solvers share: samples, rests, noise, alignment, least squares; no method of its own."""

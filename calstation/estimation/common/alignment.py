@@ -1,7 +1,7 @@
 """Start attitude of a segment: a prior from encoders and site, a linearisation point from the data.
 
-The prior says what table and site are worth and is used once. Levelling and gyrocompassing over the first
-rest give only the point about which the filter linearises, so their data are not counted twice.
+The prior is used once. Levelling and gyrocompassing over the first rest give only the linearisation point, so their
+data are not counted twice.
 """
 
 from dataclasses import dataclass
@@ -9,32 +9,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.stage_data import StageData, mean_angles, rests
+from calstation.estimation.common.stage_data import StageData, find_rests, mean_angles
 from calstation.physics.arrays import FloatArray
 from calstation.physics.earth import RATE
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import group_indices
 from calstation.physics.rotation import axis_rotation, level_attitude, rotation_matrix
-from calstation.physics.table import UP, TableGeometry
+from calstation.physics.table import UP
 
-#: Standard deviation of an azimuth of which nothing is known, rad.
+#: Standard deviation of an unknown azimuth, rad.
 FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)
-#: Prior worth of a level found from the accelerometers alone, rad: wide, the data decide.
+#: Prior sigma of a level found from the accelerometers alone, rad: wide, so that the data decide.
 FREE_TILT_SIGMA = 0.2
-#: Above this a gyrocompassed azimuth (rad) is no point to linearise about; several are tried.
+#: A gyrocompassed azimuth with a larger sigma, rad, is no linearisation point; several headings are tried.
 AMBIGUOUS_AZIMUTH_SIGMA = 0.35
+#: Longest and shortest part of a rest used for alignment, s.
 LONGEST_REST = 20.0
 SHORTEST_REST = 1.0
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a segment begins and what is known of its attitude.
+    """Start of a segment and its attitude.
 
+    Attributes
+    ----------
     begin, end : samples of the segment, the first at rest
     prior, prior_sigma : C_bn, shape (3, 3), and the sigmas of its error φ in ENU, rad, shape (3,)
     attitude : C_bn to linearise about, shape (3, 3)
-    azimuth_sigma : of the gyrocompassed heading, rad; None where the azimuth is known
+    azimuth_sigma : of the gyrocompassed heading, rad; None if the azimuth is known
     """
 
     begin: int
@@ -46,17 +49,23 @@ class Start:
 
 
 def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start]:
-    """A `Start` for every segment that holds a rest of at least a second; the others cannot be aligned.
+    """Align every segment that contains a rest of at least a second; the others are left out.
 
-    The rate at an observation is the mean of the samples before and after it: a sample is left on either side of
-    a gap, or a turn beyond it would pass for motion at rest.
+    The rate at an observation is the mean of the samples before and after it. One sample is therefore left out on
+    either side of a gap, so that a turn beyond it does not count as motion at rest.
+
+    Parameters
+    ----------
+    data : samples of the stage
+    context : site, IMU and table
+    belief : prior of the parameters
     """
     bias = group_indices("gyro_bias")
     found = []
     for first, last in data.segments:
         segment = (first + (first > 0), last - (last < len(data)))
         sigma = float(belief.sigma[bias].max())
-        for a, b in rests(data, segment, context.imu, belief.mean[bias], sigma):
+        for a, b in find_rests(data, segment, context.imu, belief.mean[bias], sigma):
             if (b - a) * data.dt >= SHORTEST_REST:
                 found.append(
                     _align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, belief)
@@ -70,13 +79,13 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, bel
     rate_b, up_b = omega.mean(axis=0), force.mean(axis=0)
     table, site = context.table, context.site
     angles = mean_angles(data, a, b)
-    tilt = np.sqrt(table.mount_sigma**2 + table.base_tilt_sigma**2 + table.encoder_sigma**2)
+    tilt = table.tilt_sigma
     if angles is None:
         attitude, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
         return Start(
             a, end, attitude, np.array([FREE_TILT_SIGMA] * 2 + [FREE_AZIMUTH_SIGMA]), attitude, sigma
         )
-    geometry = TableGeometry(table.outer_axis, table.inner_axis)
+    geometry = table.geometry
     if site.azimuth is None:
         _, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
         home = geometry.body_to_home(*angles)
@@ -89,7 +98,7 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, bel
 
 
 def levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
-    """`attitude` turned the shortest way so that the measured up direction is up."""
+    """Turn `attitude` the shortest way so that the measured up direction is up, shape (3, 3)."""
     up_n = attitude @ up_b / np.linalg.norm(up_b)
     axis = np.cross(up_n, UP)
     sine = float(np.linalg.norm(axis))
@@ -99,16 +108,27 @@ def levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
 
 
 def _heading_offset(rate_level: FloatArray) -> float:
-    """Turn about up (rad) that brings the horizontal part of a levelled earth rate to north."""
+    """Turn about up (rad) that aligns the horizontal part of a levelled earth rate with north."""
     return float(np.arctan2(rate_level[0], rate_level[1]))
 
 
 def gyrocompass(
     rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief
 ) -> tuple[FloatArray, float]:
-    """Attitude C_bn from mean rate (rad/s) and specific force (m/s²) at rest, and its azimuth sigma (rad).
+    """Level by the accelerometers and find north by the gyros.
 
-    sigma = gyro bias sigma / (Ω cos φ), IEEE Std 1780 terms; level by the accelerometers.
+    The azimuth's sigma is that of the gyro bias over Ω cos φ (IEEE Std 1780).
+
+    Parameters
+    ----------
+    rate_b, up_b : mean rate, rad/s, and specific force, m/s², at rest, shape (3,)
+    latitude : rad
+    belief : of the parameters
+
+    Returns
+    -------
+    attitude : C_bn, shape (3, 3)
+    azimuth_sigma : rad
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level

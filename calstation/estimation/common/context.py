@@ -1,4 +1,4 @@
-"""What a solver must know beside the samples: site, IMU noise and table, as frozen values in SI."""
+"""Site, IMU noise and table as a solver needs them beside the samples: frozen values in SI."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -6,14 +6,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
+from calstation.physics.earth import normal_gravity
+from calstation.physics.table import TableGeometry
 
 
 @dataclass(frozen=True)
 class Site:
-    """Where the table stands.
+    """Location of the table.
 
-    latitude, longitude : rad; height : m; azimuth : heading of body +y at home, rad clockwise from
-    true north, None where unknown; gravity : m/s², None for the normal gravity of the place
+    Attributes
+    ----------
+    latitude, longitude : rad
+    height : m
+    azimuth : heading of body +y at home, rad clockwise from true north; None if unknown
+    gravity : surveyed gravity, m/s²; None for the site's normal gravity
     """
 
     latitude: float
@@ -22,14 +28,24 @@ class Site:
     azimuth: float | None = None
     gravity: float | None = None
 
+    @property
+    def local_gravity(self) -> float:
+        """Surveyed gravity, or the normal gravity of the site, m/s²."""
+        return self.gravity or normal_gravity(self.latitude, self.height)
+
 
 @dataclass(frozen=True)
 class ImuModel:
     """Stream and noise of an IMU.
 
+    Attributes
+    ----------
+    serial : serial number
+    sample_rate : Hz
     output : "increment" (rad, m/s per count) or "rate" (rad/s, m/s² per count, mean over the sample)
-    gyro_lsb, accel_lsb : size of a count; gyro_arw : rad/√s; accel_vrw : m/s/√s
-    gyro_bias_instability : rad/s; accel_bias_instability : m/s²
+    gyro_lsb, accel_lsb : size of a count
+    gyro_arw, accel_vrw : white noise, rad/√s and m/s/√s
+    gyro_bias_instability, accel_bias_instability : rad/s and m/s²
     """
 
     serial: str
@@ -42,13 +58,27 @@ class ImuModel:
     gyro_bias_instability: float = 0.0
     accel_bias_instability: float = 0.0
 
+    @property
+    def rate_factor(self) -> float:
+        """What turns an output value into a rate: the sample rate (Hz) for increments, else 1."""
+        return self.sample_rate if self.output == "increment" else 1.0
+
+    @property
+    def count_size(self) -> FloatArray:
+        """Size of a count of each channel as a mean rate, rad/s and m/s², shape (6,)."""
+        return np.repeat([self.gyro_lsb, self.accel_lsb], 3) * self.rate_factor
+
 
 @dataclass(frozen=True)
 class TableModel:
-    """Table axes and what its angles and its rest are worth.
+    """Table axes and the uncertainty of its angles and of its rest.
 
-    outer_axis, inner_axis : unit vectors in b at home; outer_lever : "estimated" or "fixed" (at 0);
-    *_sigma : rad; velocity_sigma : m/s, worth of one velocity observation every velocity_interval s
+    Attributes
+    ----------
+    outer_axis, inner_axis : unit vectors in b at home
+    outer_lever : "estimated" or "fixed" (at 0)
+    encoder_sigma, mount_sigma, azimuth_sigma, base_tilt_sigma : rad
+    velocity_sigma : of one velocity observation every `velocity_interval` (s), m/s
     """
 
     outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
@@ -61,13 +91,25 @@ class TableModel:
     velocity_sigma: float = 1e-3
     velocity_interval: float = 0.1
 
+    @property
+    def geometry(self) -> TableGeometry:
+        """The axes, without limits."""
+        return TableGeometry(self.outer_axis, self.inner_axis)
+
+    @property
+    def tilt_sigma(self) -> float:
+        """Standard deviation of a tilt derived from the encoders, rad."""
+        return float(np.sqrt(self.mount_sigma**2 + self.base_tilt_sigma**2 + self.encoder_sigma**2))
+
 
 @dataclass(frozen=True)
 class StoredPair:
     """The last cross-calibration of a secondary IMU against the primary.
 
-    values : pair parameters by contract name without number, SI; those left out are neutral
-    gyro_static, accel_static : what its gyro (rad/s) and accelerometer (m/s²) showed at rest right after
+    Attributes
+    ----------
+    values : pair parameters by contract name without number, SI; missing ones are neutral
+    gyro_static, accel_static : deviations at rest right after it, rad/s and m/s²
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -77,7 +119,7 @@ class StoredPair:
 
 @dataclass(frozen=True)
 class Secondary:
-    """A further IMU on the body: its number (2, 3, ...), its stream and noise, and the last cross-calibration."""
+    """A further IMU on the body: its number (2, 3, ...), stream and noise, and last cross-calibration."""
 
     number: int
     imu: ImuModel
@@ -86,7 +128,7 @@ class Secondary:
 
 @dataclass(frozen=True)
 class SolveContext:
-    """All a stage's solver is told beside its prior and its samples."""
+    """Everything a stage's solver needs beside its prior and its samples."""
 
     site: Site
     imu: ImuModel

@@ -1,6 +1,6 @@
-"""The latitude as a unit sees it at rest: the earth's rate about the direction that its accelerometers call up.
+"""Latitude from a unit at rest: the component of earth rate along the up direction of its accelerometers.
 
-Nothing else in a calibration tells a wrong latitude: gravity's length is believed, and the earth's rate with it.
+Nothing else in a calibration reveals a wrong latitude, because gravity and earth rate are both taken from it.
 """
 
 import itertools
@@ -17,14 +17,15 @@ from calstation.physics.earth import RATE
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import group_indices
 
-#: A latitude further off than this many standard deviations is another one: noise reaches it once in 10^9 times.
+#: Deviation in standard deviations that counts as another latitude; noise exceeds it once in 10^9 cases.
 SIGMAS = 6.0
-#: Besides: by so much may plumb line and ellipsoid differ, rad, and a latitude be rounded.
+#: Allowance for the deflection of the vertical and for a rounded latitude, rad.
 DEFLECTION = np.deg2rad(0.02)
-#: Standard deviation of the rate about the vertical, in earth rates, with which it tells latitudes 5° apart.
-_WORTH = np.sin(np.deg2rad(5.0)) / SIGMAS
+#: Sigma of the vertical rate, in earth rates, that distinguishes latitudes 5° apart.
+_SUFFICIENT = np.sin(np.deg2rad(5.0)) / SIGMAS
+#: Averaging window, s.
 _WINDOW = 1.0
-#: A rest is so many windows long, its first and last not counted: in these the table may still have moved.
+#: Windows of a rest without its first and last, in which the table may still have moved.
 _SHORTEST = 3
 _MOVING = 3.0 * RATE
 _NEAR_POLE = 0.02
@@ -33,25 +34,25 @@ _COLUMNS = (*group_indices("gyro_scale"), *group_indices("gyro_misalign"))
 
 @dataclass(frozen=True)
 class LatitudeEstimate:
-    """Latitude, rad, north positive, and its standard deviation."""
+    """Latitude, rad, north positive, and its standard deviation, rad."""
 
     value: float
     sigma: float
 
     @property
     def tolerance(self) -> float:
-        """How far another latitude may be from it before they are two, rad."""
+        """Largest difference to a latitude that still agrees with it, rad."""
         return float(SIGMAS * self.sigma + DEFLECTION)
 
 
 def resolves_earth_rate(imu: ImuModel) -> bool:
-    """Whether six rests of 30 s tell latitudes 5° apart with gyros like these."""
+    """Whether six rests of 30 s with such gyros distinguish latitudes 5° apart."""
     rest = np.hypot(BIAS_DRIFT_PER_INSTABILITY * imu.gyro_bias_instability, _noise(imu) / np.sqrt(30.0))
-    return bool(rest / np.sqrt(6.0) < _WORTH * RATE)
+    return bool(rest / np.sqrt(6.0) < _SUFFICIENT * RATE)
 
 
 class RestOutput:
-    """Mean output of every second; the same however its samples came in blocks."""
+    """Mean output of every second, independent of how samples are cut into blocks."""
 
     def __init__(self, imu: ImuModel) -> None:
         self._imu = imu
@@ -61,7 +62,7 @@ class RestOutput:
         self._means: list[FloatArray] = []
 
     def feed(self, block: SampleBlock) -> None:
-        """Take further samples; a second with a missing or spoilt one is left out."""
+        """Take further samples; a second with a missing or spoilt sample is left out."""
         seq = np.concatenate([self._begun[0], block.seq[block.valid]])
         counts = np.concatenate([self._begun[1], block.counts[block.valid]])
         second = seq // self._width
@@ -76,19 +77,15 @@ class RestOutput:
         self._means.append(counts[rows].mean(axis=1))
 
     def latitude(self, belief: Belief) -> LatitudeEstimate | None:
-        """What the rests so far tell; None where it is too little to tell latitudes 5° apart.
+        """Latitude from all rests so far; None if they do not distinguish latitudes 5° apart.
 
-        A gyro's constant bias is an unknown of its own: it is what turning the unit over takes out.
-
-        Parameters
-        ----------
-        belief : parameters as found so far; their matrix of the gyros counts with its sigmas
+        The gyros' constant biases are unknowns; turning the unit over separates them from earth rate. `belief` holds
+        the parameters found so far, whose gyro matrix counts with its sigmas.
         """
         if not self._means:
             return None
         imu, second = self._imu, np.concatenate(self._seconds)
-        per_count = imu.sample_rate if imu.output == "increment" else 1.0
-        output = np.concatenate(self._means) * per_count * np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
+        output = np.concatenate(self._means) * imu.rate_factor * np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
         omega, force = compensate(compensation(belief.mean), output[:, :3], output[:, 3:])
         noise = _noise(imu)
         slack = 5.0 * noise + 3.0 * float(belief.sigma[group_indices("gyro_bias")].max())
@@ -111,14 +108,14 @@ class RestOutput:
         rate = float((covariance @ rows.T @ (seen / variance))[3])
         matrix = RATE * float(belief.sigma[list(_COLUMNS)].max())
         sigma = float(np.hypot(np.sqrt(covariance[3, 3]), matrix))
-        if sigma > _WORTH * RATE:
+        if sigma > _SUFFICIENT * RATE:
             return None
         value = float(np.arcsin(np.clip(rate / RATE, -1.0, 1.0)))
         return LatitudeEstimate(value, sigma / RATE / max(float(np.cos(value)), _NEAR_POLE))
 
 
 def _noise(imu: ImuModel) -> float:
-    """Of a rate over one window, rad/s."""
+    """Noise of a mean rate over one window, rad/s."""
     rounded = imu.gyro_lsb / _WINDOW
     if imu.output == "rate":
         rounded = imu.gyro_lsb / np.sqrt(12.0 * imu.sample_rate * _WINDOW)
@@ -126,7 +123,7 @@ def _noise(imu: ImuModel) -> float:
 
 
 def _rests(second: IntArray, still: np.ndarray, force: FloatArray) -> list[tuple[int, int]]:
-    """Windows (start, stop) of every rest, without its first and last."""
+    """Windows (start, stop) of every rest, without its first and last window."""
     parted = np.zeros(len(second), np.bool_)
     parted[1:] = (np.diff(second) != 1) | (np.abs(np.diff(force, axis=0)).max(axis=1) > FORCE_STEP)
     found = []

@@ -1,4 +1,4 @@
-"""Gauss-Newton MAP for a handful of rests or turns: parameters with their prior, nuisances with theirs."""
+"""Maximum a posteriori by Gauss-Newton for a few rests or turns, consider parameters, and consistency tests."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,17 +13,22 @@ from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.parameters import COUNT
 
 MOST_ITERATIONS = 20
+#: Largest last step, in sigmas, that counts as converged.
 CONVERGED = 1e-3
 
 
 @dataclass(frozen=True)
 class MapResult:
-    """Joint posterior of the parameters and of the nuisances, and the test of the fit.
+    """Joint posterior of parameters and nuisances, and the test of the fit.
 
-    chi2 : squared innovations y' (H P H' + R)⁻¹ y at the solution, as many as observations
-    residual : observations less model at the solution
-    normalised : the innovations freed of their correlation, in units of sigma; their squares sum to chi2
-    messages : ``not_settled`` where the last iteration still moved something that matters
+    Attributes
+    ----------
+    belief : of the 30 parameters
+    nuisance : posterior mean, shape (k,)
+    chi2 : squared innovations y' (H P H' + R)⁻¹ y at the solution
+    residual : observations less model at the solution, shape (m,)
+    normalised : innovations decorrelated and in units of sigma, whose squares sum to chi2, shape (m,)
+    messages : ``not_settled`` if the iteration did not converge
     """
 
     belief: Belief
@@ -36,7 +41,7 @@ class MapResult:
 
 @dataclass(frozen=True)
 class Consistency:
-    """Normalised innovation squared of a stage: mean over its observations and the 99.9 % band of that mean."""
+    """Normalised innovation squared (NIS) of a stage: mean over its observations and 99.9 % band of that mean."""
 
     nis_mean: float
     nis_low: float
@@ -45,12 +50,12 @@ class Consistency:
 
     @property
     def passed(self) -> bool:
-        """False where the innovations are larger than the model explains."""
+        """False if the innovations are larger than the model explains."""
         return self.nis_mean <= self.nis_high
 
     @property
     def warning(self) -> bool:
-        """True where they are smaller: the model is too cautious."""
+        """True if they are smaller: the model is too cautious."""
         return self.nis_mean < self.nis_low
 
 
@@ -64,20 +69,22 @@ def gauss_newton(
     nuisance_sigma: FloatArray,
     estimated: BoolArray,
 ) -> MapResult:
-    """Maximise p(parameters, nuisances | observed) of `stage`, relinearising until `estimated` and nuisances settle.
+    """Maximise p(parameters, nuisances | observed), relinearising until `estimated` and nuisances converge.
 
     Parameters
     ----------
+    stage : name of the stage, for messages
     model : (parameters, shape (30,); nuisances, shape (k,)) -> predicted observations, shape (m,)
     observed, noise : values and variances, shape (m,)
-    prior : of the parameters; those not `estimated` enter the gain but are not relinearised
-    nuisance, nuisance_sigma : prior mean and sigma, shape (k,); a sigma may be infinite-like (large)
+    prior : of the parameters
+    nuisance, nuisance_sigma : prior mean and sigma, shape (k,)
+    estimated : parameters that are relinearised; the others only enter the gain, shape (30,)
 
     Notes
     -----
     Covariance form (Bell and Cathey, *The iterated Kalman filter update as a Gauss-Newton method*, IEEE TAC
-    38(2), 1993), so a prior sigma of zero is allowed. Jacobian by central differences in steps of the scale of
-    each unknown.
+    38(2), 1993), so a prior sigma of zero is allowed. The Jacobian is taken by central differences in steps
+    proportional to the prior sigma.
     """
     mean = np.concatenate([prior.mean, nuisance])
     P = np.zeros((len(mean), len(mean)))
@@ -89,7 +96,7 @@ def gauss_newton(
     point = mean.copy()
     for _ in range(MOST_ITERATIONS):
         predicted = model(point[:COUNT], point[COUNT:])
-        H = _jacobian(model, point, scale)
+        H = _jacobian(model, point, scale, predicted)
         S = H @ P @ H.T + R
         innovation = observed - predicted - H @ (mean - point)
         K = np.linalg.solve(S, H @ P).T
@@ -101,26 +108,27 @@ def gauss_newton(
         moved = np.max(np.abs(target - point) / np.where(sigma > 0.0, sigma, 1.0))
         point = target
         if moved < CONVERGED:
-            unconverged: tuple[tuple[str, Mapping[str, Any]], ...] = ()
             break
-    else:
-        unconverged = (("not_settled", {"stage": stage, "passes": MOST_ITERATIONS}),)
+    not_settled = ("not_settled", {"stage": stage, "passes": MOST_ITERATIONS})
     chi2 = float(innovation @ np.linalg.solve(S, innovation))
     normalised = solve_triangular(np.linalg.cholesky(S), innovation, lower=True)
     belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
     residual = observed - model(posterior[:COUNT], posterior[COUNT:])
-    return MapResult(belief, posterior[COUNT:], chi2, residual, normalised, unconverged)
+    return MapResult(
+        belief, posterior[COUNT:], chi2, residual, normalised, () if moved < CONVERGED else (not_settled,)
+    )
 
 
 def _jacobian(
-    model: Callable[[FloatArray, FloatArray], FloatArray], point: FloatArray, scale: FloatArray
+    model: Callable[[FloatArray, FloatArray], FloatArray],
+    point: FloatArray,
+    scale: FloatArray,
+    predicted: FloatArray,
 ) -> FloatArray:
-    columns: list[FloatArray] = []
+    columns = []
     for i, h in enumerate(scale):
         if h == 0.0:
-            columns.append(
-                np.zeros_like(columns[0]) if columns else model(point[:COUNT], point[COUNT:]) * 0.0
-            )
+            columns.append(np.zeros_like(predicted))
             continue
         high, low = point.copy(), point.copy()
         high[i] += h
@@ -130,10 +138,15 @@ def _jacobian(
 
 
 def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief:
-    """The posterior of a consider (Schmidt) estimator: only `estimated` parameters move and gain.
+    """The posterior of a consider (Schmidt) estimator: only `estimated` parameters change.
 
-    The others keep mean and covariance; cross-covariances follow. For data taken in one batch the estimated
-    part equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
+    The others keep mean and covariance; cross-covariances follow. For data processed in one batch the estimated part
+    equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
+
+    Parameters
+    ----------
+    prior, posterior : before the data and of the full estimator
+    estimated : shape (30,)
     """
     mean = np.where(estimated, posterior.mean, prior.mean)
     considered = np.ix_(~estimated, ~estimated)
@@ -143,11 +156,17 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
 
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
-    """Mean NIS of `count` observations of `dimension` and the 99.9 % band of that mean (Bar-Shalom, 5.4)."""
+    """Mean NIS and the 99.9 % band of that mean (Bar-Shalom et al. 2001, section 5.4).
+
+    Parameters
+    ----------
+    total : sum of the NIS
+    count, dimension : of the observations
+    """
     low, high = (chi_square_quantile(p, count * dimension) / max(count, 1) for p in (0.0005, 0.9995))
     return Consistency(total / max(count, 1), float(low), float(high), count)
 
 
 def chi_square_quantile(share: float, freedom: float) -> float:
-    """Below it lies the `share` of a χ² of so many degrees of freedom."""
+    """Quantile of a χ² distribution; scipy.stats has it too but takes a third of a second to import."""
     return float(2.0 * gammaincinv(0.5 * freedom, share))

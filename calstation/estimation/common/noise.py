@@ -1,4 +1,4 @@
-"""Noise of an IMU and a table as the filters use it: spectral densities from the profile's Allan data."""
+"""Noise of IMU and table for the filters: spectral densities from the profile's Allan variance data."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from calstation.estimation.common.context import SolveContext
 from calstation.physics.arrays import FloatArray
 
-#: Correlation time (s) of the Gauss-Markov process that stands in for bias instability.
+#: Correlation time of the Gauss-Markov process that models bias instability, s.
 BIAS_DRIFT_TIME = 200.0
 #: Its sigma in units of B: its Allan deviation at 100 s, half its correlation time, is then the floor 0.664 B.
 BIAS_DRIFT_PER_INSTABILITY = 1.375
@@ -17,10 +17,12 @@ BIAS_DRIFT_PER_INSTABILITY = 1.375
 class FilterNoise:
     """Process and observation noise.
 
+    Attributes
+    ----------
     rate : angle random walk, rad²/s; force : velocity random walk, (m/s)²/s
     velocity : variance of a velocity observation, (m/s)²; interval : between observations, s
     end_rate : variance of the angular rate at an observation, (rad/s)²
-    wander : stationary sigma of each bias about its constant, gyro x y z, accel x y z, rad/s and m/s², shape (6,)
+    bias_drift : stationary sigma of each bias about its constant, gyro x y z, accel x y z, rad/s and m/s², shape (6,)
     """
 
     rate: float
@@ -34,10 +36,10 @@ class FilterNoise:
 def filter_noise(context: SolveContext) -> FilterNoise:
     """Noise densities for a filter.
 
-    A count is a uniform error of lsb²/12. A rate output rounds every sample anew: white at the sample rate.
-    An increment output carries its remainder on: what stays is one count per observation interval.
-    Bias instability B has an Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It enters as a first-order
-    Gauss-Markov process about the constant bias, so that what is known of the constant is never lost again.
+    Quantisation has variance lsb²/12. A rate output rounds every sample independently: white at the sample rate. An
+    increment output carries its remainder over: one count per observation interval is left. Bias instability B has an
+    Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It enters as a first-order Gauss-Markov process about the
+    constant bias, so that knowledge of the constant is never lost.
     """
     imu, table = context.imu, context.table
     interval = table.velocity_interval
@@ -55,10 +57,10 @@ def filter_noise(context: SolveContext) -> FilterNoise:
 
 
 def rest_mean_variance(context: SolveContext, duration: float) -> float:
-    """Variance (m/s²)² of the specific force of a rest of `duration` s, averaged with `slope_weights`.
+    """Variance, (m/s²)², of the specific force of a rest of `duration` s, averaged with `slope_weights`.
 
     Slope through m + 1 velocities τ apart: 12 σ_v²/(τ² m (m+1) (m+2)); the white force noise's q/τ Σw², which is
-    6/5 q/T; and the bias' wander.
+    6/5 q/T; and the bias drift.
     """
     noise = filter_noise(context)
     m = max(int(duration / noise.interval + 1e-9), 1)

@@ -1,8 +1,7 @@
-"""Samples of a plan without noise: what covariance analysis solves in place of a run.
+"""Noise-free samples of a plan, from which covariance analysis previews a run.
 
-How well parameters will be known depends on the motion and on the noise that the solver is told of, hardly on the
-samples' own values. The real solver, fed with a perfect unit's samples of the planned motion, therefore leaves the
-sigmas that the run will report.
+The sigmas of a solution depend on the motion and on the noise model, hardly on the samples' values. The solver that
+processes noise-free samples of the planned motion therefore gives the sigmas that the run will report.
 """
 
 from collections.abc import Iterator
@@ -12,25 +11,25 @@ import numpy as np
 from calstation.estimation.common.context import SolveContext
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.earth import rotation_rate
 from calstation.physics.motion import Dwell, Move, Step
 from calstation.physics.parameters import group_matrix, group_vector
 from calstation.physics.rotation import axis_rotation, rotation_matrix, skew
 from calstation.physics.table import TableGeometry
 
-#: Samples made at a time.
+#: Samples generated at a time.
 LONGEST_BLOCK = 20_000
 
 
 class PlannedSamples:
-    """Drives a perfect table and unit through steps; time, joints, counter and step number carry on.
+    """Drives an ideal table and unit through steps; time, joints, counter and step number continue.
 
     Parameters
     ----------
-    context : site, IMU and table as the solvers are told; an unknown azimuth is taken as north
+    context : site, IMU and table; an unknown azimuth is taken as north
     parameters : of the unit, SI, shape (30,)
     geometry : of the table
-    mount : rotation vector of the unit against the inner axis' platform, rad, shape (3,)
+    mount : rotation vector of the unit relative to the inner axis' platform, rad, shape (3,)
     """
 
     def __init__(
@@ -46,10 +45,11 @@ class PlannedSamples:
         self._dt = 1.0 / imu.sample_rate
         self._azimuth = site.azimuth or 0.0
         self._earth = rotation_rate(site.latitude)
-        self._gravity = site.gravity or normal_gravity(site.latitude, site.height)
-        gyro = np.eye(3) + group_matrix(parameters, "gyro_scale", "gyro_misalign")
-        accel = np.eye(3) + group_matrix(parameters, "accel_scale", "accel_misalign")
-        self._matrices = (gyro, accel)
+        self._gravity = site.local_gravity
+        self._matrices = tuple(
+            np.eye(3) + group_matrix(parameters, f"{sensor}_scale", f"{sensor}_misalign")
+            for sensor in ("gyro", "accel")
+        )
         self._biases = tuple(group_vector(parameters, f"{sensor}_bias") for sensor in ("gyro", "accel"))
         self._quadratic = group_vector(parameters, "accel_quadratic")
         self._levers = tuple(group_vector(parameters, f"{kind}_lever") for kind in ("outer", "inner"))
@@ -70,34 +70,36 @@ class PlannedSamples:
         return self._joints
 
     def run(self, step: Step, seconds: float, stage: str) -> Iterator[SampleBlock]:
-        """The samples of a step that takes `seconds`; steps that take no time have none."""
+        """Generate the samples of a step.
+
+        Parameters
+        ----------
+        step : only moves and dwells have samples
+        seconds : duration of the step
+        stage : name in the blocks
+        """
         last = round((self.time + seconds) / self._dt)
-        begin, first = self.time, self._produced
-        start, target = self._joints, self._joints
+        begin, start, target = self.time, self._joints, self._joints
         if isinstance(step, Move):
             self._step += 1
             target = (step.outer, step.inner)
-        for a in range(first, last, LONGEST_BLOCK):
+        elif not isinstance(step, Dwell):
+            return
+        for a in range(self._produced, last, LONGEST_BLOCK):
             b = min(a + LONGEST_BLOCK, last)
+            joints = np.tile(start, (2 * (b - a) + 1, 1))
             if isinstance(step, Move):
                 halves = 0.5 * self._dt * np.arange(2 * a, 2 * b + 1, dtype=np.float64) - begin
-                joints = np.stack(
-                    [
-                        profile(halves, s, e, step.rate, step.acceleration)
-                        for s, e in zip(start, target, strict=True)
-                    ],
-                    axis=1,
-                )
-            elif isinstance(step, Dwell):
-                joints = np.tile(self._joints, (2 * (b - a) + 1, 1))
-            else:
-                return
+                for joint in range(2):
+                    joints[:, joint] = profile(
+                        halves, start[joint], target[joint], step.rate, step.acceleration
+                    )
             yield self._block(stage, a, joints)
             self._produced = b
         self._joints = target
 
     def _block(self, stage: str, first: int, joints: FloatArray) -> SampleBlock:
-        """One block from the joint angles at the samples' ends and middles, rad, shape (2 n + 1, 2)."""
+        """A block from the joint angles at the samples' ends and middles, rad, shape (2 n + 1, 2)."""
         rate, turning = self._rates(joints)
         level = self._level(joints[1::2])
         omega = rate + level.transpose(0, 2, 1) @ self._earth
@@ -151,7 +153,7 @@ class PlannedSamples:
         return np.asarray(heading @ outer @ inner @ self._mount)
 
     def _lever_force(self, rate: FloatArray, turning: FloatArray) -> FloatArray:
-        """What the levers add to the specific force: α × r + ω × (ω × r), sensed axis by axis, shape (n, 3)."""
+        """Specific force of the lever arms, α × r + ω × (ω × r), sensed axis by axis, shape (n, 3)."""
         outer, inner = self._levers
         square = rate**2
         along = inner * (square - square.sum(axis=1, keepdims=True))
@@ -159,7 +161,14 @@ class PlannedSamples:
 
 
 def profile(time: FloatArray, start: float, end: float, rate: float, acceleration: float) -> FloatArray:
-    """Joint angle, rad, of a trapezoidal (or triangular) move at times from its begin on, s; rests at its end."""
+    """Joint angle of a move with a trapezoidal (or triangular) rate profile, rad.
+
+    Parameters
+    ----------
+    time : since the start of the move, s, any shape
+    start, end : joint angles, rad
+    rate, acceleration : largest rate, rad/s, and acceleration, rad/s²
+    """
     distance = abs(end - start)
     ramp = min(rate / acceleration, float(np.sqrt(distance / acceleration)))
     cruise = max(distance - acceleration * ramp**2, 0.0) / rate

@@ -1,7 +1,7 @@
-"""What is left at every rest once the answer has been applied: gravity's length, and the earth's rate, seen anew.
+"""A result applied to data: residuals at every rest, and output compensated before and after.
 
-None of it needs an attitude: the specific force must be as long as gravity, the rate along it the earth's vertical
-rate and the rate across it the earth's horizontal one, however the unit lies.
+The residuals of a rest need no attitude. In every orientation the specific force must be as long as gravity, the rate
+along it the earth's vertical rate and the rate across it the earth's horizontal rate.
 """
 
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ import numpy as np
 from calstation.estimation.common.context import Belief, ImuModel, SolveContext
 from calstation.estimation.common.noise import filter_noise, rest_mean_variance
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage_data import StageData, mean_angles, rests, slope_weights
+from calstation.estimation.common.stage_data import StageData, find_rests, mean_angles, slope_weights
 from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.earth import rotation_rate
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import group_indices
 
-#: A shorter rest, s, is a pause in a turn and no position.
+#: A shorter rest, s, is a pause in a turn and not a position.
 SHORTEST_REST = 1.0
-#: Left out at the begin of a rest, s: a table's last microradians are nothing to a solver and much to a mean rate.
+#: Left out at the start of a rest, s: the last microradians of a settling table distort a mean rate.
 CREEP = 0.5
 
 
@@ -31,10 +31,10 @@ class RestResiduals:
     ----------
     first_seq, last_seq : of each rest, shape (k,)
     up : measured direction of up in b, unit vectors, shape (k, 3)
-    angles : mean encoder angles outer, inner, rad, NaN where there were none, shape (k, 2)
+    angles : mean encoder angles outer, inner, rad, NaN without polls, shape (k, 2)
     force : length of the specific force less gravity, m/s², shape (k,)
     vertical_rate, horizontal_rate : rate along and across up, rad/s, shape (k,)
-    force_sigma, rate_sigma : what the noise of the rest alone explains, m/s² and rad/s, shape (k,)
+    force_sigma, rate_sigma : expected from the noise of the rest, m/s² and rad/s, shape (k,)
     """
 
     first_seq: IntArray
@@ -52,19 +52,24 @@ class RestResiduals:
 
 
 def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> RestResiduals:
-    """Residuals of every rest of a stage, compensated with the answer `found`."""
+    """Residuals of every rest of a stage.
+
+    Parameters
+    ----------
+    data : samples of the stage
+    context : site, IMU and table
+    found : parameters to compensate with
+    """
     constants = compensation(found.mean)
     bias = group_indices("gyro_bias")
     earth = rotation_rate(context.site.latitude)
-    site = context.site
-    gravity = site.gravity or normal_gravity(site.latitude, site.height)
-    noise = filter_noise(context)
+    gravity, noise = context.site.local_gravity, filter_noise(context)
     stride = max(round(noise.interval / data.dt), 1)
     rows: list[tuple[float, ...]] = []
     seqs: list[tuple[int, int]] = []
     for segment in data.segments:
-        still = rests(data, segment, context.imu, found.mean[bias], float(found.sigma[bias].max()))
-        for begin, b in still:
+        found_rests = find_rests(data, segment, context.imu, found.mean[bias], float(found.sigma[bias].max()))
+        for begin, b in found_rests:
             a = begin + round(CREEP / data.dt)
             duration = (b - a) * data.dt
             if duration < SHORTEST_REST:
@@ -98,10 +103,14 @@ def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> Res
 
 @dataclass(frozen=True)
 class BeforeAfter:
-    """The same samples with the parameters before and with those found, each shape (n, 3).
+    """The same n samples compensated with the parameters before and with those found.
 
-    rate_before, rate_after : rad/s; force_before, force_after : m/s²
-    length_before, length_after : of the force less gravity, m/s², shape (n,): at rest nothing else is left
+    Attributes
+    ----------
+    time : s, shape (n,)
+    rate_before, rate_after : rad/s, shape (n, 3)
+    force_before, force_after : m/s², shape (n, 3)
+    length_before, length_after : length of the force less gravity, m/s², shape (n,); at rest only the error is left
     """
 
     time: FloatArray
@@ -116,14 +125,18 @@ class BeforeAfter:
 def before_after(
     block: SampleBlock, imu: ImuModel, before: FloatArray, found: FloatArray, gravity: float, stride: int = 1
 ) -> BeforeAfter:
-    """Apply parameters (SI, shape (30,)) to a block, averaged over `stride` samples first.
+    """Compensate a block with two sets of parameters.
 
+    Parameters
+    ----------
+    block : samples
+    imu : their stream
+    before, found : parameters, SI, shape (30,)
     gravity : m/s²
+    stride : samples averaged first
     """
-    per_count = imu.sample_rate if imu.output == "increment" else 1.0
-    scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
     count = len(block) // stride
-    raw = (block.counts[: count * stride] * scale).reshape(count, stride, 6).mean(axis=1)
+    raw = (block.counts[: count * stride] * imu.count_size).reshape(count, stride, 6).mean(axis=1)
     rates, forces, lengths = [], [], []
     for parameters in (before, found):
         omega, force = compensate(compensation(parameters), raw[:, :3], raw[:, 3:])

@@ -1,4 +1,8 @@
-"""`SampleBlock`: the one form in which samples travel from driver or file to log and solver."""
+"""`SampleBlock`, the form in which samples travel from driver to log and solver, and `Spool`, which stores them.
+
+A stage is solved by several passes over all of it and may last for hours at 2 kHz. Its samples wait on disk, so that a
+station's memory does not grow while it records.
+"""
 
 import tempfile
 import weakref
@@ -8,6 +12,21 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+
+#: Grid of encoder angles, rad (2e-7″), coarse enough for degrees written in a file to read back the same.
+ANGLE_STEP = 2.0**-40
+#: Spool columns of every block; optional ones follow.
+_ROW = [
+    ("seq", np.int64),
+    ("time", np.float64),
+    ("counts", np.float64, 6),
+    ("angles", np.float64, 2),
+    ("step", np.int64),
+    ("valid", np.bool_),
+    ("temperature", np.float64),
+]
+#: Spool rows read back at a time.
+_CHUNK = 65_536
 
 
 @dataclass(frozen=True)
@@ -24,11 +43,11 @@ class SampleBlock:
         shape (n, 2)
     step : number of the move the sample belongs to, shape (n,)
     valid : False marks a spoilt sample, shape (n,)
-    temperature : °C, NaN where unknown, shape (n,)
-    others : raw output of further IMUs on the same body, counts as `counts`, NaN where a sample of theirs is missing,
-        shape (n, k, 6), k = 0 where the unit is alone
+    temperature : °C, NaN if unknown, shape (n,)
+    others : raw output of further IMUs on the same body, counts as `counts`, NaN for their missing samples,
+        shape (n, k, 6)
     joints : angles of a gimbal's joints x, y, z at the end of the sample, rad, NaN between polls, shape (n, 3), or
-        (n, 0) where there is no gimbal
+        (n, 0) without a gimbal
     """
 
     stage: str
@@ -43,7 +62,7 @@ class SampleBlock:
     joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
-        """Where a block has no further columns, as many rows of none."""
+        """Give absent optional columns as many rows as the block has."""
         if self.others.shape[1] == 0:
             object.__setattr__(self, "others", np.empty((len(self.seq), 0, 6)))
         if self.joints.shape[1] == 0:
@@ -53,81 +72,50 @@ class SampleBlock:
         return len(self.seq)
 
     def part(self, start: int, stop: int) -> "SampleBlock":
-        """Samples start to stop as a block of their own (views)."""
-        s = slice(start, stop)
-        return SampleBlock(
-            self.stage,
-            self.seq[s],
-            self.time[s],
-            self.counts[s],
-            self.angles[s],
-            self.step[s],
-            self.valid[s],
-            self.temperature[s],
-            self.others[s],
-            self.joints[s],
-        )
+        """Samples `start` to `stop` as a block (views)."""
+        return SampleBlock(self.stage, *(getattr(self, name)[start:stop] for name in _COLUMNS))
+
+
+_COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
 
 
 def joined(blocks: list[SampleBlock]) -> SampleBlock:
-    """Consecutive blocks as one, of the first one's stage."""
-    columns = {
-        f.name: np.concatenate([getattr(b, f.name) for b in blocks])
-        for f in fields(SampleBlock)
-        if f.name != "stage"
-    }
-    return SampleBlock(blocks[0].stage, **columns)
+    """Join consecutive blocks into one, of the first one's stage."""
+    return SampleBlock(
+        blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in _COLUMNS)
+    )
 
 
 def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
-    """The blocks from sequence number `seq` on, the first cut to it."""
+    """The blocks from sequence number `seq` on, the first one cut to it."""
     kept = [b for b in blocks if len(b) and b.seq[-1] >= seq]
     if kept:
         kept[0] = kept[0].part(int(kept[0].seq.searchsorted(seq)), len(kept[0]))
     return kept
 
 
-#: Grid of encoder angles, rad (2e-7″), so coarse that degrees written in a file read back the same.
-ANGLE_STEP = 2.0**-40
-
-
 def snap_angles(angles: FloatArray) -> FloatArray:
-    """Angles in rad rounded to `ANGLE_STEP`, any shape; NaN stays.
+    """Round angles in rad, any shape, to `ANGLE_STEP`; NaN stays.
 
-    Drivers, logs and file readers all hand out angles on this grid, so a solution does not depend on whether
-    its angles went through a file in degrees.
+    Drivers, logs and file readers all use this grid, so a solution does not depend on whether its angles went through
+    a file in degrees.
     """
     return np.round(np.asarray(angles) / ANGLE_STEP) * ANGLE_STEP
 
 
-#: Columns of every block; those that some have besides come after them.
-_ROW = [
-    ("seq", np.int64),
-    ("time", np.float64),
-    ("counts", np.float64, 6),
-    ("angles", np.float64, 2),
-    ("step", np.int64),
-    ("valid", np.bool_),
-    ("temperature", np.float64),
-]
-#: Rows read back at a time.
-_CHUNK = 65_536
-
-
 class Spool:
-    """Samples of one stage in the order they came; the file goes with the object."""
+    """Samples of one stage, in order, in a temporary file that goes with the object."""
 
     def __init__(self) -> None:
         self._file = tempfile.TemporaryFile(prefix="calstation-")  # noqa: SIM115 - lives as long as the spool
         weakref.finalize(self, self._file.close)
         self._stage = ""
-        self._row = np.dtype(_ROW)
-        self._empty = True
+        self._row: np.dtype | None = None
 
     def append(self, block: SampleBlock) -> None:
-        """Put further samples aside, all with the same columns. Raises OSError where the disk is full."""
-        if self._empty:
-            self._row, self._empty = _row_of(block), False
+        """Store further samples, all with the same columns. Raises OSError if the disk is full."""
+        if self._row is None:
+            self._row = _row_type(block)
         rows = np.empty(len(block), self._row)
         for name in self._row.names or ():
             rows[name] = getattr(block, name)
@@ -135,16 +123,16 @@ class Spool:
         self._file.write(rows.tobytes())
 
     def blocks(self) -> Iterator[SampleBlock]:
-        """All samples put aside so far."""
+        """All samples stored so far."""
+        row = self._row or np.dtype(_ROW)
         self._file.seek(0)
-        while data := self._file.read(_CHUNK * self._row.itemsize):
-            rows = np.frombuffer(data, self._row)
-            columns = {name: np.ascontiguousarray(rows[name]) for name in self._row.names or ()}
+        while data := self._file.read(_CHUNK * row.itemsize):
+            rows = np.frombuffer(data, row)
+            columns = {name: np.ascontiguousarray(rows[name]) for name in row.names or ()}
             yield SampleBlock(self._stage, **columns)
 
 
-def _row_of(block: SampleBlock) -> np.dtype:
-    """The columns that a block has."""
+def _row_type(block: SampleBlock) -> np.dtype:
     more = [
         (name, np.float64, values.shape[1:])
         for name, values in (("others", block.others), ("joints", block.joints))

@@ -1,6 +1,7 @@
 """Sample counters made continuous: wraps, resets and gaps told apart (CONTRACT.md, "CSV import")."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +12,34 @@ MODULI = (2**8, 2**16, 2**32)
 _RESTART_SECONDS = 1.0
 
 
+class SequenceError(InputError):
+    """A row that repeats or is out of order.
+
+    Parameters
+    ----------
+    code : its entry in the message catalogue
+    place : index of the row in its chunk
+    values : values of the entry's sentences
+    """
+
+    def __init__(self, code: str, place: int, **values: Any) -> None:
+        super().__init__(code, **values)
+        self.place = place
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (self.args[0], self.place, self.values)
+
+
+def _rebuild(code: str, place: int, values: dict[str, Any]) -> SequenceError:
+    return SequenceError(code, place, **values)
+
+
 class SequenceUnwrapper:
     """Turns a logged counter into one that always rises, chunk after chunk.
 
-    A drop to near 0 from 2^8, 2^16 or 2^32 with continuous time is a wrap; with a jump in time, a reset,
-    after which the count carries on with the number of samples that the jump is worth (at least one lost).
-    Where the unit's clock restarted with its counter, time carries on likewise. Anything else that does not
-    rise is an error.
+    A drop to near 0 from 2^8, 2^16 or 2^32 with continuous time is a wrap; with a jump in time it is a reset, after
+    which the count continues with the number of samples of the jump (at least one lost). If the unit's clock restarted
+    with its counter, time continues likewise. Anything else that does not rise is an error.
 
     Parameters
     ----------
@@ -44,12 +66,12 @@ class SequenceUnwrapper:
         -------
         seq : continuous counter, shape (n,)
         time : rising clock, s, shape (n,)
-        restarts : places in this chunk where the unit's counter and clock began again together
+        restarts : indices in this chunk at which the unit's counter and clock restarted together
 
         Raises
         ------
         SequenceError
-            with the place of the first row that repeats, is out of order or runs back in time.
+            with the index of the first row that repeats, is out of order or runs back in time.
         """
         if len(seq) == 0:
             return seq.astype(np.int64), time.astype(np.float64), []
@@ -59,7 +81,7 @@ class SequenceUnwrapper:
         previous_seq = np.concatenate([np.array([last_raw], np.int64), seq[:-1]])
         previous_time = np.concatenate([np.array([last_time]), time[:-1]])
         if int(np.min(seq)) < 0:
-            raise SequenceError(int(np.argmax(seq < 0)), "seq is negative")
+            raise SequenceError("recording.seq_negative", int(np.argmax(seq < 0)))
         odd = np.flatnonzero((seq <= previous_seq) | (time <= previous_time))
         offsets = np.full(len(seq), self._offset, dtype=np.int64)
         shifts = np.full(len(seq), self._time_offset)
@@ -78,12 +100,12 @@ class SequenceUnwrapper:
         return seq + offsets, time + shifts, restarts
 
     def _step(self, place: int, last: int, now: int, last_time: float, now_time: float) -> tuple[int, float]:
-        """What to add to counter and clock from a row that does not rise."""
+        """Increments of counter and clock from a row on that does not rise."""
         elapsed = (now_time - last_time) / self._period
         if now == last:
-            raise SequenceError(place, f"seq {now} is repeated")
+            raise SequenceError("recording.seq_repeated", place, seq=now)
         if now > last:
-            raise SequenceError(place, f"time_s falls from {last_time:g} to {now_time:g} s")
+            raise SequenceError("recording.time_falls", place, before=last_time, time=now_time)
         for modulus in MODULI:
             steps = now - last + modulus
             near = modulus // 4
@@ -94,15 +116,7 @@ class SequenceUnwrapper:
         clock_restarted = now_time <= (now + 1) * self._period + _RESTART_SECONDS
         if now < self._near and clock_restarted and last_time - now_time > _RESTART_SECONDS:
             return last + 2 - now, last_time + 2 * self._period - now_time
-        raise SequenceError(place, f"seq falls from {last} to {now}")
-
-
-class SequenceError(InputError):
-    """A row that repeats or is out of order; `place` is its index in the chunk."""
-
-    def __init__(self, place: int, what: str) -> None:
-        super().__init__(f"{what}; remove repeated rows and sort the rest as they were sampled")
-        self.place = place
+        raise SequenceError("recording.seq_falls", place, before=last, seq=now)
 
 
 def unwrap_counter(
@@ -113,15 +127,15 @@ def unwrap_counter(
     Parameters
     ----------
     raw : counter as received, modulo 2^bits, shape (n,)
-    last : continuous count of the last sample before, None at the start
+    last : continuous count of the last sample before; None at the start
     bits : width of the counter
-    last_raw : that sample's counter as received; `last` modulo 2^bits unless the counter was ever reset
+    last_raw : that sample's counter as received; None for `last` modulo 2^bits
 
     Returns
     -------
     count : continuous counter, shape (n,). Forward steps are taken modulo 2^bits; a fall to the first
         eighth of the range that would mean more than half of it lost is a reset, counted as one lost sample.
-        The same value twice is a whole turn of the counter.
+        The same value twice is a whole cycle of the counter.
     """
     received = np.asarray(raw, dtype=np.int64)
     if len(received) == 0:

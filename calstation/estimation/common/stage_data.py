@@ -1,4 +1,4 @@
-"""A stage's samples as contiguous arrays: raw rates, encoder angles, the segments between gaps, rests."""
+"""A stage's samples as contiguous arrays: raw rates, encoder angles, segments between gaps, rests."""
 
 import itertools
 from dataclasses import dataclass, field
@@ -9,14 +9,14 @@ from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import BoolArray, FloatArray, IntArray
 
-#: Width of the window in which rest is judged, s.
+#: Width of the averaging window of rest detection, s.
 REST_WINDOW = 0.5
+#: Rest requires a rate, less the bias, below this many sigmas of the bias ...
 BIAS_SIGMAS = 3.0
-#: A unit rests where its rate, its bias taken off, is below so many sigmas of the bias and so many rad/s besides.
+#: ... plus this rate, rad/s.
 SLOWEST = np.deg2rad(0.1)
-#: Cut from both ends of a rest found in the data, s: a table creeps before it settles.
+#: Cut from both ends of a rest found in the data, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
-
 #: A larger change of mean specific force from one window to the next, m/s², is another position.
 FORCE_STEP = 0.5
 
@@ -33,7 +33,7 @@ class StageData:
     angles : encoder angles, rad, NaN between polls, shape (n, 2)
     step : shape (n,)
     segments : (start, stop) of each stretch without a gap, reset or spoilt sample
-    gaps : gaps and resets inside the stage
+    gaps : number of gaps and resets inside the stage
     others, joints : as in `SampleBlock`
     """
 
@@ -52,23 +52,26 @@ class StageData:
     def __len__(self) -> int:
         return len(self.seq)
 
+    def seq_range(self, start: int, stop: int) -> dict[str, int]:
+        """First and last sequence number of samples `start` to `stop`, JSON-ready."""
+        return {"first_seq": int(self.seq[start]), "last_seq": int(self.seq[stop - 1])}
+
 
 def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
-    """Join a stage's blocks; spoilt samples are left out and count as a gap like missing ones."""
+    """Join a stage's blocks; spoilt samples are left out and count as gaps, like missing ones."""
     dt = 1.0 / imu.sample_rate
     valid = _joined([b.valid for b in blocks], np.bool_)
     seq = _joined([b.seq for b in blocks], np.int64)[valid]
     time = _joined([b.time for b in blocks], np.float64)[valid]
     counts = _joined([b.counts for b in blocks], np.float64, 6)[valid]
-    per_count = imu.sample_rate if imu.output == "increment" else 1.0
     broken = (np.diff(seq) != 1) | (np.abs(np.diff(time) - dt) > 0.5 * dt)
     cuts = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(seq)]])
     return StageData(
         dt=dt,
         seq=seq,
         time=time,
-        gyro=np.ascontiguousarray(counts[:, :3]) * (imu.gyro_lsb * per_count),
-        accel=np.ascontiguousarray(counts[:, 3:]) * (imu.accel_lsb * per_count),
+        gyro=np.ascontiguousarray(counts[:, :3]) * (imu.gyro_lsb * imu.rate_factor),
+        accel=np.ascontiguousarray(counts[:, 3:]) * (imu.accel_lsb * imu.rate_factor),
         angles=_joined([b.angles for b in blocks], np.float64, 2)[valid],
         step=_joined([b.step for b in blocks], np.int64)[valid],
         segments=tuple((int(a), int(b)) for a, b in itertools.pairwise(cuts) if b > a),
@@ -90,15 +93,27 @@ def window_mean(values: FloatArray, width: int) -> FloatArray:
     return np.asarray((total[width:] - total[:-width]) / width)
 
 
-def rests(
+def find_rests(
     data: StageData, segment: tuple[int, int], imu: ImuModel, gyro_bias: FloatArray, bias_sigma: float
 ) -> list[tuple[int, int]]:
-    """Stretches of a segment in which the unit rests, found from the data, (start, stop).
+    """Find the rests of a segment from its data.
 
-    Rates are judged as means over `REST_WINDOW`. Where they are small (`BIAS_SIGMAS`, 5 sigma of noise, `SLOWEST`)
-    and flat, their median is the unit's rate at rest, bias and earth; rest is where no window departs from it by
-    more than noise and 0.03 °/s (the earth turns with 0.004), so that a table still creeping does not count. A step
-    of the specific force (`FORCE_STEP`) parts two rests even where no rotation between them was recorded.
+    Rates are averaged over `REST_WINDOW`. The median of the windows in which they are small (`BIAS_SIGMAS`, 5 sigma of
+    noise, `SLOWEST`) and constant is the rate at rest, bias and earth rate together. A rest is a stretch in which no
+    window differs from it by more than noise and 0.03 °/s (earth rate is 0.004 °/s), so that a creeping table does not
+    count. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
+
+    Parameters
+    ----------
+    data : samples of the stage
+    segment : first sample and the one after the last
+    imu : noise of the stream
+    gyro_bias : rad/s, shape (3,)
+    bias_sigma : its standard deviation, rad/s
+
+    Returns
+    -------
+    (start, stop) of each rest
     """
     start, stop = segment
     width = max(round(REST_WINDOW / data.dt), 2)
@@ -128,7 +143,7 @@ def rests(
 
 
 def _steady(force: FloatArray, width: int) -> BoolArray:
-    """Whether each window of mean force agrees with those a window before and after, shape (n,)."""
+    """Whether each window of mean force agrees with the windows before and after it, shape (n,)."""
     steady = np.ones(len(force), dtype=np.bool_)
     if len(force) > width:
         stepped = np.abs(force[width:] - force[:-width]).max(axis=1) > FORCE_STEP
@@ -138,7 +153,7 @@ def _steady(force: FloatArray, width: int) -> BoolArray:
 
 
 def runs(flags: BoolArray) -> list[tuple[int, int]]:
-    """Stretches (first, last + 1) in which `flags` holds."""
+    """Stretches (first, last + 1) in which `flags` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -146,8 +161,8 @@ def runs(flags: BoolArray) -> list[tuple[int, int]]:
 def slope_weights(count: int, stride: int) -> FloatArray:
     """Weights, shape (n,), sum 1, whose mean of specific force is the slope of a straight line through velocity.
 
-    Velocity is taken every `stride` samples, as often as it is worth its sigma; a rest shorter than a stride at its
-    end is left out. With velocity noise white from one to the next this is the best linear unbiased mean.
+    Velocity is sampled every `stride` samples, as often as its noise is independent; the remainder of a rest is left
+    out. With white velocity noise this is the best linear unbiased mean.
     """
     blocks = max(count // stride, 1)
     used = min(blocks * stride, count)
@@ -159,7 +174,7 @@ def slope_weights(count: int, stride: int) -> FloatArray:
 
 
 def mean_angles(data: StageData, start: int, stop: int) -> FloatArray | None:
-    """Mean encoder angles of a rest, rad, shape (2,); None where there was no poll."""
+    """Mean encoder angles of a rest, rad, shape (2,); None if the encoders were not polled in it."""
     polled = data.angles[start:stop]
     polled = polled[~np.isnan(polled).any(axis=1)]
     return polled.mean(axis=0) if len(polled) else None

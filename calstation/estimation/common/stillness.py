@@ -1,10 +1,10 @@
-"""Rests and the motions between them in a recording of which nothing else is known, found from the data alone.
+"""Rests of a recording and the motions between them, found from the data alone.
 
-A recording made by hand says neither where it rests nor how noisy its place is, so the noise is that of its quietest
-windows, and the rate at rest is theirs as well; `stage_data.rests` then finds the rests as it does on a table.
+A recording made by hand states neither its rests nor the noise of its site. Noise and rate at rest are therefore those
+of its quietest windows; `stage_data.find_rests` then finds the rests as on a table.
 
-Where force jumps from one quiet stretch to another with no turn between, something was left out: recordings are cut
-together at times, and no motion leads across a cut.
+If the force jumps from one quiet stretch to another without a turn, samples were cut out. No motion connects the rests
+on either side of a cut.
 """
 
 import itertools
@@ -13,20 +13,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.stage_data import REST_WINDOW, StageData, rests, runs, window_mean
+from calstation.estimation.common.stage_data import REST_WINDOW, StageData, find_rests, runs, window_mean
 from calstation.physics.arrays import FloatArray
 
-#: Share of all windows whose noise is taken for the noise at rest.
+#: Share of all windows whose noise defines the noise at rest.
 QUIETEST = 0.1
-#: A window up to this much noisier than those belongs to them.
+#: A window up to this factor noisier counts as quiet too.
 ALIKE = 1.5
-#: No window with more gyro noise than this, rad/s rms, is a rest: it is a motion.
+#: A window with more gyro noise than this, rad/s rms, is a motion.
 LOUDEST = np.deg2rad(1.0)
 #: Stretch that must be quiet on both sides of a cut, s.
 CUT_WINDOW = 0.15
-#: Force that jumps across a cut, m/s²; turning by as much in that time is no rest.
+#: Smallest jump of the force across a cut, m/s².
 CUT_STEP = 2.0
-#: How far the rate at rest may lie from that of the quietest windows, rad/s.
+#: Standard deviation of the rate at rest about that of the quietest windows, rad/s.
 RESTING_RATE_SIGMA = np.deg2rad(0.2)
 
 
@@ -34,7 +34,10 @@ RESTING_RATE_SIGMA = np.deg2rad(0.2)
 class Link:
     """An unbroken motion between two neighbouring rests.
 
-    first, second : places of the rests; start, stop : samples of the motion
+    Attributes
+    ----------
+    first, second : indices of the rests
+    start, stop : samples of the motion
     """
 
     first: int
@@ -45,12 +48,15 @@ class Link:
 
 @dataclass(frozen=True)
 class Stillness:
-    """Where a recording rests.
+    """Rests of a recording and the motions between them.
 
-    rests : (start, stop) of each rest; links : the motions between neighbours
-    gyro_noise : white noise of the rates at rest, rad/√s; accel_noise : of the specific force, m/s/√s
+    Attributes
+    ----------
+    rests : (start, stop) of each rest
+    links : the motions between neighbouring rests
+    gyro_noise, accel_noise : white noise at rest, rad/√s and m/s/√s
     rate : mean raw rate at rest, rad/s, shape (3,)
-    cuts : samples before which something was left out though the counter does not say so
+    cuts : samples before which others were cut out without a gap of the counter
     """
 
     rests: tuple[tuple[int, int], ...]
@@ -62,12 +68,18 @@ class Stillness:
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:
-    """Rests of at least `shortest` s in all segments, and the motions between those of one segment."""
+    """Find rests and motions in all segments.
+
+    Parameters
+    ----------
+    data : samples of the recording
+    imu : noise of the stream, a lower bound
+    shortest : shortest rest, s
+    """
     windows = _windows(data)
-    if not len(windows):
-        return Stillness((), (), imu.gyro_arw, imu.accel_vrw, np.zeros(3))
     gyro_std, accel_std, rate = windows[:, 0], windows[:, 1], windows[:, 2:]
-    quiet = gyro_std <= min(ALIKE * float(np.quantile(gyro_std, QUIETEST)), LOUDEST)
+    limit = min(ALIKE * float(np.quantile(gyro_std, QUIETEST)), LOUDEST) if len(windows) else 0.0
+    quiet = gyro_std <= limit
     if not quiet.any():
         return Stillness((), (), imu.gyro_arw, imu.accel_vrw, np.zeros(3))
     noise = max(imu.gyro_arw, float(np.median(gyro_std[quiet])) * np.sqrt(data.dt))
@@ -76,11 +88,11 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
     seen = replace(imu, gyro_arw=noise)
     found: list[tuple[int, int]] = []
     links: list[Link] = []
-    cuts = find_cuts(data, noise, accel_noise, resting)
+    cuts = _find_cuts(data, noise, accel_noise, resting)
     for segment in _cut(data.segments, cuts):
         here = [
             (a, b)
-            for a, b in rests(data, segment, seen, resting, RESTING_RATE_SIGMA)
+            for a, b in find_rests(data, segment, seen, resting, RESTING_RATE_SIGMA)
             if (b - a) * data.dt >= shortest
         ]
         for k, ((_, end), (start, _)) in enumerate(itertools.pairwise(here), len(found)):
@@ -89,12 +101,16 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
     return Stillness(tuple(found), tuple(links), noise, accel_noise, resting, cuts)
 
 
-def find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray) -> tuple[int, ...]:
+def _find_cuts(
+    data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray
+) -> tuple[int, ...]:
     """Samples at which the force jumps between two stretches of rest without a turn.
 
     Parameters
     ----------
-    gyro_noise, accel_noise : white noise at rest, rad/√s and m/s/√s; resting : mean raw rate at rest, rad/s, shape (3,)
+    data : samples of the recording
+    gyro_noise, accel_noise : white noise at rest, rad/√s and m/s/√s
+    resting : mean raw rate at rest, rad/s, shape (3,)
     """
     width = max(round(CUT_WINDOW / data.dt), 4)
     slow = np.deg2rad(2.0) + 5.0 * gyro_noise / np.sqrt(width * data.dt)

@@ -1,1 +1,1 @@
-"""gimbal."""
+"""Gyro misalignment from the joints of a stabilised gimbal."""

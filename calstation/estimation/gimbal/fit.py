@@ -1,9 +1,9 @@
-"""One-shot least squares over a gimbal's recording: every motion's rotation by the gyros against that of the joints.
+"""Least squares over a gimbal's recording: every motion's rotation by the gyros against that of the joints.
 
     Exp(−Ω T) C_before B(gyro parameters) = C_after,  C from the joints, B the body's rotation by the compensated gyros
 
-All twelve gyro parameters, the earth's rate in the base's frame and the joints' error at every rest together, from the
-same samples that the iteration turned into corrections one turn after another.
+All twelve gyro parameters, earth rate in the base's frame and the joints' error at every rest are estimated together,
+from the same samples that the iteration uses one turn after another.
 """
 
 from dataclasses import dataclass
@@ -29,8 +29,12 @@ _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
 
 @dataclass(frozen=True)
 class GimbalFit:
-    """Posterior of the parameters; squared residuals in units of sigma and how many nothing was fitted to.
+    """Solution of the least squares.
 
+    Attributes
+    ----------
+    belief : posterior of the parameters
+    chi2, freedom : squared residuals in units of sigma, and their degrees of freedom
     residual : of every motion, rad, shape (n, 3)
     """
 
@@ -48,11 +52,21 @@ def fit_gimbal(
     prior: Belief,
     joint_sigma: float,
 ) -> GimbalFit:
-    """Fit all motions; `joint_sigma` : of an attitude from the joints at a rest, per axis, rad."""
+    """Fit all motions.
+
+    Parameters
+    ----------
+    data : samples of the recording
+    motions : its motions
+    order : joints from the base to the unit
+    context : site, IMU and table
+    prior : of the parameters
+    joint_sigma : of an attitude from the joints at a rest, per axis, rad
+    """
     noise = filter_noise(context)
     sigma = np.sqrt(np.repeat([noise.rate * m.duration for m in motions], 3))
     root = square_root(prior.covariance)
-    # a motion's noise is the gyros'; what its joints err by, the motions before and after share
+    # a motion's noise is the gyros'; it shares the joints' errors with the motions before and after
     scale = np.concatenate([[RATE] * 3, np.full(3 * _rests(motions), joint_sigma)])
     point, more = prior.mean.copy(), np.zeros(len(scale))
     bias = group_indices("gyro_bias")
@@ -83,7 +97,7 @@ def _rows(
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives, shape (3 n, 33 + 3 rests), and residuals, rad, shape (3 n,).
 
-    more : the earth's rate in the base's frame, rad/s, and the joints' error at every rest as a rotation there, rad
+    more : earth rate in the base's frame, rad/s, and the joints' error at every rest as a rotation there, rad
     """
     c, earth, wrong = compensation(point), more[:3], more[3:].reshape(-1, 3)
     H, residuals = np.zeros((3 * len(motions), COUNT + len(more))), []

@@ -1,15 +1,15 @@
-"""Gyro misalignment from a stabilised gimbal's own joints, one turn after another.
+"""Iteration for gyro misalignment from the joints of a stabilised gimbal, one turn after another.
 
-The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). Demanded to turn about one body axis alone it
-turns about N e, N = (I + M)⁻¹ (I + K): the joints that were not asked drift by D = −J(A) (m − k) for a turn by A, where
-m and k are that axis' columns of M and K without its own row. After every turn, the joints back at zero,
+The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). Commanded to turn about one body axis alone it
+turns about N e, N = (I + M)⁻¹ (I + K). The other joints drift by D = −J(A) (m − k) for a turn by A, where m and k are
+that axis' columns of M and K without its own row. After every turn, with the joints back at zero,
 
     K_i = K_(i−1) + s α D_i,    s = −1 for a positive turn, +1 for a negative one
 
-so that the error shrinks by I − s α J. J is no multiple of the identity: a body axis that leans turns on while the body
-does. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A), sin A]], whose
-eigenvalues are 2 sin(A/2) e^(±iA/2): the iteration is stable for 0 < α < cot(A/2), fastest at half of that, where each
-turn leaves sin(A/2) of the error, and from A = 180° on for no gain at all.
+so that the error is multiplied by I − s α J. J is no multiple of the identity, because a tilted body axis turns with
+the body. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A), sin A]] with the
+eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and fastest at half of that, where each
+turn leaves sin(A/2) of the error. From A = 180° on it is unstable for every gain.
 """
 
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ _DERIVATIVE_STEP = 1e-5
 
 
 def gimbal_attitude(order: str, joints: FloatArray) -> FloatArray:
-    """C_body^base of joints x, y, z (rad, shape (3,)), the first of `order` next to the base, shape (3, 3)."""
+    """C_body^base, shape (3, 3), of joints x, y, z (rad, shape (3,)); the first of `order` is next to the base."""
     C = np.eye(3)
     for name in order:
         axis = AXES.index(name)
@@ -49,7 +49,18 @@ def others(axis: int) -> list[int]:
 
 
 def drift_matrix(order: str, axis: int, angle: float) -> FloatArray:
-    """J: how far the other joints move per rad of lean of the axis turned about, for a turn by `angle`, rad, (2, 2)."""
+    """J: drift of the other joints per rad of tilt of the turn's axis.
+
+    Parameters
+    ----------
+    order : joints from the base to the unit
+    axis : body axis turned about
+    angle : of the turn, rad
+
+    Returns
+    -------
+    shape (2, 2)
+    """
     rest = others(axis)
     J = np.empty((2, 2))
     for column, lean in enumerate(rest):
@@ -67,7 +78,14 @@ def sign_of(angle: float) -> float:
 
 
 def largest_gain(order: str, axis: int, angle: float) -> float:
-    """The gain below which turns by ± `angle` (rad) converge: 2 Re λ/|λ|² of J's worst eigenvalue; 0 if none does."""
+    """The gain below which turns by ± `angle` converge: 2 Re λ/|λ|² of J's worst eigenvalue; 0 if none does.
+
+    Parameters
+    ----------
+    order : joints from the base to the unit
+    axis : body axis turned about
+    angle : of the turns, rad
+    """
     limits = []
     for way in (angle, -angle):
         for value in np.linalg.eigvals(-sign_of(way) * drift_matrix(order, axis, way)):
@@ -76,7 +94,15 @@ def largest_gain(order: str, axis: int, angle: float) -> float:
 
 
 def contraction(order: str, axis: int, angle: float, gain: float) -> float:
-    """What a turn there and a turn back leave of an error, as a factor per turn."""
+    """Factor per turn by which a turn there and a turn back reduce an error.
+
+    Parameters
+    ----------
+    order : joints from the base to the unit
+    axis : body axis turned about
+    angle : of the turns, rad
+    gain : α, rad/rad
+    """
     both = np.eye(2)
     for way in (angle, -angle):
         both = (np.eye(2) + sign_of(way) * gain * drift_matrix(order, axis, way)) @ both
@@ -85,7 +111,7 @@ def contraction(order: str, axis: int, angle: float, gain: float) -> float:
 
 @dataclass(frozen=True)
 class TurnCommand:
-    """The next turn: about `axis` by `angle`, rad, stabilised with the correction K, shape (3, 3)."""
+    """The next turn: about `axis` by `angle` (rad), stabilised with the correction K, shape (3, 3)."""
 
     axis: int
     angle: float
@@ -94,7 +120,7 @@ class TurnCommand:
 
 @dataclass
 class AxisTurns:
-    """One axis' turns: angles and drifts D of the other joints (rad), and K after each, shape (2,)."""
+    """Turns of one axis: angles and drifts D of the other joints (rad), and K after each, shape (2,)."""
 
     axis: int
     angles: list[float] = field(default_factory=list)
@@ -103,12 +129,15 @@ class AxisTurns:
 
 
 class GimbalIteration:
-    """The method's own state: what to demand next, and what the answer changes.
+    """State of the method: the next turn to command, and the correction from each drift.
 
     Parameters
     ----------
-    gain : α, rad/rad; angle : of every turn, rad; count : turns per axis at most
-    threshold : |D| below which an axis is done, rad; alternate : every second turn goes the other way
+    gain : α, rad/rad
+    angle : of every turn, rad
+    count : largest number of turns per axis
+    threshold : |D| below which an axis is done, rad
+    alternate : whether every second turn goes the other way
 
     Attributes
     ----------
@@ -125,21 +154,21 @@ class GimbalIteration:
 
     @property
     def done(self) -> bool:
-        """Whether the last axis has come to its end."""
-        return len(self.courses) == 3 and self._ended(self.courses[-1])
+        """Whether the last axis is done."""
+        return len(self.courses) == 3 and self._done(self.courses[-1])
 
-    def demand(self) -> TurnCommand | None:
+    def next_turn(self) -> TurnCommand | None:
         """The next turn, from joints at zero; None at the end."""
         if self.done:
             return None
-        if self._ended(self.courses[-1]):
+        if self._done(self.courses[-1]):
             self.courses.append(AxisTurns(self.courses[-1].axis + 1))
         course = self.courses[-1]
         back = self._alternate and len(course.drifts) % 2 == 1
         return TurnCommand(course.axis, -self._angle if back else self._angle, self.correction.copy())
 
-    def answer(self, angle: float, drift: FloatArray) -> None:
-        """The other joints moved by `drift`, rad, shape (2,), in a turn by `angle`, rad."""
+    def add_drift(self, angle: float, drift: FloatArray) -> None:
+        """Correct K by the drift of the other joints (rad, shape (2,)) in a turn by `angle` (rad)."""
         course = self.courses[-1]
         rows = others(course.axis)
         self.correction[rows, course.axis] += sign_of(angle) * self._gain * drift
@@ -147,7 +176,7 @@ class GimbalIteration:
         course.drifts.append(np.array(drift))
         course.corrections.append(self.correction[rows, course.axis].copy())
 
-    def _ended(self, course: AxisTurns) -> bool:
+    def _done(self, course: AxisTurns) -> bool:
         if not course.drifts:
             return False
         return len(course.drifts) >= self._count or float(np.abs(course.drifts[-1]).max()) < self._threshold

@@ -1,4 +1,4 @@
-"""The closed loop of the method and a stabilised gimbal: demand a turn, look at the joints, correct, go back."""
+"""Closed loop of the method and a stabilised gimbal: command a turn, read the joints, correct, return to zero."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -7,16 +7,16 @@ from calstation.errors import InputError
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.gimbal.iteration import GimbalIteration
+from calstation.estimation.gimbal.iteration import AXES, GimbalIteration
 from calstation.estimation.gimbal.motions import Motion, find_motions
 from calstation.physics.arrays import FloatArray
 
 
 class Gimbal(Protocol):
-    """A gimbal that stabilises on the unit's corrected rates. Every call returns the samples that passed meanwhile."""
+    """A gimbal that stabilises on the unit's corrected rates; every call returns the samples recorded meanwhile."""
 
     def lock(self, seconds: float) -> SampleBlock:
-        """Hold the joints; what the gyros show then is taken for their bias."""
+        """Hold the joints; the gyros' output then is taken as their bias."""
 
     def hold(self, seconds: float, correction: FloatArray) -> SampleBlock:
         """Stabilise at rest with the correction K, shape (3, 3)."""
@@ -37,9 +37,21 @@ def run_loop(
     rate: float,
     keep: Callable[[SampleBlock], None],
 ) -> None:
-    """Run the iteration to its end; `keep` gets every block. A log of them replays to the same corrections.
+    """Run the iteration to its end. A log of its blocks replays to the same corrections.
 
-    Raises InputError where a turn does not show in the joints.
+    Parameters
+    ----------
+    gimbal : the gimbal
+    iteration : state of the method
+    imu : stream of the unit
+    order : joints from the base to the unit
+    dwell, rate : stabilised rest, s, and rate of the turns, rad/s
+    keep : receives every block
+
+    Raises
+    ------
+    InputError
+        A turn does not show in the joints.
     """
     blocks: list[SampleBlock] = []
 
@@ -48,12 +60,12 @@ def run_loop(
         keep(block)
 
     take(gimbal.lock(dwell + 2.0))
-    while (demand := iteration.demand()) is not None:
-        take(gimbal.hold(dwell, demand.correction))
-        take(gimbal.turn(demand.axis, demand.angle, rate, demand.correction))
-        take(gimbal.hold(dwell, demand.correction))
+    while (turn := iteration.next_turn()) is not None:
+        take(gimbal.hold(dwell, turn.correction))
+        take(gimbal.turn(turn.axis, turn.angle, rate, turn.correction))
+        take(gimbal.hold(dwell, turn.correction))
         turns = [m for m in find_motions(stage_data(blocks, imu), imu) if m.axis is not None]
-        iteration.answer(demand.angle, _newest(turns, iteration, demand.axis).lean(order))
+        iteration.add_drift(turn.angle, _newest(turns, iteration, turn.axis).joint_drift(order))
         take(gimbal.home(rate))
     take(gimbal.hold(dwell, iteration.correction))
 
@@ -61,8 +73,5 @@ def run_loop(
 def _newest(turns: list[Motion], iteration: GimbalIteration, axis: int) -> Motion:
     answered = sum(len(course.drifts) for course in iteration.courses)
     if len(turns) != answered + 1 or turns[-1].axis != axis:
-        raise InputError(
-            f"turn {answered + 1} about {'xyz'[axis]} does not show in the joints; check that they are at zero before "
-            "it, and their columns"
-        )
+        raise InputError("recording.joint_turn_not_seen", turn=answered + 1, axis=AXES[axis])
     return turns[-1]

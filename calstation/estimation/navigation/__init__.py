@@ -1,1 +1,1 @@
-"""navigation."""
+"""The 39-state navigation filter, its relinearisation and its observability analysis."""

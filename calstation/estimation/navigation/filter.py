@@ -1,9 +1,9 @@
 """The 39-state filter: one pass over a stage, linear in the parameters, closed loop in attitude and velocity.
 
-States: φ, δv, δp and the errors of the 30 parameters relative to the point the pass is linearised about; with a
-profile that states bias instability also the wander of the six biases about their constants.
-Observed: the velocity of the table's centre of rotation, which is zero but for the base's vibration, at rest
-and through rotations: `v − C (ω_nb × outer_lever)`. Kalman algebra is filterpy's.
+States: φ, δv, δp and the errors of the 30 parameters relative to the linearisation point; if the profile states bias
+instability, also the drift of the six biases about their constants. Observed: the velocity of the table's centre of
+rotation, `v − C (ω_nb × outer_lever)`, which is zero except for vibration of the base, at rest and through rotations.
+The Kalman algebra is filterpy's.
 
 References
 ----------
@@ -34,31 +34,23 @@ from calstation.estimation.navigation.velocity_group import (
     whitened,
 )
 from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.earth import rotation_rate
 from calstation.physics.imu_model import compensation
 from calstation.physics.parameters import group_indices
 from calstation.physics.rotation import rotation_matrix, rotation_vector
-from calstation.physics.strapdown import (
-    PARAMETER_START,
-    STATES,
-    interval_work,
-    propagate,
-)
+from calstation.physics.strapdown import PARAMETER_START, STATES, interval_work, propagate
 
-#: Start of δp, m: the table holds the unit; no observation depends on it.
+#: Initial sigma of δp, m; no observation depends on it.
 POSITION_SIGMA = 1e-3
-
-#: Start of δv before the first observation, m/s.
+#: Initial sigma of δv before the first observation, m/s.
 START_VELOCITY_SIGMA = 1.0
-
-
-#: Observations within this time, s, are handed to the filter together.
+#: Observations within this time, s, are processed together.
 GROUP_TIME = 0.5
 
 
 @dataclass
 class History:
-    """What a pass saw at every observation, in groups: for consistency, observability, residuals and plots."""
+    """Observations of a pass, in groups: for consistency, observability, residuals and plots."""
 
     indices: list[IntArray] = field(default_factory=list)
     attitudes: list[FloatArray] = field(default_factory=list)
@@ -73,7 +65,7 @@ class History:
 
     @property
     def attitude(self) -> FloatArray:
-        """C_bn the pass was linearised about, shape (m, 3, 3)."""
+        """C_bn of the linearisation, shape (m, 3, 3)."""
         return np.concatenate([np.empty((0, 3, 3)), *self.attitudes])
 
     @property
@@ -83,7 +75,7 @@ class History:
 
     @property
     def innovation(self) -> FloatArray:
-        """Innovations in units of their sigmas, each freed of what the ones before it told, shape (m, 3)."""
+        """Decorrelated innovations in units of their sigmas, shape (m, 3)."""
         return np.concatenate([np.empty((0, 3)), *self.innovations])
 
     @property
@@ -92,41 +84,41 @@ class History:
         return np.asarray(np.sum(self.innovation**2, axis=1))
 
 
-#: No reference to follow.
+#: Empty reference: close the loop instead.
 _FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
 
 
 class NavigationFilter:
-    """One pass. Feed it groups of observations in order; read `belief`, `history` and `attitude`.
+    """One pass over a stage: takes groups of observations in order; gives `belief`, `history` and `attitude`.
 
     Parameters
     ----------
     context : site, IMU and table
     prior : of the parameters
-    point : parameter values to linearise about, SI, shape (30,)
+    point : parameters of the linearisation, SI, shape (30,)
 
     Notes
     -----
-    The first pass and the live display close the loop: what the observations say of attitude and velocity is fed
-    back at once. A later pass follows a smoothed `Reference` instead. It must: transitions along a reference that
-    jumps with every observation disagree by the size of the jumps about which direction is still unknown, and a
-    bias and a tilt that only their sum betrays would seem to be known apart (Huang, Mourikis, Roumeliotis,
-    *Observability-based rules for designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
+    The first pass and the live display close the loop: corrections of attitude and velocity are fed back at once. A
+    later pass follows a smoothed `Reference` instead. Transitions along a reference that jumps with every observation
+    disagree, by the size of the jumps, about the unobservable direction, so that a bias and a tilt of which only the
+    sum is observable would seem to be known separately (Huang, Mourikis, Roumeliotis, *Observability-based rules for
+    designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
     """
 
     def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
         site = context.site
         self.noise = filter_noise(context)
         self.earth = rotation_rate(site.latitude)
-        self.gravity = site.gravity or normal_gravity(site.latitude, site.height)
+        self.gravity = site.local_gravity
         self.dt = 1.0 / context.imu.sample_rate
         self.stride = max(round(self.noise.interval / self.dt), 1)
         self.point = point
         self.constants = compensation(point)
         self.work = interval_work()
         self.history = History()
+        #: Observations in a group.
         self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
-        """Observations in a group."""
         self._groups: dict[int, VelocityGroup] = {}
         self._arm_velocity = np.zeros(3)
         self._has_drift = bool(np.any(self.noise.bias_drift))
@@ -155,10 +147,16 @@ class NavigationFilter:
         return Belief(self.point + self.kf.x[s], self.kf.P[s, s].copy())
 
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
-        """Start (again) at rest: navigation states afresh about `attitude`, parameters carry on.
+        """Start (again) at rest: reset the navigation states, keep the parameters.
 
-        The velocity starts unknown and is observed at once: a velocity assumed zero would deny that the rate,
-        hence the lever's velocity, is only as well known as the gyro bias.
+        The velocity starts unknown and is observed at once. Assuming it zero would ignore that the rate, and so the
+        lever's velocity, is only known as well as the gyro bias.
+
+        Parameters
+        ----------
+        data : samples of the stage
+        start : of the segment
+        attitude : C_bn of the linearisation, shape (3, 3)
         """
         kf = self.kf
         kf.x[:PARAMETER_START] = 0.0
@@ -171,16 +169,9 @@ class NavigationFilter:
         self.work.attitude[:] = attitude
         self.work.velocity[:] = 0.0
         propagate(
-            self.constants,
-            self.earth,
-            self.gravity,
-            self.dt,
-            data.gyro,
-            data.accel,
-            start.begin,
-            start.begin,
-            self.work,
-        )
+            self.constants, self.earth, self.gravity, self.dt, data.gyro, data.accel, start.begin,
+            start.begin, self.work,
+        )  # fmt: skip
         z, H = np.zeros(3), np.zeros((3, len(kf.x)))
         self._arm_velocity[:] = observation(self.work, self.earth, self.constants, z, H)
         if self._has_drift:
@@ -190,10 +181,15 @@ class NavigationFilter:
     def observe(
         self, data: StageData, start: int, count: int, follow: tuple[FloatArray, FloatArray] | None = None
     ) -> None:
-        """A group of `count` observations from sample `start` on: strapdown, predict, observe, feed back.
+        """Process a group of observations: strapdown, predict, update, feed back.
 
-        follow : attitudes and velocities of the reference at the observations, shapes (count, 3, 3), (count, 3);
-            None to close the loop instead
+        Parameters
+        ----------
+        data : samples of the stage
+        start : first sample
+        count : observations in the group
+        follow : attitudes and velocities of the reference at the observations, m/s, shapes (count, 3, 3) and
+            (count, 3); None to close the loop
         """
         kf, work = self.kf, self.work
         group = self._group(count)
@@ -217,7 +213,7 @@ class NavigationFilter:
             self._feed_back()
 
     def _group(self, count: int) -> VelocityGroup:
-        """Arrays for a group of `count` observations, with how a wander decays over it."""
+        """Arrays for a group of `count` observations, with the decay of bias drift over it."""
         if count not in self._groups:
             group = velocity_group(count, len(self.kf.x))
             if self._has_drift:
@@ -229,11 +225,11 @@ class NavigationFilter:
         return self._groups[count]
 
     def _feed_back(self) -> None:
-        """Close the loop on what the observations said, not on where the prior's mean lies.
+        """Close the loop on the observations, not on the prior's mean.
 
-        x = offset + correction: the offset is the mean the filter would have, had every observation agreed with
-        the point linearised about. It stays in x and dies away as data come; only the correction turns the
-        reference, which so stays near the levelled start from the first sample on.
+        x = offset + correction: the offset is the mean of the filter if every observation agreed with the
+        linearisation point. It stays in x and decays as data come in. Only the correction turns the reference, which
+        so stays near the levelled start from the first sample on.
         """
         kf, work = self.kf, self.work
         predicted = kf.F @ self._offset
@@ -245,7 +241,7 @@ class NavigationFilter:
 
     @property
     def attitude(self) -> FloatArray:
-        """Best attitude C_bn now, shape (3, 3)."""
+        """Current estimate of C_bn, shape (3, 3)."""
         return np.asarray(rotation_matrix(self.kf.x[:3]) @ self.work.attitude)
 
     def run(
@@ -256,9 +252,14 @@ class NavigationFilter:
         smooth: bool,
         watch: Callable[["NavigationFilter"], None] | None = None,
     ) -> None:
-        """The whole of a segment, in intervals of the stride; the rest shorter than one is left.
+        """Process a whole segment in intervals of the stride; a remainder shorter than one is left out.
 
-        smooth : follow a smoothed reference from `attitude`, rather than close the loop
+        Parameters
+        ----------
+        data : samples of the stage
+        start : of the segment
+        attitude : C_bn of the linearisation at its start, shape (3, 3)
+        smooth : follow a smoothed reference instead of closing the loop
         watch : called after the start and after every group of observations
         """
         span = (start.begin, start.end, self.stride)

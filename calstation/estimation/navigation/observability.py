@@ -1,13 +1,13 @@
 """Piece-wise constant observability of a navigation stage: stripped observability matrix and its SVD.
 
-Each piece of constant F contributes H, H F T, H (F T)²/2, ... (D. Goshen-Meskin and I. Y. Bar-Itzhack,
+Each piece with constant F contributes H, H F T, H (F T)²/2, ... (D. Goshen-Meskin and I. Y. Bar-Itzhack,
 *Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992). States are scaled by their
-prior sigma and observations by their noise, so a singular value of 1 tells as much as the prior did.
-Rotations are cut into pieces of 5° or less; a rest is one piece.
+prior sigma and observations by their noise, so a singular value of 1 is as informative as the prior. Rotations are cut
+into pieces of 5° or less; a rest is one piece.
 
-The stripped matrix takes every piece for itself, which shows what each adds to the rank but not what a turn's length
-tells (a scale factor is seen in the angle between two rests). How strongly a state is seen is therefore taken from the
-total matrix, whose rows are carried back to the stage's start by the transitions between.
+The stripped matrix treats every piece separately. It shows what each adds to the rank, but not the information in the
+length of a turn (a scale factor shows in the angle between two rests). The strength of a state is therefore taken from
+the total matrix, whose rows are carried back to the stage's start by the transitions between.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from calstation.estimation.common.noise import filter_noise
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.navigation.filter import POSITION_SIGMA, History
 from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.earth import rotation_rate
 from calstation.physics.imu_model import compensation
 from calstation.physics.parameters import NAMES
 from calstation.physics.rotation import skew
@@ -34,15 +34,16 @@ STATE_NAMES = (
     ),
     *NAMES,
 )
+#: Largest rotation of a piece, rad.
 LARGEST_TURN = np.deg2rad(5.0)
-#: Powers of F kept: φ → δv → δp and the biases before them need four; each further one brings earth rate times T.
+#: Powers of F kept: φ → δv → δp and the biases need four; each further one adds earth rate times T.
 POWERS = 6
-#: A state is observable once its sigma is below this part of its prior's.
+#: A state is observable once its sigma is below this fraction of its prior sigma.
 OBSERVABLE = 0.9
 
 
 def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
-    """Observations (first, last + 1) of each piece: cut at steps, at 5° of turn, between motion and rest."""
+    """Observations (first, last + 1) of each piece, cut at steps, at 5° of turn and between motion and rest."""
     index = history.index
     step = data.step[index - 1]
     rate = np.linalg.norm(history.rate, axis=1)
@@ -62,20 +63,25 @@ def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
 def observability_analysis(
     data: StageData, history: History, context: SolveContext, prior: Belief, point: FloatArray
 ) -> dict[str, Any]:
-    """Observability step by step, JSON-ready.
+    """Observability of the states, step by step.
+
+    Parameters
+    ----------
+    data, history : samples of the stage and the pass over them
+    context : site, IMU and table
+    prior : of the parameters
+    point : parameters of the linearisation, SI, shape (30,)
 
     Returns
     -------
-    ``segments``: per step number, first and last sequence number, pieces, rank (singular values above 1), and the
-    singular values of the stripped matrix so far; ``states``: per state, the step in which it became observable
-    (None if never), ``strength`` = prior sigma over the sigma the total matrix would leave (process noise aside), and
-    ``by_step``, that strength after each step.
+    dict, JSON-ready. ``segments``: per step its number, first and last sequence number, number of pieces, and rank
+    (singular values above 1) and singular values of the stripped matrix so far. ``states``: per state the step in
+    which it became observable (None if never), ``strength`` = prior sigma over the sigma that the total matrix leaves
+    (without process noise), and ``by_step``, that strength after each step.
     """
     noise = filter_noise(context)
-    tilt, azimuth = (
-        context.table.mount_sigma,
-        np.hypot(context.table.mount_sigma, context.table.azimuth_sigma),
-    )
+    tilt = context.table.mount_sigma
+    azimuth = np.hypot(tilt, context.table.azimuth_sigma)
     velocity = np.sqrt(noise.velocity)
     scale = np.array([tilt, tilt, azimuth, *[velocity] * 3, *[POSITION_SIGMA] * 3, *prior.sigma])
     index, attitude, rate = history.index, history.attitude, history.rate
@@ -132,12 +138,10 @@ def _piece(
     context: SolveContext, point: FloatArray, C: FloatArray, omega: FloatArray, T: float
 ) -> tuple[FloatArray, FloatArray]:
     """Rows H (F T)^k / k! of one piece, shape (3 POWERS, 39), and its transition exp(F T), shape (39, 39)."""
-    site = context.site
     c = compensation(point)
-    earth = rotation_rate(site.latitude)
-    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    earth = rotation_rate(context.site.latitude)
     w = omega - C.T @ earth
-    force = C.T @ np.array([0.0, 0.0, gravity]) + np.cross(w, np.cross(w, c.outer_lever))
+    force = C.T @ np.array([0.0, 0.0, context.site.local_gravity]) + np.cross(w, np.cross(w, c.outer_lever))
     rate_jacobian, force_jacobian = dynamics(c, omega, force)
     F = np.zeros((STATES, STATES))
     F[0:3, 0:3] = -skew(earth)

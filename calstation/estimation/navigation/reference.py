@@ -1,9 +1,9 @@
-"""The trajectory a later pass linearises about: attitude and velocity smoothed with the parameters held.
+"""Smoothed trajectory of attitude and velocity with fixed parameters, about which a later pass linearises.
 
-A six-state filter (φ, δv) runs closed loop over the segment and a Rauch-Tung-Striebel pass takes its corrections
-back, so the reference follows what the gyro noise did (0.1° and more with MEMS) without jumping where a
-filter would. Linearising about a smoothed trajectory makes the passes Gauss-Newton steps
-(Bell, *The iterated Kalman smoother as a Gauss-Newton method*, SIAM J. Optim. 4(3), 1994).
+A six-state filter (φ, δv) runs closed loop over the segment and a Rauch-Tung-Striebel pass smooths its corrections. The
+reference so follows the effect of gyro noise (0.1° and more with MEMS) without the jumps of a filter. Linearising about
+a smoothed trajectory makes the passes Gauss-Newton steps (Bell, *The iterated Kalman smoother as a Gauss-Newton
+method*, SIAM J. Optim. 4(3), 1994).
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from calstation.physics.imu_model import Compensation
 from calstation.physics.rotation import rotation_matrix
 from calstation.physics.strapdown import IntervalWork, interval_work, propagate
 
-#: The reference keeps the heading it is given, rad: the parameters held may be too poor to gyrocompass with.
+#: Prior sigma of the start heading, rad: small, because the parameters may be too poor for gyrocompassing.
 HEADING_SIGMA = 1e-4
 
 
@@ -39,12 +39,18 @@ def smoothed_reference(
     attitude: FloatArray,
     tilt_sigma: float,
 ) -> Reference:
-    """Smoothed trajectory over samples ``span`` = (begin, end, stride).
+    """Smoothed trajectory of a segment.
 
     Parameters
     ----------
-    c : constants of the parameters held; earth : rad/s in n; gravity : m/s²
-    attitude : start C_bn, shape (3, 3): its heading is kept, its tilt is free by `tilt_sigma`, rad
+    c : constants of the fixed parameters
+    earth : earth rate in n, rad/s, shape (3,)
+    gravity : m/s²
+    noise : process and observation noise
+    data : samples of the stage
+    span : first sample, the one after the last, and samples per interval
+    attitude : start C_bn, shape (3, 3), whose heading is kept
+    tilt_sigma : prior sigma of its tilt, rad
     """
     begin, end, stride = span
     count = (end - begin) // stride

@@ -1,4 +1,4 @@
-"""The solver that excitation and azimuth flips share: collects a stage, shows sigmas live, solves it by MAP."""
+"""Solver of excitation and azimuth flips: collects a stage, gives sigmas live, solves it by MAP at its end."""
 
 from dataclasses import replace
 from typing import Any
@@ -8,6 +8,7 @@ import numpy as np
 from calstation.estimation.common.alignment import starts
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.least_squares import nis_consistency, restricted
+from calstation.estimation.common.planned import PlannedSamples
 from calstation.estimation.common.samples import SampleBlock, Spool, since
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.method import Innovations, Progress, Solution
@@ -15,14 +16,15 @@ from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.estimation.navigation.observability import observability_analysis
 from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES, PARAMETERS
+from calstation.physics.motion import Dwell
+from calstation.physics.parameters import COUNT, NAMES, PARAMETERS
 
-#: The live filter waits for this much data after a start, s, to align on.
+#: Data that the live filter needs after a start to align on, s.
 LIVE_ALIGNMENT = 5.0
 
 
 class LiveFilter:
-    """One filter pass that follows the stream, for convergence on the screen and the stop rule."""
+    """One filter pass that follows the stream, for the display of convergence and the stop rule."""
 
     def __init__(self, context: SolveContext, prior: Belief) -> None:
         self._context, self._prior = context, prior
@@ -31,11 +33,11 @@ class LiveFilter:
         self._aligned = False
 
     def feed(self, block: SampleBlock) -> None:
-        """Keep a block until `sigma` is asked for."""
+        """Store a block until the next call of `sigma`."""
         self._pending.append(block)
 
     def sigma(self) -> FloatArray:
-        """Catch up with the stream; sigmas of the 30 parameters, SI, shape (30,)."""
+        """Process the stored blocks; standard deviations of the 30 parameters, SI, shape (30,)."""
         run = self._filter
         data = stage_data(self._pending, self._context.imu)
         consumed = 0
@@ -57,7 +59,7 @@ class LiveFilter:
 
 
 class NavigationStage:
-    """A `StageSolver` over the 39-state filter; parameters outside `estimated` are consider states."""
+    """A `StageSolver` with the 39-state filter; parameters outside `estimated` are consider states."""
 
     def __init__(self, stage: str, context: SolveContext, prior: Belief, estimated: tuple[str, ...]) -> None:
         self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
@@ -70,11 +72,11 @@ class NavigationStage:
         self._live.feed(block)
 
     def sigma(self) -> FloatArray:
-        """Sigmas of the 30 parameters so far, SI, shape (30,)."""
+        """Standard deviations of the 30 parameters so far, SI, shape (30,)."""
         return self._live.sigma()
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage. Raises InsufficientDataError where nothing can be aligned on."""
+        """Solve the stored stage. Raises InsufficientDataError without a rest to align on."""
         data = stage_data(list(self._spool.blocks()), self.context.imu)
         mask = np.array([name in self.estimated for name in NAMES])
         result = solve_navigation(self.stage, data, self.context, self.prior, mask, progress)
@@ -100,25 +102,13 @@ class NavigationStage:
 
 
 def warm_up() -> None:
-    """Run the navigation solver once on a made-up rest; takes seconds the first time, then a fraction of one."""
-    count, rate = 1000, 100.0
-    imu = ImuModel("warm-up", rate, "rate", 1e-6, 1e-6, 1e-5, 1e-4)
+    """Compile every kernel, or load it from numba's cache, by solving a few seconds of simulated rest."""
+    imu = ImuModel("warm-up", 100.0, "rate", 1e-6, 1e-6, 1e-5, 1e-4)
     context = SolveContext(Site(0.6, 1.9, 0.0, azimuth=0.0), imu, TableModel())
-    counts = np.zeros((count, 6))
-    counts[:, 5] = 9.8e6
-    seq = np.arange(count)
-    block = SampleBlock(
-        stage="excitation",
-        seq=seq,
-        time=(seq + 1) / rate,
-        counts=counts,
-        angles=np.zeros((count, 2)),
-        step=np.zeros(count, np.int64),
-        valid=np.ones(count, np.bool_),
-        temperature=np.full(count, np.nan),
-    )
-    prior = Belief(np.zeros(len(NAMES)), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+    prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
     stage = NavigationStage("excitation", context, prior, NAMES)
-    stage.feed(block)
+    samples = PlannedSamples(context, prior.mean, context.table.geometry, np.zeros(3))
+    for block in samples.run(Dwell(10.0), 10.0, stage.stage):
+        stage.feed(block)
     stage.sigma()
     stage.finish()

@@ -1,14 +1,14 @@
-"""A few velocity observations in a row as one: transition, noise and Jacobian of the whole group, compiled.
+"""Transition, noise and Jacobian of a group of velocity observations, compiled.
 
-The algebra of 39 states costs the same for three rows as for fifteen, so observations are handed to the filter in
-groups. With x_k = Φ_k x_(k−1) + w_k inside the group, every observation z_k = H_k x_k + v_k is written in terms of the
-state at the group's end:
+The algebra of 39 states costs the same for three rows as for fifteen, so observations are processed in groups. With
+x_k = Φ_k x_(k−1) + w_k inside the group, every observation z_k = H_k x_k + v_k is written in terms of the state at the
+group's end:
 
     z_k = G_k x_n + v_k − G_k w_(k→n),      G_k = H_k Φ(n←k)⁻¹,
 
-exactly what the filter would have learnt one by one: the noise is then correlated from row to row (R) and with the
-process noise of the group (M), and the filter is told both (Y. Bar-Shalom, X. R. Li, T. Kirubarajan,
-*Estimation with Applications to Tracking and Navigation*, 2001, section 8.3).
+which is equivalent to processing them one by one. The noise is then correlated from row to row (R) and with the process
+noise of the group (M); the update uses both (Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to
+Tracking and Navigation*, 2001, section 8.3).
 """
 
 from typing import NamedTuple
@@ -29,15 +29,23 @@ from calstation.physics.strapdown import (
 )
 
 NAVIGATION = PARAMETER_START
-#: The biases' places in the state; where they are unstable, as many further states follow how far they wander.
+#: Indices of the biases in the state; with bias instability, as many drift states follow the 39.
 BIAS = np.array([NAVIGATION + i for i in (*group_indices("gyro_bias"), *group_indices("accel_bias"))])
-#: Navigation states an observation depends on: φ and δv, which δp never reaches.
+#: Navigation states an observation depends on: φ and δv, which never depend on δp.
 OBSERVED = 6
 
 
 class Setting(NamedTuple):
-    """What a pass holds fixed: earth rate in n, rad/s, shape (3,); gravity, m/s²; sample period, s;
-    samples an observation; spectral densities of rate, rad²/s, and force, (m/s)²/s; variance of an observation, (m/s)²
+    """Constants of a pass.
+
+    Attributes
+    ----------
+    earth : earth rate in n, rad/s, shape (3,)
+    gravity : m/s²
+    dt : sample period, s
+    stride : samples per observation
+    rate_noise, force_noise : spectral densities, rad²/s and (m/s)²/s
+    variance : of an observation, (m/s)²
     """
 
     earth: FloatArray
@@ -50,10 +58,12 @@ class Setting(NamedTuple):
 
 
 class VelocityGroup(NamedTuple):
-    """What `observe` writes for n observations of a filter of m states: the 39 and, where biases wander, six more.
+    """Output of `observe` for n observations of a filter of m states: the 39, and six more with bias drift.
 
-    transition, noise : of the whole group, shape (m, m); what a wander becomes is for the owner to fill in
-    shift : what the errors φ, δv, δp become less or more by going over to a reference, shape (9,)
+    Attributes
+    ----------
+    transition, noise : of the whole group, shape (m, m); the caller fills in the elements of the drift states
+    shift : change of the errors φ, δv, δp by switching to a reference, shape (9,)
     z, H, R : observations of the state at the group's end, shapes (3 n,), (3 n, m), (3 n, 3 n)
     M : covariance of process and observation noise, shape (m, 3 n)
     attitude, rate : C_bn and ω_ib (rad/s) at each observation, shapes (n, 3, 3), (n, 3)
@@ -71,7 +81,7 @@ class VelocityGroup(NamedTuple):
 
 
 def velocity_group(count: int, size: int) -> VelocityGroup:
-    """Fresh arrays for `count` observations of `size` states."""
+    """New arrays for `count` observations of `size` states."""
     rows = 3 * count
     return VelocityGroup(
         np.eye(size),
@@ -138,7 +148,7 @@ def inverse_of_positive(S: FloatArray) -> FloatArray:
 
 @nb.njit(cache=True)
 def whitened(S: FloatArray, y: FloatArray) -> FloatArray:
-    """L⁻¹ y with S = L Lᵀ: innovations as one filtered one by one would see them, each of variance 1, shape (n,)."""
+    """L⁻¹ y with S = L Lᵀ: innovations of unit variance, as if processed one by one, shape (n,)."""
     L = cholesky(S)
     n = len(y)
     white = np.empty(n)
@@ -152,7 +162,7 @@ def whitened(S: FloatArray, y: FloatArray) -> FloatArray:
 
 @nb.njit(cache=True)
 def make_symmetric(P: FloatArray) -> None:
-    """The mean of `P` and its transpose, in place."""
+    """Replace `P` by the mean of itself and its transpose."""
     for i in range(P.shape[0]):
         for j in range(i):
             P[i, j] = 0.5 * (P[i, j] + P[j, i])
@@ -161,7 +171,15 @@ def make_symmetric(P: FloatArray) -> None:
 
 @nb.njit(cache=True)
 def process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
-    """Covariance of white rate and force noise over an interval of constant specific force (Groves 14.80)."""
+    """Write the covariance of white rate and force noise over an interval (Groves 14.80).
+
+    Parameters
+    ----------
+    force : constant specific force in n, m/s², shape (3,)
+    rate_q, force_q : spectral densities, rad²/s and (m/s)²/s
+    T : length of the interval, s
+    Q : covariance, shape (9, 9)
+    """
     fx, fy, fz = force[0], force[1], force[2]
     A = np.zeros((3, 3))
     A[0, 1], A[0, 2], A[1, 2] = fz, -fy, fx
@@ -185,9 +203,17 @@ def process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q:
 def observation(
     work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray
 ) -> FloatArray:
-    """Arm velocity u = C(ω_nb × r), returned; z = u − v, shape (3,), and its Jacobian H, shape (3, ≥39).
+    """Write the velocity observation z = u − v and its Jacobian, and return the arm velocity u = C(ω_nb × r).
 
     H of φ: [u×], δv: I, gyro parameters: C [r×] ∂ω, outer lever: −C [ω_nb×].
+
+    Parameters
+    ----------
+    work : state at the observation
+    earth : earth rate in n, rad/s, shape (3,)
+    c : constants of the assumed parameters
+    z : observation, m/s, shape (3,)
+    H : Jacobian, shape (3, ≥39)
     """
     C, r = work.attitude, c.outer_lever
     w = np.empty(3)
@@ -224,7 +250,7 @@ def observation(
 def _carried_noise(
     N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray
 ) -> None:
-    """W += N Q Nᵀ: the noise of one interval, carried to the group's end."""
+    """W += N Q Nᵀ: the noise of one interval at the group's end."""
     process_noise(force, s.rate_noise, s.force_noise, T, Q)
     row = np.empty(NAVIGATION)
     for i in range(NAVIGATION):
@@ -269,17 +295,22 @@ def observe(
     work: IntervalWork,
     group: VelocityGroup,
 ) -> None:
-    """Strapdown over as many observation intervals as `group` holds, from sample `start`; the group is written.
+    """Strapdown over the observation intervals of a group.
+
+    The effect of φ on velocity is written with the force that reference and lever arm demand (gravity and the change
+    of the arm's velocity), not with the measured one. The measured force carries the base's vibration, and a regressor
+    as noisy as the observation would seem to determine the azimuth to 1/√(2N) rad.
 
     Parameters
     ----------
+    c : constants of the assumed parameters
+    s : constants of the pass
     gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
-    follow_attitude, follow_velocity : the reference at the interval's ends; of length 0 to run free
+    start : first sample
+    follow_attitude, follow_velocity : the reference at the intervals' ends, m/s; empty to run free
     arm_velocity : C(ω_nb × r) at the last observation, m/s, shape (3,), read and advanced
-
-    What φ does to velocity is written with the force that reference and lever arm demand, gravity and the
-    change of the arm's velocity, not with the one measured: the measured one shakes with the base, and a
-    regressor that shakes as much as the observation would seem to tell the azimuth to 1/√(2N) rad.
+    work : state, read and advanced
+    group : output
     """
     count = group.attitude.shape[0]
     T = s.stride * s.dt
@@ -317,7 +348,7 @@ def observe(
 def _at_the_end(
     s: Setting, T: float, steps: FloatArray, forces: FloatArray, shifts: FloatArray, group: VelocityGroup
 ) -> None:
-    """Turn what `observe` gathered forwards into terms of the state at the group's end, backwards."""
+    """Express the observations of a group in terms of the state at its end, going backwards."""
     count = len(steps)
     N, B = np.eye(NAVIGATION), np.zeros((NAVIGATION, COUNT))
     W, Q = np.zeros((NAVIGATION, NAVIGATION)), np.zeros((NAVIGATION, NAVIGATION))
@@ -373,7 +404,7 @@ def _at_the_end(
             group.transition[i, j] = N[i, j]
         for p in range(COUNT):
             group.transition[i, NAVIGATION + p] = B[i, p]
-    for w in range(group.H.shape[1] - STATES):  # a wander acts on everything as its bias does
+    for w in range(group.H.shape[1] - STATES):  # drift acts on everything as its bias does
         for i in range(NAVIGATION):
             group.transition[i, STATES + w] = group.transition[i, BIAS[w]]
         for r in range(3 * count):

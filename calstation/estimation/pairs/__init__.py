@@ -1,1 +1,1 @@
-"""pairs."""
+"""Cross-calibration of IMUs on one body: checks, fit and live watch."""

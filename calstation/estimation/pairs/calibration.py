@@ -1,4 +1,4 @@
-"""One secondary against its primary: checked at a rest, calibrated from synchronous motion, stored for what follows."""
+"""One secondary against its primary: static check at a rest, and calibration from synchronous motion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,17 +22,20 @@ from calstation.estimation.pairs.static import (
     static_figures,
 )
 from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import normal_gravity
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import PAIR_PARAMETERS
 
 
 @dataclass(frozen=True)
 class PairRules:
-    """What counts as off, and what is fitted then.
+    """Tolerances, and what is fitted.
 
-    rest : length of a rest to check at, s; primary, secondary : thresholds by sensor
-    choice : what is fitted; only_triggering : of it only the sensors that are off
+    Attributes
+    ----------
+    rest : shortest rest to check at, s
+    primary, secondary : thresholds by sensor
+    choice : what is fitted
+    only_triggering : whether only sensors out of tolerance are fitted
     """
 
     rest: float
@@ -42,9 +45,11 @@ class PairRules:
     only_triggering: bool = False
 
     def chosen(self, check: StaticCheck) -> PairChoice:
-        """What is fitted after a check that found a sensor off: nothing against one of the primary that is off."""
+        """What is fitted after a check; never a sensor whose primary is out of tolerance."""
         c = self.choice
-        fitted = check.off if self.only_triggering else [s for s in SENSORS if s not in check.doubtful]
+        fitted = [s for s in SENSORS if s not in check.primary_out_of_tolerance]
+        if self.only_triggering:
+            fitted = list(check.out_of_tolerance)
         return PairChoice(
             c.gyro if "gyro" in fitted else None, c.accel if "accel" in fitted else None, c.lever, c.offset
         )
@@ -52,31 +57,42 @@ class PairRules:
 
 @dataclass(frozen=True)
 class PairResult:
-    """A fit and what is stored for it."""
+    """A fit and the values to store."""
 
     fit: PairFit
     stored: StoredPair
 
 
 class PairCalibration:
-    """What is known of the primary and its site, and the rules; acts on a stage's data."""
+    """Static checks and fits of secondaries against one primary."""
 
     def __init__(self, context: SolveContext, prior: Belief, rules: PairRules) -> None:
-        site = context.site
         self._primary, self.rules = context.imu, rules
         self._c = compensation(prior.mean)
-        self._gravity = site.gravity or normal_gravity(site.latitude, site.height)
+        self._gravity = context.site.local_gravity
 
     def last_rest(self, data: StageData) -> tuple[int, int] | None:
-        """The last rest long enough to check at; None where there is none."""
+        """The last rest long enough to check at; None if there is none."""
         rests = find_stillness(data, self._primary, self.rules.rest).rests
         return rests[-1] if rests else None
 
     def check(
         self, data: StageData, rest: tuple[int, int], place: int, secondary: Secondary, stored: StoredPair
     ) -> StaticCheck | None:
-        """Both units at a rest, the secondary (`place`d so in the rows) compensated with what is stored; None
-        where it has no samples there."""
+        """Check both units at a rest.
+
+        Parameters
+        ----------
+        data : samples of the recording
+        rest : (start, stop) of the rest
+        place : index of the secondary in the samples
+        secondary : stream of the secondary
+        stored : what it is compensated with
+
+        Returns
+        -------
+        None if the secondary has no samples in the rest
+        """
         a, b = rest
         pair = pair_data(data, place, secondary.imu)
         gyro2, accel2 = _mean(pair.gyro2[a:b]), _mean(pair.accel2[a:b])
@@ -94,18 +110,27 @@ class PairCalibration:
     def calibrate(
         self, data: StageData, place: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
     ) -> PairResult:
-        """Fit from all of the data; what is stored for the sensors and terms that are not chosen stays.
+        """Fit from all of the data; stored values of terms that are not chosen stay.
 
-        Raises InputError naming what makes the data worthless.
+        Parameters
+        ----------
+        data : samples of the recording
+        place : index of the secondary in the samples
+        secondary : stream of the secondary
+        choice : what is fitted
+        stored : last calibration
+
+        Raises
+        ------
+        InputError
+            The data are unusable.
         """
         pair = pair_data(data, place, secondary.imu)
         require_pairs(pair, secondary.number, choice)
         try:
             fit = fit_pair(pair, self._primary, secondary.imu, self._c, choice, pair_vector(stored))
         except np.linalg.LinAlgError as exc:
-            raise InputError(
-                f"imu{secondary.number}: the motion does not determine what is asked for; turn about all axes"
-            ) from exc
+            raise InputError("solve.pair_undetermined", number=secondary.number) from exc
         require_sense(fit, secondary.number, choice)
         values = dict(zip((p.name for p in PAIR_PARAMETERS), fit.value.tolist(), strict=True))
         found = StoredPair({n: v for n, v in values.items() if fit.fitted[_PLACE[n]] or n in stored.values})
@@ -121,6 +146,6 @@ _PLACE = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}
 
 
 def _mean(values: FloatArray) -> FloatArray | None:
-    """Mean of the rows that are there, shape (1, 3); None where there are none."""
+    """Mean of the rows without NaN, shape (1, 3); None if there are none."""
     there = values[~np.isnan(values).any(axis=1)]
     return there.mean(axis=0, keepdims=True) if len(there) else None

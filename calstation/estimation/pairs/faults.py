@@ -1,4 +1,4 @@
-"""What makes a recording of two IMUs worthless, named: nothing paired, frozen channels, no motion, units, axes."""
+"""Checks of a recording of two IMUs: nothing paired, frozen channels, no motion, wrong units, wrong axes."""
 
 import numpy as np
 
@@ -7,27 +7,39 @@ from calstation.estimation.pairs.fit import ACCEL_MATRIX, GYRO_MATRIX, PairChoic
 from calstation.estimation.pairs.signals import PairData
 from calstation.estimation.positions.recording_faults import frozen_columns
 from calstation.physics.arrays import FloatArray
+from calstation.physics.parameters import AXES
 from calstation.physics.rotation import rotation_vector
 
-#: Less paired time than this, s, is no recording.
+#: Shortest paired time, s.
 LEAST_PAIRS = 5.0
-#: Rms rate about the axis turned least below which a matrix is not determined, rad/s.
+#: Smallest rms rate about the axis turned least for which a matrix is determined, rad/s.
 LEAST_RATE = np.deg2rad(3.0)
-#: Rms change of specific force along the axis on which it changes least, m/s².
+#: Smallest rms change of specific force along the axis on which it changes least, m/s².
 LEAST_FORCE = 0.5
-#: A matrix that lengthens or shortens by more than this has other units, not another scale factor.
+#: Largest singular value of a matrix that is a scale factor and not another unit.
 UNIT = 1.5
-#: Gyro and accelerometer of one unit lie the same way to within this, rad.
+#: Largest angle between gyro and accelerometer of one unit, rad.
 TOGETHER = np.deg2rad(10.0)
 
 
 def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
-    """Raise InputError or InsufficientDataError where the rows cannot tell what `choice` asks for."""
+    """Check that the samples can determine what is to be fitted.
+
+    Parameters
+    ----------
+    data : samples of both IMUs
+    number : of the secondary
+    choice : what is fitted
+
+    Raises
+    ------
+    InputError, InsufficientDataError
+        The recording is unusable.
+    """
     paired = sum(stop - start for start, stop in data.segments) * data.dt
     if paired < LEAST_PAIRS:
         raise InsufficientDataError(
-            f"imu{number}: {paired:.1f} s of synchronous samples with the primary; record both for "
-            f"{LEAST_PAIRS:.0f} s or more"
+            "recording.too_few_pairs", number=number, seconds=paired, least=LEAST_PAIRS
         )
     rows = np.concatenate([np.arange(start, stop) for start, stop in data.segments])
     columns: dict[str, FloatArray] = {
@@ -36,33 +48,48 @@ def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
         f"gyro{number}": data.gyro2[rows],
         f"accel{number}": data.accel2[rows],
     }
-    names = [f"{sensor}_{axis}" for sensor in columns for axis in "xyz"]
+    names = [f"{sensor}_{axis}" for sensor in columns for axis in AXES]
     for name, first, last in frozen_columns(names, np.hstack(list(columns.values())), data.dt):
         raise InputError(
-            f"{name} is frozen for {(last - first) * data.dt:.1f} s from {data.time[rows[first]]:.1f} s on; check the "
-            "unit and its cable and record again"
+            "recording.frozen_at_time",
+            channel=name,
+            seconds=(last - first) * data.dt,
+            start=float(data.time[rows[first]]),
         )
     if choice.gyro in ("scale", "full") or choice.offset:
-        _require_spread(data.gyro[rows], LEAST_RATE, "turn the body", choice.gyro == "full")
+        _require_spread(data.gyro[rows], LEAST_RATE, choice.gyro == "full", tilting=False)
     if choice.accel in ("scale", "full"):
-        _require_spread(data.accel[rows], LEAST_FORCE, "tilt or shake the body", choice.accel == "full")
+        _require_spread(data.accel[rows], LEAST_FORCE, choice.accel == "full", tilting=True)
 
 
-def _require_spread(values: FloatArray, least: float, ask: str, every_axis: bool) -> None:
+def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting: bool) -> None:
     spread, axes = np.linalg.eigh(np.cov(values.T))
     size = np.sqrt(np.maximum(spread, 0.0))
     if size[-1] < least:
-        raise InsufficientDataError(f"no motion in the recording; {ask} about all axes")
+        raise InsufficientDataError("recording.no_tilting" if tilting else "recording.no_turning")
     if every_axis and size[0] < least:
-        axis = "xyz"[int(np.argmax(np.abs(axes[:, 0])))]
+        axis = AXES[int(np.argmax(np.abs(axes[:, 0])))]
         raise InsufficientDataError(
-            f"hardly any motion about {axis} ({size[0] / size[-1]:.1%} of that about others), so nothing is determined "
-            f"there; {ask} about {axis} too"
+            "recording.little_tilting" if tilting else "recording.little_turning",
+            axis=axis,
+            share=float(size[0] / size[-1]),
         )
 
 
 def require_sense(fit: PairFit, number: int, choice: PairChoice) -> None:
-    """Raise InputError where the answer is no error of a unit but of its columns."""
+    """Check that the matrices are errors of a unit and not mistakes of its columns.
+
+    Parameters
+    ----------
+    fit : solution
+    number : of the secondary
+    choice : what was fitted
+
+    Raises
+    ------
+    InputError
+        Units or columns are wrong.
+    """
     turns = []
     for sensor, model, place in (("gyro", choice.gyro, GYRO_MATRIX), ("accel", choice.accel, ACCEL_MATRIX)):
         if model not in ("scale", "full"):
@@ -70,20 +97,13 @@ def require_sense(fit: PairFit, number: int, choice: PairChoice) -> None:
         C = fit.value[place].reshape(3, 3)
         U, lengths, V = np.linalg.svd(C)
         if not 1.0 / UNIT < lengths[-1] <= lengths[0] < UNIT:
-            raise InputError(
-                f"imu{number}: its {sensor} measures {np.exp(np.mean(np.log(lengths))):.4g} times what the primary's "
-                f"does: units wrong by a factor; correct imu{number}.{sensor}_lsb or .output"
-            )
+            ratio = float(np.exp(np.mean(np.log(lengths))))
+            raise InputError("recording.pair_unit", number=number, sensor=sensor, ratio=ratio)
         if np.linalg.det(C) < 0.0:
-            raise InputError(
-                f"imu{number}: the axes of its {sensor} are a mirror image of the primary's; two columns are swapped "
-                "or one has the wrong sign"
-            )
+            raise InputError("recording.pair_mirrored", number=number, sensor=sensor)
         turns.append(U @ V)
     if len(turns) == 2:
         apart = float(np.linalg.norm(rotation_vector(turns[0] @ turns[1].T)))
         if apart > TOGETHER:
-            raise InputError(
-                f"imu{number}: its gyro and accelerometer lie {np.rad2deg(apart):.0f}° apart; columns of one "
-                "are swapped"
-            )
+            angle = float(np.rad2deg(apart))
+            raise InputError("recording.pair_sensors_apart", number=number, angle_deg=angle)

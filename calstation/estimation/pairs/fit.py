@@ -1,17 +1,17 @@
-"""A secondary IMU against a primary one on the same body, by least squares over synchronous samples.
+"""Least squares of a secondary IMU against a primary one on the same body, over synchronous samples.
 
     gyro    secondary(t) = C_g ω(t + τ) + b_g
     accel   secondary(t) = C_a (f + M (α × r + ω × (ω × r)))(t + τ) + b_a
 
 ω, f : raw output of the primary; in the lever term ω, α are compensated with the primary's own errors and M is its
 accelerometer matrix, so that the bracket is what the primary would measure in the secondary's place; r : from the
-primary's reference point to the secondary's; τ, the clock offset, is what is added to the secondary's time to get the
-primary's. Both streams pass the same low pass, so what it does to the motion cancels.
+primary's reference point to the secondary's; τ, the clock offset, is added to the secondary's time to get the
+primary's. Both streams pass the same low pass, so its effect on the motion cancels.
 
-The primary has noise as well: the normal matrix is freed of what it adds (W. A. Fuller, *Measurement Error Models*,
-1987, 2.2). Rows far from the rest (a saturated stretch, a blow) count less (P. J. Huber, *Robust Statistics*, 1981).
-Covariance is the jackknife over blocks of time (K.-Y. Liang and S. L. Zeger, Biometrika 73(1), 1986), which holds
-whatever the residuals' colour and size within a block; what biases wander beyond it comes from the profiles.
+The primary's noise biases the normal matrix, which is corrected for it (W. A. Fuller, *Measurement Error Models*, 1987,
+2.2). Outliers (a saturated stretch, a shock) have lower weights (P. J. Huber, *Robust Statistics*, 1981). The
+covariance is the jackknife over blocks of time (K.-Y. Liang and S. L. Zeger, Biometrika 73(1), 1986), which is valid
+for residuals of any colour and size within a block; bias drift beyond a block is added from the profiles.
 """
 
 from collections.abc import Callable
@@ -28,11 +28,11 @@ from calstation.physics.imu_model import Compensation
 from calstation.physics.parameters import PAIR_PARAMETERS
 
 Model = Literal["bias", "scale", "full"]
-#: Length of a block of the jackknife, s: residuals further apart than that are strangers.
+#: Length of a block of the jackknife, s: residuals further apart are independent.
 BLOCK = 0.5
-#: Clock offsets are sought within this, s.
+#: Largest clock offset, s.
 LARGEST_OFFSET = 1.0
-#: Residuals beyond this many times the common size count less, in proportion.
+#: Residuals beyond this multiple of the common size have proportionally lower weights.
 FAR = 4.0
 MOST_ITERATIONS = 20
 CONVERGED = 1e-3
@@ -44,9 +44,12 @@ COUNT = len(PAIR_PARAMETERS)
 
 @dataclass(frozen=True)
 class PairChoice:
-    """What is fitted: per sensor the bias alone, the scale factors too, or the full matrix; lever arm; clock offset.
+    """What is fitted.
 
-    gyro, accel : None where the sensor is left as it is
+    Attributes
+    ----------
+    gyro, accel : the bias alone, the scale factors too, or the full matrix; None for nothing
+    lever, offset : lever arm and clock offset
     """
 
     gyro: Model | None = "full"
@@ -74,15 +77,18 @@ class PairChoice:
 
 @dataclass(frozen=True)
 class PairFit:
-    """Answer and covariance of the pair parameters, in the order of `PAIR_PARAMETERS`.
+    """Values and covariance of the pair parameters, in the order of `PAIR_PARAMETERS`.
 
-    value : SI, shape (28,), neutral where not fitted; covariance : shape (28, 28), 0 there
-    fitted : which were, shape (28,)
-    rms, expected : what is left of gyro and accelerometer in the band, and what noise explains, rad/s and m/s²
-    blocks : of the jackknife
-    halves : mean squared difference of the answers of both halves of the blocks, in units of their variances: 1 where
-        the covariance is honest
-    settled : the last iteration moved nothing that matters
+    Attributes
+    ----------
+    value : SI, shape (28,)
+    covariance : shape (28, 28), 0 for parameters not fitted
+    fitted : which parameters were fitted, shape (28,)
+    rms, expected : residuals of gyro and accelerometer in the band, and those expected from noise, rad/s and m/s²
+    blocks : number of blocks of the jackknife
+    halves : mean squared difference of the solutions of both halves of the blocks, in units of their variances; 1 if
+        the covariance is consistent
+    converged : whether the last iteration changed nothing significant
     """
 
     value: FloatArray
@@ -95,11 +101,6 @@ class PairFit:
     converged: bool
 
 
-def neutral() -> FloatArray:
-    """A secondary that is the primary's equal, shape (28,)."""
-    return np.array([p.neutral for p in PAIR_PARAMETERS])
-
-
 def fit_pair(
     data: PairData,
     primary: ImuModel,
@@ -108,9 +109,20 @@ def fit_pair(
     choice: PairChoice,
     start: FloatArray,
 ) -> PairFit:
-    """Least squares from `start` (shape (28,)), where parameters that are not `choice`n stay.
+    """Fit the chosen pair parameters.
 
-    `c` : the primary's own errors. Raises numpy.linalg.LinAlgError where the motion determines nothing.
+    Parameters
+    ----------
+    data : samples of both IMUs
+    primary, secondary : their streams and noise
+    c : constants of the primary
+    choice : what is fitted
+    start : first values, which the other parameters keep, SI, shape (28,)
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The motion does not determine the parameters.
     """
     value, fitted = start.copy(), choice.fitted
     if choice.offset:
@@ -144,9 +156,13 @@ def fit_pair(
 
 
 class _System:
-    """Normal equations at one point, block by block.
+    """Normal equations of k fitted parameters at one point, block by block.
 
-    normal : shape (k, k); gradient : of each block, shape (blocks, k); k fitted parameters
+    Attributes
+    ----------
+    normal : sum over the blocks, shape (k, k)
+    gradient : of each block, shape (blocks, k)
+    rms, expected : see `PairFit`
     """
 
     def __init__(
@@ -186,7 +202,7 @@ class _System:
     def _attenuation(
         self, rows: Signals, value: FloatArray, noise: FloatArray, scale: FloatArray
     ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-        """What the primary's noise adds to a block's normal matrix and takes from its gradient, from its weights."""
+        """Function of a block's weights that gives the effect of the primary's noise on normal matrix and gradient."""
         gyro, accel = rows.white * noise[0, 0] ** 2, rows.white * noise[0, 1] ** 2
         turning = rows.slope * noise[0, 0] ** 2
         A = value[ACCEL_MATRIX].reshape(3, 3)
@@ -210,7 +226,7 @@ class _System:
         return _jackknife(self._normals, self.gradient)
 
     def halves(self) -> float:
-        """Distance of the answers of every second block from those of the others, see `PairFit`."""
+        """Difference of the solutions of odd and even blocks, see `PairFit`."""
         answers, covariances = [], []
         for half in (slice(0, None, 2), slice(1, None, 2)):
             normals, gradient = self._normals[half], self.gradient[half]
@@ -221,10 +237,10 @@ class _System:
 
 
 def _jackknife(normals: FloatArray, gradient: FloatArray) -> FloatArray:
-    """Covariance of the answer from how much it moves when a block is left out, shape (k, k).
+    """Covariance of the solution from its changes when a block is left out, shape (k, k).
 
-    The sandwich with every block freed of its own pull on the answer (R. M. Bell and D. F. McCaffrey, Survey
-    Methodology 28(2), 2002): a block of strong motion that the fit follows would look too good.
+    The sandwich estimator corrected for every block's leverage (R. M. Bell and D. F. McCaffrey, Survey Methodology
+    28(2), 2002): a block of strong motion that the fit follows would look too good.
     """
     normal, total = normals.sum(axis=0), gradient.sum(axis=0)
     answer = np.linalg.solve(normal, total)
@@ -248,26 +264,25 @@ def _columns(rows: Signals, part: slice, base: FloatArray, C: FloatArray, A: Flo
 
 
 def _size(left: FloatArray) -> float:
-    """Common size of residuals, not swayed by a few: 1.4826 times the median of their magnitudes."""
+    """Robust size of residuals: 1.4826 times the median of their magnitudes."""
     return float(1.4826 * np.median(np.abs(left - np.median(left, axis=0)))) if len(left) else 1.0
 
 
 def _weights(left: FloatArray) -> FloatArray:
-    """Huber's weights of rows by the length of their residual in units of its size, for three axes, shape (n, 3)."""
+    """Huber's weights by the length of the residual in units of its size, for three axes, shape (n, 3)."""
     length = np.linalg.norm(left, axis=1) / np.sqrt(3.0)
     return np.repeat(np.minimum(1.0, FAR / np.maximum(length, 1e-12))[:, None], 3, axis=1)
 
 
 def _white(imu: ImuModel) -> FloatArray:
-    """White noise of a sample's rate and force, counting's included, rad/s and m/s², shape (2,)."""
-    per_count = imu.sample_rate if imu.output == "increment" else 1.0
-    gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.gyro_lsb * per_count) ** 2 / 12.0
-    accel = imu.accel_vrw**2 * imu.sample_rate + (imu.accel_lsb * per_count) ** 2 / 12.0
+    """White noise of a sample's rate and force, quantisation included, rad/s and m/s², shape (2,)."""
+    gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.gyro_lsb * imu.rate_factor) ** 2 / 12.0
+    accel = imu.accel_vrw**2 * imu.sample_rate + (imu.accel_lsb * imu.rate_factor) ** 2 / 12.0
     return np.sqrt([gyro, accel])
 
 
 def _bias_drift_sigmas(data: PairData, primary: ImuModel, secondary: ImuModel) -> list[tuple[int, float]]:
-    """How far the mean of both biases over the recording may lie from their constants: place and sigma.
+    """Standard deviation of the mean of both biases over the recording about their constants: index and sigma.
 
     Variance of the mean of a Gauss-Markov process over T: 2 σ² τ/T (1 − τ/T (1 − e^(−T/τ))).
     """

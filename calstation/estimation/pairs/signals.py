@@ -1,4 +1,4 @@
-"""What the fit of two IMUs reads: both streams through one low pass, the primary's moved by any part of a sample."""
+"""Synchronous samples of two IMUs, low-pass filtered, the primary's shifted by any fraction of a sample."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -13,12 +13,12 @@ from calstation.physics.imu_model import Compensation
 
 @dataclass(frozen=True)
 class PairData:
-    """Rows of two IMUs on one body.
+    """Samples of two IMUs on one body.
 
     Attributes
     ----------
     dt : sample period, s
-    time : of the rows by the primary's clock, s, shape (n,)
+    time : by the primary's clock, s, shape (n,)
     gyro, accel : raw mean rates of the primary, rad/s and m/s², shape (n, 3)
     gyro2, accel2 : of the secondary, shape (n, 3)
     segments : (start, stop) of each stretch in which no sample of either is missing
@@ -37,8 +37,7 @@ class PairData:
 
 
 def pair_data(data: StageData, place: int, imu: ImuModel) -> PairData:
-    """The rows of the secondary `imu`, the further IMU at `place` in the rows (0 for the first)."""
-    per_count = imu.sample_rate if imu.output == "increment" else 1.0
+    """Samples of the primary and of the further IMU at index `place`, whose stream is `imu`."""
     counts = data.others[:, place]
     there: BoolArray = np.asarray(~np.isnan(counts).any(axis=1))
     segments: list[tuple[int, int]] = []
@@ -49,15 +48,15 @@ def pair_data(data: StageData, place: int, imu: ImuModel) -> PairData:
         time=data.time,
         gyro=data.gyro,
         accel=data.accel,
-        gyro2=counts[:, :3] * (imu.gyro_lsb * per_count),
-        accel2=counts[:, 3:] * (imu.accel_lsb * per_count),
+        gyro2=counts[:, :3] * (imu.gyro_lsb * imu.rate_factor),
+        accel2=counts[:, 3:] * (imu.accel_lsb * imu.rate_factor),
         segments=tuple(segments),
     )
 
 
-#: Samples on each side that a reading between samples uses.
+#: Samples on each side that an interpolation uses.
 READING = 10
-#: And those that the low pass uses.
+#: Samples on each side that the low pass uses.
 HALF_WIDTH = 16
 #: Cut-off of the low pass, in units of the sample rate: motion is below, most noise above.
 PASS_BAND = 0.2
@@ -73,15 +72,16 @@ def low_pass() -> FloatArray:
 
 @dataclass(frozen=True)
 class Signals:
-    """The rows that a fit uses, n of them, in the band.
+    """Low-pass filtered samples of a fit, n rows.
 
     Attributes
     ----------
-    row : places of the rows in the data, shape (n,)
-    gyro, accel : primary at t + τ, rad/s and m/s², shape (n, 3); gyro_slope, accel_slope : their derivatives
-    lever : G with what the lever's force G r adds to the primary's output, 1/s², shape (n, 3, 3)
+    row : indices of the rows in the data, shape (n,)
+    gyro, accel : primary at t + τ, rad/s and m/s², shape (n, 3)
+    gyro_slope, accel_slope : their time derivatives
+    lever : G of the lever arm's contribution G r to the primary's output, 1/s², shape (n, 3, 3)
     gyro2, accel2 : secondary at t, shape (n, 3)
-    white, slope : how much of the variance of white noise is left in a reading and in its derivative (1/s²)
+    white, slope : gain of the variance of white noise in a value and in its derivative (1/s²)
     """
 
     row: IntArray
@@ -97,9 +97,13 @@ class Signals:
 
 
 def signals(data: PairData, offset: float, c: Compensation) -> Signals:
-    """Rows of all segments long enough for the filters, the primary read `offset` s later.
+    """Filter all segments that are long enough.
 
-    `c` : the primary's own errors, for the rates of the lever term and for how the primary would measure it
+    Parameters
+    ----------
+    data : samples of both IMUs
+    offset : clock offset by which the primary is read later, s
+    c : constants of the primary, for the lever term
     """
     shift = round(offset / data.dt)
     reading, slope = _kernels(offset / data.dt - shift)
@@ -128,33 +132,35 @@ def signals(data: PairData, offset: float, c: Compensation) -> Signals:
         for part, column in zip(parts, columns, strict=True):
             part.append(_filtered(column, low_pass())[inside])
         rows.append(np.arange(start + margin, stop - margin))
-    joined = [np.concatenate(part) if part else np.empty((0, 3)) for part in parts]
+    gyro, accel, gyro_slope, accel_slope, lever, gyro2, accel2 = (
+        np.concatenate(part) if part else np.empty((0, 3)) for part in parts
+    )
     return Signals(
-        np.concatenate(rows) if rows else np.empty(0, np.int64),
-        joined[0],
-        joined[1],
-        joined[2],
-        joined[3],
-        joined[4].reshape(-1, 3, 3),
-        joined[5],
-        joined[6],
-        float(np.sum(np.convolve(reading, low_pass()) ** 2)),
-        float(np.sum(np.convolve(slope, low_pass()) ** 2)),
+        row=np.concatenate(rows) if rows else np.empty(0, np.int64),
+        gyro=gyro,
+        accel=accel,
+        gyro_slope=gyro_slope,
+        accel_slope=accel_slope,
+        lever=lever.reshape(-1, 3, 3),
+        gyro2=gyro2,
+        accel2=accel2,
+        white=float(np.sum(np.convolve(reading, low_pass()) ** 2)),
+        slope=float(np.sum(np.convolve(slope, low_pass()) ** 2)),
     )
 
 
 def _filtered(columns: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Correlation of every column with a kernel of odd length, in place of the middle sample."""
+    """Correlation of every column with a kernel of odd length, centred."""
     from scipy.signal import fftconvolve
 
     return np.asarray(fftconvolve(columns, kernel[::-1, None], mode="same", axes=0))
 
 
 def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
-    """Kernels that read a band-limited signal and its derivative (per sample) `part` of a sample later.
+    """Kernels that interpolate a band-limited signal and its derivative (per sample) `part` of a sample later.
 
     Lagrange's polynomial of order 20 (T. I. Laakso et al., *Splitting the unit delay*, IEEE Signal Processing Magazine
-    13(1), 1996): exact where motion is slow, and an all-pass in the band, so that noise looks alike at every offset.
+    13(1), 1996): exact for slow motion and an all-pass in the band, so that noise is the same at every offset.
     """
     k = np.arange(-READING, READING + 1)
 
@@ -170,7 +176,7 @@ def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
 def _lever(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
     """Mean of [α×] + [ω×]² over a sample of mean rate ω, shape (n, 3, 3).
 
-    The mean of a product is that of the means and α α' dt²/12, as a rate that changes evenly has it.
+    For a rate that changes linearly, the mean of a product is that of the means plus α α' dt²/12.
     """
     square = omega[:, :, None] * omega[:, None, :] + alpha[:, :, None] * alpha[:, None, :] * (dt * dt / 12.0)
     G = square - np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
@@ -182,7 +188,7 @@ def _lever(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
 
 
 def coarse_offset(data: PairData, largest: float) -> float:
-    """Offset (whole samples, within ± `largest` s) at which the lengths of both rates agree best, s."""
+    """Offset, s, in whole samples within ± `largest` s, at which the magnitudes of both rates agree best."""
     length, length2 = (np.linalg.norm(np.where(np.isnan(g), 0.0, g), axis=1) for g in (data.gyro, data.gyro2))
     used = np.zeros(len(data))
     for start, stop in data.segments:

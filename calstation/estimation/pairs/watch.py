@@ -1,10 +1,10 @@
-"""Watches secondaries against their primary and calibrates those that are off.
+"""Live watch of secondaries against their primary; calibrates those that are out of tolerance.
 
-    waiting      a trigger (start-up, the period, a command) → checking
-    checking     the first rest: the static check of every secondary → waiting, or calibrating those that are off
-    calibrating  motion enough: fit, stored in place of the last → waiting
+    waiting      a trigger (start-up, period, command) → checking
+    checking     static check of every secondary at the first rest → waiting, or calibrating those out of tolerance
+    calibrating  fit once there is enough motion, stored in place of the last → waiting
 
-A primary that is off itself calibrates nothing: which of the two is wrong, the pair alone cannot tell.
+A primary that is out of tolerance calibrates nothing, because the pair alone does not tell which of the two is wrong.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,25 +13,29 @@ from typing import Any
 
 import numpy as np
 
-from calstation.errors import InputError
+from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.common.context import ImuModel, Secondary, StoredPair
 from calstation.estimation.common.samples import SampleBlock, joined
 from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.pairs.calibration import PairCalibration, PairResult
 from calstation.estimation.pairs.static import StaticCheck
 
-#: Time between looks at the data while something is waited for, s.
-LOOK_INTERVAL = 1.0
-#: So many rests' lengths of samples from before the motion are collected with it: the biases show there.
+#: Time between evaluations while checking or calibrating, s.
+EVALUATION_INTERVAL = 1.0
+#: Samples kept from before the motion, in shortest rests, because they show the biases.
 RESTS_KEPT = 10.0
 
 
 @dataclass(frozen=True)
 class Triggers:
-    """When to check and how long to wait then.
+    """When to check and how long to collect motion.
 
-    start_up : at the first rest; period : every so many s of IMU time, None for never
-    motion : to collect, s; longest : given up after that, s; moving : rate beyond that at rest which counts, rad/s
+    Attributes
+    ----------
+    start_up : whether to check at the first rest
+    period : of further checks, s of IMU time; None for never
+    motion, longest : motion to collect, and the longest time for it, s
+    moving : smallest rate, less that at rest, that counts as motion, rad/s
     """
 
     start_up: bool = True
@@ -43,9 +47,14 @@ class Triggers:
 
 @dataclass(frozen=True)
 class WatchEvent:
-    """What happened at an IMU time, s.
+    """An event of the watch.
 
-    kind : triggered, checked, primary_off, calibrating, calibrated, given_up; number : of the secondary, 0 for all
+    Attributes
+    ----------
+    kind : triggered, checked, primary_off, calibrating, calibrated, given_up
+    time : of the IMU, s
+    number : of the secondary, 0 for all
+    values : further values, JSON-ready
     """
 
     kind: str
@@ -59,12 +68,17 @@ class PairWatch:
 
     Parameters
     ----------
-    keep : told what is stored from now on, by number; the caller makes it last
+    imu : stream of the primary
+    secondaries : the IMUs to watch
+    calibration : static check and fit
+    triggers : when to check
+    keep : called with number and new values of a calibrated secondary, to store them
 
     Attributes
     ----------
     state : waiting, checking or calibrating
-    stored : what each secondary is compensated with from now on; checks, calibrated : the last of each, by number
+    stored : current compensation of each secondary, by number
+    checks, calibrated : last check and last fit of each secondary, by number
     """
 
     def __init__(
@@ -90,16 +104,16 @@ class PairWatch:
         self._motion = 0.0
 
     def command(self) -> None:
-        """Check at the next rest, whatever the period says."""
+        """Check at the next rest, independent of the period."""
         self._due = True
 
     @property
     def progress(self) -> float:
-        """How much of the motion wanted has been collected, 0 to 1."""
+        """Share of the required motion that has been collected, 0 to 1."""
         return min(self._motion / self._triggers.motion, 1.0) if self.state == "calibrating" else 0.0
 
     def feed(self, block: SampleBlock) -> list[WatchEvent]:
-        """Take further samples; what happened in them. It looks by the sample count, however they were cut."""
+        """Take further samples, cut into blocks in any way, and return their events."""
         self._waiting.append(block)
         second, events = round(self._imu.sample_rate), []
         while sum(map(len, self._waiting)) >= second:
@@ -114,13 +128,13 @@ class PairWatch:
         if self.state == "waiting":
             return events
         self._blocks.append(block)
-        if now - self._looked < LOOK_INTERVAL:
+        if now - self._looked < EVALUATION_INTERVAL:
             return events
         self._looked = now
         return events + (self._check(now) if self.state == "checking" else self._collect(now, last=False))
 
     def finish(self) -> list[WatchEvent]:
-        """The stream has ended: check or calibrate with what there is, if it is enough."""
+        """Check or calibrate with the samples so far, if they suffice, at the end of the stream."""
         events = [e for block in self._waiting if len(block) for e in self._take(block)]
         self._waiting = []
         if not self._blocks:
@@ -154,9 +168,10 @@ class PairWatch:
                 continue
             self.checks[number] = check
             events.append(WatchEvent("checked", now, number, check_values(check)))
-            if check.doubtful and not all(shown.within for shown in check.secondary.values()):
-                events.append(WatchEvent("primary_off", now, number, {"sensors": list(check.doubtful)}))
-            if check.off:
+            doubtful = list(check.primary_out_of_tolerance)
+            if doubtful and not all(deviation.within for deviation in check.secondary.values()):
+                events.append(WatchEvent("primary_off", now, number, {"sensors": doubtful}))
+            if check.out_of_tolerance:
                 self._off[number] = check
         self.state = "calibrating" if self._off else "waiting"
         if self._off:
@@ -164,19 +179,21 @@ class PairWatch:
         return events
 
     def _forget(self, now: float, seconds: float) -> None:
-        """Drop blocks that ended longer than so many seconds ago."""
+        """Drop blocks that ended more than `seconds` ago."""
         self._blocks = [b for b in self._blocks if now - float(b.time[-1]) <= seconds]
 
     def _collect(self, now: float, last: bool) -> list[WatchEvent]:
-        """Calibrate once there is motion enough; before the `last` look what is too little may become enough."""
+        """Calibrate once there is enough motion; only the `last` evaluation gives up."""
         data = stage_data(self._blocks, self._imu)
         rest = np.median(data.gyro[: round(self._calibration.rules.rest / data.dt)], axis=0)
         moving = np.linalg.norm(data.gyro - rest, axis=1) > self._triggers.moving
         self._motion = float(np.count_nonzero(moving)) * data.dt
         last = last or len(data) * data.dt >= self._triggers.longest
-        events, failed = [], ""
+        events: list[WatchEvent] = []
+        failed: InputError | None = None
         if self._motion < self._triggers.motion:
-            failed = f"{self._motion:.1f} s of motion where {self._triggers.motion:g} are asked for"
+            wanted = self._triggers.motion
+            failed = InsufficientDataError("solve.too_little_motion", seconds=self._motion, wanted=wanted)
         for place, secondary in enumerate(self._secondaries):
             number = secondary.number
             if failed or number not in self._off:
@@ -185,7 +202,7 @@ class PairWatch:
             try:
                 done = self._calibration.calibrate(data, place, secondary, choice, self.stored[number])
             except InputError as error:
-                failed = str(error)
+                failed = error
                 continue
             self.stored[number], self.calibrated[number] = done.stored, done
             self._keep(number, done.stored)
@@ -194,13 +211,13 @@ class PairWatch:
         if failed and not last:
             return events
         if failed:
-            events.append(WatchEvent("given_up", now, 0, {"why": failed}))
+            events.append(WatchEvent("given_up", now, 0, {"why": failed.as_text}))
         self.state, self._blocks = "waiting", []
         return events
 
 
 def check_values(check: StaticCheck) -> dict[str, Any]:
-    """A static check, JSON-ready: what each sensor of each unit shows, its threshold, and the verdict."""
+    """A static check, JSON-ready: deviation, threshold and verdict of each sensor of both units."""
     return {
         unit: {s: {"value": x.value, "limit": x.limit, "within": x.within} for s, x in shown.items()}
         for unit, shown in (("primary", check.primary), ("secondary", check.secondary))

@@ -1,7 +1,7 @@
-"""What a stage's samples say for or against an answer: its rests, and the motions between them by the gyros.
+"""Evidence of a stage's samples for the product's checks: rests, and motions between them by the gyros.
 
-Kept small, so that a verdict can be formed with the answer of the last stage when the samples are long gone: a rotation
-is kept for the parameters before the calibration and for the stage's own answer, with its derivative there.
+It is small, so that checks can use the solution of the last stage after the samples are gone: a rotation is stored for
+the parameters before the calibration and for the stage's own solution, with its derivative there.
 """
 
 from dataclasses import dataclass
@@ -43,9 +43,13 @@ class RestEvidence:
 class MotionEvidence:
     """One unbroken motion between two rests.
 
-    before, after : the rests' places; first_seq, last_seq : of the motion; duration : s; path : length turned, rad
-    uncalibrated : body rotation with the parameters before, shape (3, 3)
-    point, rotation, derivative : parameters of the stage's answer, the rotation with them, and its derivative by
+    Attributes
+    ----------
+    before, after : indices of the rests
+    first_seq, last_seq, duration : sequence numbers and length (s) of the motion
+    path : length of the rotation, rad
+    uncalibrated : body rotation with the parameters before the calibration, shape (3, 3)
+    point, rotation, derivative : parameters of the stage's solution, the rotation with them, and its derivative by
         `_COLUMNS` as a rotation vector in the first rest's body, shapes (30,), (3, 3), (3, 12)
     """
 
@@ -61,7 +65,7 @@ class MotionEvidence:
     derivative: FloatArray
 
     def calibrated(self, parameters: FloatArray) -> FloatArray:
-        """Body rotation with parameters near the stage's answer, shape (3, 3)."""
+        """Body rotation with parameters near the stage's solution, shape (3, 3)."""
         change = (parameters - self.point)[_COLUMNS]
         return np.asarray(rotation_matrix(self.derivative @ change) @ self.rotation)
 
@@ -78,7 +82,14 @@ class Evidence:
 def gather(
     stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray
 ) -> Evidence:
-    """Evidence of a stage; `before`, `found` : parameters before the calibration and the stage's answer, (30,)."""
+    """Evidence of a stage.
+
+    Parameters
+    ----------
+    stage, data : its name and samples
+    context : site, IMU and table
+    before, found : parameters before the calibration and of the stage's solution, SI, shape (30,)
+    """
     still = find_stillness(data, context.imu, SHORTEST_REST)
     rests = tuple(
         RestEvidence(
@@ -117,12 +128,14 @@ def gather(
 
 
 def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path: float) -> float:
-    """Angle that a body turned relative to the ground, rad, whole turns included.
+    """Angle of a rotation relative to the ground, whole turns included, rad.
 
     Parameters
     ----------
-    rotation : relative to inertial space, shape (3, 3); earth : its rate in the body before, rad/s, shape (3,)
-    path : length of the way, rad, which says how many whole turns there were
+    rotation : relative to inertial space, shape (3, 3)
+    earth : earth rate in the body before, rad/s, shape (3,)
+    duration : s
+    path : length of the rotation, rad, which determines the number of whole turns
     """
     angle = float(np.linalg.norm(rotation_vector(rotation_matrix(-earth * duration) @ rotation)))
     turns = 2.0 * np.pi * np.arange(int(path / (2.0 * np.pi)) + 2)
@@ -131,18 +144,14 @@ def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path:
 
 
 def gravity_misses(evidence: Evidence, motion: MotionEvidence, found: FloatArray) -> tuple[float, float]:
-    """Angles between gravity after a motion and where the gyros carry it, before compensation and after.
+    """Angles between gravity after a motion and where the gyros carry it, before and after compensation, rad.
 
-    Gravity itself is seen by the accelerometers of `found` both times.
+    Gravity itself is measured by the accelerometers with `found` both times.
 
     Parameters
     ----------
+    evidence, motion : the motion and its stage
     found : all 30 parameters, SI, shape (30,)
-
-    Returns
-    -------
-    tuple of float
-        rad
     """
     earth, up = evidence.rests[motion.before].compensated(found)
     seen = evidence.rests[motion.after].compensated(found)[1]

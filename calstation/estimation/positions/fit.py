@@ -1,10 +1,9 @@
-"""Solves rests and motions jointly: gravity seen at rest, rotation between, with the recording's own scatter.
+"""Joint solution of rests and motions: gravity at rest, rotation between, with the recording's own scatter.
 
-Nothing is said of where a rest stands or which way it faces: the modulus of gravity alone scales the accelerometers
-and the change of its direction alone scales the gyros. Gauss-Newton on the maximum a posteriori of parameters,
-attitudes and wander together (`position_rows`). D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to
-implement method for IMU calibration without external equipments*, ICRA 2014, fits the same two cues one after the
-other and without covariance.
+Nothing is assumed about the attitude of a rest. The modulus of gravity alone scales the accelerometers and the change
+of its direction alone scales the gyros. Gauss-Newton on the maximum a posteriori of parameters, attitudes and bias drift
+together (`positions.rows`). D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU
+calibration without external equipments*, ICRA 2014, fits the same two cues one after the other and without covariance.
 """
 
 from dataclasses import dataclass
@@ -25,20 +24,24 @@ from calstation.physics.rotation import level_attitude, rotation_matrix
 
 MOST_ITERATIONS = 30
 MOST_REWEIGHTINGS = 12
+#: Largest last step, in sigmas, that counts as converged.
 CONVERGED = 1e-3
-#: A Gauss-Newton step turns no attitude further than this, rad.
+#: Largest change of an attitude in a Gauss-Newton step, rad.
 LARGEST_STEP = 0.3
 
 
 @dataclass(frozen=True)
 class PositionFit:
-    """The joint answer.
+    """The joint solution.
 
-    belief : posterior of the 30 parameters, consider parameters gaining too; attitudes : C_bn, shape (n, 3, 3)
-    chi2, freedom : squared residuals in units of sigma, and how many of them nothing was fitted to
-    scatter : what the recording shows beyond the profile's noise
+    Attributes
+    ----------
+    belief : posterior of the 30 parameters, consider parameters estimated too
+    attitudes : C_bn of the rests, shape (n, 3, 3)
+    chi2, freedom : squared residuals in units of sigma, and their degrees of freedom
+    scatter : noise of the recording beyond the profile's
     force_residual, turn_residual : of rests and motions, m/s² and rad, shapes (n, 3) and (m, 3)
-    settled : the last iteration moved nothing that matters
+    converged : whether the last iteration changed nothing significant
     """
 
     belief: Belief
@@ -53,7 +56,7 @@ class PositionFit:
 
 @dataclass(frozen=True)
 class _Converged:
-    """Where Gauss-Newton came to rest: whitened rows there, the last step and the covariance of the columns."""
+    """Last Gauss-Newton iteration: whitened rows `H`, residuals `left` and the covariance of the columns."""
 
     point: FloatArray
     attitudes: FloatArray
@@ -65,7 +68,7 @@ class _Converged:
     converged: bool
 
     def spare(self, H: FloatArray) -> float:
-        """How many of the rows `H` are left over by what was fitted: trace of I − H P Hᵀ."""
+        """Degrees of freedom of the rows `H`: trace of I − H P Hᵀ."""
         return len(H) - float(np.einsum("ij,jk,ik->", H, self.covariance, H))
 
 
@@ -77,9 +80,15 @@ def fit_positions(
     prior: Belief,
     estimated: BoolArray,
 ) -> PositionFit:
-    """The joint maximum a posteriori; parameters outside `estimated` count with their sigma but do not move.
+    """The joint maximum a posteriori, repeated with larger noise while the profile's does not explain the residuals.
 
-    Residuals that the known noise does not explain widen it, and the fit is made again.
+    Parameters
+    ----------
+    data : samples of the recording
+    rests, links : its rests and motions
+    context : site, IMU and table
+    prior : of the parameters
+    estimated : parameters that are relinearised; the others are consider parameters, shape (30,)
     """
     scatter = Scatter()
     problem = PositionRows(data, rests, links, context, prior, scatter)
@@ -107,7 +116,7 @@ def fit_positions(
 
 
 def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
-    """The prior's mean, but the gyro bias that the rests show where the prior knows less than they do."""
+    """The prior's mean, with the gyro bias of the rests where that is better."""
     prior, bias = problem.prior, group_indices("gyro_bias")
     point = prior.mean.copy()
     shown = np.median([r.rate for r in problem.rests], axis=0)
@@ -117,7 +126,7 @@ def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
 
 
 def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
-    """Attitudes to linearise about: levelled by gravity, headings carried along the motions."""
+    """Attitudes of the first linearisation: levelled by gravity, headings carried along the motions."""
     c, data = compensation(point), problem.data
     into = {link.second: link for link in problem.links}
     attitudes = np.empty((len(problem.rests), 3, 3))
@@ -166,9 +175,9 @@ def _iterate(
 
 
 def _scatter(problem: PositionRows, at: _Converged) -> Scatter:
-    """What the residuals of rests and motions show beyond the profile's noise, weighted as they were.
+    """Noise of rests and motions beyond the profile's, from their weighted residuals.
 
-    Of a rest's force only the part along gravity tells of the rest alone: across it, a motion's error shows as well.
+    Only the force along gravity depends on the rest alone; the force across it also contains the motions' errors.
     """
     n, rows = len(problem.rests), problem.observations
     up = at.attitudes[:, 2, :]

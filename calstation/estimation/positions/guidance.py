@@ -1,8 +1,9 @@
-"""Guides who carries a unit from position to position: still, moving, enough, or again because it moved too soon.
+"""Guidance of an operator who moves a unit from position to position: at rest, moving, done, or to be repeated.
 
-Judged in quarters of a second by the stream itself: what is the quietest so far is the noise at rest, and a window
-much louder, or whose mean rate is not the one at rest, moves. Whatever the solver later takes for a rest lasted here.
-A rest counts as another position only where the unit has turned since the last one: a knock makes no position.
+The stream is judged in windows of 0.25 s. The quietest windows so far define the noise at rest. A window that is much
+noisier, or whose mean rate differs from the rate at rest, is a motion. Every rest that the solver later finds has been
+long enough here. A rest counts as a new position only if the unit has turned since the last one, so that a knock does
+not count.
 """
 
 from collections import deque
@@ -17,24 +18,23 @@ from calstation.estimation.common.stage_data import REST_MARGIN, REST_WINDOW
 from calstation.physics.arrays import FloatArray
 from calstation.physics.rotation import rotation_matrix, rotation_vector
 
+#: Length of a window, s.
 WINDOW = 0.25
-#: A window so many times as noisy as the quietest moves.
+#: A window is a motion if it is noisier than the quietest by this factor ...
 LOUD = 3.0
-#: And every window with more gyro noise than this, rad/s rms.
+#: ... or has more gyro noise than this, rad/s rms ...
 LOUDEST = np.deg2rad(1.0)
-#: A mean rate further from that at rest moves, rad/s.
+#: ... or a mean rate that differs by more than this from that at rest, rad/s.
 RATE = np.deg2rad(0.3)
-#: Windows before anything is said to rest.
+#: Windows before the first judgement.
 LEARNING = 8
-#: Windows, 20 minutes of them, that tell noise and rate at rest: a night at one position must not slow a run.
+#: Windows, 20 minutes of them, from which noise and rate at rest are taken, so that a long rest does not slow a run.
 REMEMBERED = 4800
-
-#: A unit that has turned by less since its last rest still lies at the same position, rad.
+#: A unit that has turned by less since its last rest is still at the same position, rad.
 SAME = np.deg2rad(10.0)
-#: Positions suffice once the worst known combination of accelerometer errors shows so strongly in a mean one, where
-#: directions all over the sphere would reach 0.26.
+#: Sufficient `spread` of the positions; directions all over the sphere reach 0.26.
 SPREAD = 0.1
-#: And once the unit has turned so far about every axis, rad, root of the sum of squares over its motions.
+#: Sufficient rotation about every axis, root of the sum of squares over the motions, rad.
 TURNED = 2.0
 
 State = Literal["waiting", "moving", "still", "enough", "repeat"]
@@ -42,12 +42,15 @@ State = Literal["waiting", "moving", "still", "enough", "repeat"]
 
 @dataclass(frozen=True)
 class Guidance:
-    """What to tell the operator.
+    """Instruction for the operator.
 
-    state : waiting (for the first rest), moving, still (rest on), enough (go on), repeat (it moved too soon)
-    rest, wanted : how long it has rested here, and how long it is to rest, s
-    up : measured direction of gravity in b, shape (3,); positions : that of every position done, shape (k, 3)
-    suffices : whether what is done tells all that can be told: well spread, and turned about every axis
+    Attributes
+    ----------
+    state : waiting (for the first rest), moving, still (keep it at rest), enough (go on), repeat (moved too soon)
+    rest, wanted : time at rest so far, and required, s
+    up : measured direction of gravity in b, shape (3,)
+    positions : directions of gravity at the positions done, shape (k, 3)
+    suffices : whether the positions are well spread and the unit has turned about every axis
     """
 
     state: State
@@ -60,7 +63,7 @@ class Guidance:
 
 @dataclass
 class _Position:
-    """The rest that is going on: windows so far and the sum of their mean forces."""
+    """The current rest: number of windows and the sum of their mean forces."""
 
     windows: int = 0
     force: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -71,12 +74,12 @@ class PositionGuide:
 
     Parameters
     ----------
-    imu : its stream; wanted : rest at each position, s
+    imu : its stream
+    wanted : rest at each position, s
     """
 
     def __init__(self, imu: ImuModel, wanted: float) -> None:
-        per_count = imu.sample_rate if imu.output == "increment" else 1.0
-        self._scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
+        self._scale = imu.count_size
         self._width = max(round(WINDOW * imu.sample_rate), 4)
         self._seconds = self._width / imu.sample_rate
         self.ask(wanted)
@@ -88,18 +91,18 @@ class PositionGuide:
         self._state: State = "waiting"
         self._up = np.array([0.0, 0.0, 1.0])
         self._last_seq: int | None = None
-        self._turn: FloatArray | None = np.eye(3)  # since the last position; None where samples are missing
+        self._turn: FloatArray | None = np.eye(3)  # since the last position; None if samples are missing
         self._turns = np.zeros((3, 3))  # sum of the motions' outer products
         self._suffices = False
 
     def ask(self, rest: float) -> None:
-        """From now on positions are to rest so long, s."""
-        # the solver judges in windows of its own and cuts both ends of what it finds
+        """Require a rest of this length, s, from now on."""
+        # the solver uses its own windows and cuts both ends of a rest
         self._wanted = rest + 2.0 * REST_MARGIN + REST_WINDOW
 
     @property
     def now(self) -> Guidance:
-        """Where things stand."""
+        """The current instruction."""
         return Guidance(
             self._state,
             self._here.windows * self._seconds,
@@ -110,7 +113,7 @@ class PositionGuide:
         )
 
     def feed(self, block: SampleBlock) -> Guidance:
-        """Take further samples; blocks may come in any size."""
+        """Take further samples, cut into blocks in any way."""
         self._waiting.append(block)
         if sum(map(len, self._waiting)) >= self._width:
             whole = joined(self._waiting)
@@ -152,7 +155,7 @@ class PositionGuide:
                 self._turn = self._turn @ rotation_matrix((rate - at_rest) * self._seconds)
 
     def _elsewhere(self, force: FloatArray) -> bool:
-        """Whether this force is that of another position than the one that rests."""
+        """Whether this force belongs to another position than the current rest."""
         mean = self._here.force / self._here.windows
         return bool(np.linalg.norm(force - mean) > 0.05 * np.linalg.norm(mean))
 
@@ -167,7 +170,7 @@ class PositionGuide:
             self._state = "still"
 
     def _still_there(self) -> bool:
-        """Whether this is the position counted last."""
+        """Whether this is the last position that was counted."""
         if not self._done:
             return False
         tilt = np.arccos(np.clip(self._up @ self._done[-1], -1.0, 1.0))
@@ -175,7 +178,7 @@ class PositionGuide:
         return bool(max(tilt, turned) < SAME)
 
     def _count(self) -> None:
-        """This position is done."""
+        """Count this position."""
         self._state = "enough"
         if self._done and self._turn is not None:
             turn = rotation_vector(self._turn)
@@ -196,15 +199,10 @@ class PositionGuide:
 
 
 def spread(up: FloatArray) -> float:
-    """How well directions of gravity in b tell nine accelerometer errors apart by its length alone.
+    """How well directions of gravity in b (unit vectors, shape (k, 3)) separate nine accelerometer errors.
 
-    Parameters
-    ----------
-    up : unit vectors, shape (k, 3)
-
-    Returns
-    -------
-    Root mean square that the worst combination of errors, of length 1 in units of g, shows over the positions.
+    Returns the root mean square effect of the least observable combination of errors, of length 1 in units of g, on
+    the length of gravity.
     """
     x, y, z = up.T
     shown = np.column_stack([x * x, x * y, y * y, x * z, y * z, z * z, x, y, z])

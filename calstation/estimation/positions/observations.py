@@ -1,7 +1,7 @@
-"""The rests of a recording as observations: mean outputs with their variances, and how much more they scatter.
+"""Rests of a recording as observations: mean outputs with their variances, and their additional scatter.
 
-The profile's noise is the unit's own. A hand, a rail or a warming unit adds to it, and by how much only the
-recording tells: `Scatter` is what is added, so that the answer's sigma is true of this recording.
+The profile states the unit's own noise. A hand, a rail or a warming unit adds to it; `Scatter` is this addition,
+estimated from the recording, so that the sigmas of the solution hold for it.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from calstation.estimation.common.stage_data import StageData, slope_weights
 from calstation.estimation.common.stillness import Stillness
 from calstation.physics.arrays import FloatArray
 
-#: Left out of the rates at the begin of a rest, s: a rig's last microradians are nothing else but a rate.
+#: Left out of the rates at the start of a rest, s, because a settling rig still turns.
 CREEP = 0.5
-#: Residuals beyond this share of what the known noise explains show a scatter of their own.
+#: Probability at which residuals exceed the known noise significantly.
 SIGNIFICANT = 0.9995
 
 
@@ -25,7 +25,10 @@ SIGNIFICANT = 0.9995
 class Scatter:
     """Standard deviations beyond the profile's noise.
 
-    force : of the mean specific force of a rest, m/s²; rate : of the gyro bias from rest to rest, rad/s;
+    Attributes
+    ----------
+    force : of the mean specific force of a rest, m/s²
+    rate : of the gyro bias from rest to rest, rad/s
     turn : of the angle of a motion, rad
     """
 
@@ -34,7 +37,7 @@ class Scatter:
     turn: float = 0.0
 
     def near(self, other: "Scatter") -> bool:
-        """Whether both agree to a twentieth."""
+        """Whether both agree within 5 %."""
         pairs = ((self.force, other.force), (self.rate, other.rate), (self.turn, other.turn))
         return all(abs(a - b) <= 0.05 * max(a, b) for a, b in pairs)
 
@@ -43,9 +46,12 @@ class Scatter:
 class Position:
     """One rest.
 
-    start, stop : samples; time : IMU time of its middle, s
-    force : mean raw specific force, m/s², shape (3,), and its variance by the profile, (m/s²)²
-    rate : mean raw rate, rad/s, shape (3,), and its variance by the profile, (rad/s)²
+    Attributes
+    ----------
+    start, stop : samples
+    time : IMU time of its middle, s
+    force, force_variance : mean raw specific force, m/s², shape (3,), and variance from the profile, (m/s²)²
+    rate, rate_variance : mean raw rate, rad/s, shape (3,), and variance from the profile, (rad/s)²
     """
 
     start: int
@@ -64,7 +70,7 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
     found = []
     for a, b in still.rests:
         duration = (b - a) * data.dt
-        converged = a + round(CREEP / data.dt) if duration > 4.0 * CREEP else a
+        begin = a + round(CREEP / data.dt) if duration > 4.0 * CREEP else a
         found.append(
             Position(
                 start=a,
@@ -72,17 +78,24 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
                 time=float(0.5 * (data.time[a] + data.time[b - 1])),
                 force=slope_weights(b - a, stride) @ data.accel[a:b],
                 force_variance=rest_mean_variance(context, duration) - float(noise.bias_drift[3]) ** 2,
-                rate=data.gyro[converged:b].mean(axis=0),
-                rate_variance=noise.rate / ((b - converged) * data.dt),
+                rate=data.gyro[begin:b].mean(axis=0),
+                rate_variance=noise.rate / ((b - begin) * data.dt),
             )
         )
     return found
 
 
 def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> float:
-    """Standard deviation that, added to `variance`, brings the squared residuals to their `redundancy`.
+    """Standard deviation that, added to the noise, brings the squared residuals to their degrees of freedom.
 
-    0 where they are explained already, or where nothing is left over to tell.
+    Parameters
+    ----------
+    residual, variance : residuals and their known variances, SI, same shape
+    redundancy : degrees of freedom
+
+    Returns
+    -------
+    0 if the known noise explains the residuals or there are no degrees of freedom
     """
     total = float(np.sum(residual**2 / variance))
     if redundancy < 1.0 or total <= chi_square_quantile(SIGNIFICANT, redundancy):

@@ -1,8 +1,8 @@
-"""What makes a recording of positions worthless, named: frozen channels, no rest, no motion, wrong units, wrong axes.
+"""Checks of a recording of positions: frozen channels, no rest, no motion, wrong units, wrong axes.
 
-A fit of such a recording answers too, with confidence; so each is looked for before, in the data themselves. Gravity
-shows the accelerometers' unit at any rest; how its direction changes between two rests shows what the gyros should
-have turned by, whichever way the unit was held.
+A fit of an unusable recording gives a confident result too, so each fault is looked for in the data beforehand. Gravity
+shows the accelerometers' unit at any rest. The change of its direction between two rests shows the angle that the gyros
+should have measured, however the unit was held.
 """
 
 import itertools
@@ -16,37 +16,38 @@ from calstation.estimation.common.context import Belief, ImuModel
 from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.common.stillness import Link, Stillness, find_stillness
 from calstation.estimation.positions.rows import integrate_rotation
+from calstation.messages.rendering import Text
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import group_indices
+from calstation.physics.parameters import AXES, group_indices
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 #: A channel that repeats one value this long, s, and far longer than its noise makes likely, is frozen.
 FREEZE_TIME = 1.0
-#: A recording in which fewer samples repeat the one before has noise in every channel, whatever the unit does.
+#: Share of repeated samples below which every channel of a recording has noise.
 NOISY = 0.05
-#: So many times the longest repetition that chance brings.
+#: Factor on the longest repetition that chance explains.
 UNLIKELY = 5.0
-#: Within this the length of a rest's force is a matter of bias and scale; beyond, of units.
+#: Ratio of the force at rest to gravity that bias and scale explain; beyond it the unit is wrong.
 PLAUSIBLE_GRAVITY = (0.75, 1.33)
-#: Rests whose gravity differs less are one position.
+#: Rests whose gravity differs less are one position, rad.
 OTHER_POSITION = np.deg2rad(10.0)
-#: Factor that mends a slip of units, by its name.
-ACCEL_UNITS = {
-    "g instead of m/s²": 9.80665,
-    "mg instead of m/s²": 9.80665e-3,
-    "m/s² instead of g": 1.0 / 9.80665,
-    "mm/s² instead of m/s²": 1e-3,
-}
-GYRO_UNITS = {
-    "°/s instead of rad/s": np.pi / 180.0,
-    "rad/s instead of °/s": 180.0 / np.pi,
-    "mrad/s instead of rad/s": 1e-3,
-    "m°/s instead of rad/s": np.pi / 180e3,
-}
-#: Factors tried where no slip of units explains the turns: neighbours are 3 % apart.
+#: Mistaken units: given, right, and the factor that corrects them.
+ACCEL_SLIPS = (
+    ("g", "m/s²", 9.80665),
+    ("mg", "m/s²", 9.80665e-3),
+    ("m/s²", "g", 1.0 / 9.80665),
+    ("mm/s²", "m/s²", 1e-3),
+)
+GYRO_SLIPS = (
+    ("°/s", "rad/s", np.pi / 180.0),
+    ("rad/s", "°/s", 180.0 / np.pi),
+    ("mrad/s", "rad/s", 1e-3),
+    ("m°/s", "rad/s", np.pi / 180e3),
+)
+#: Factors tried if no mistaken unit explains the turns; neighbours differ by 3 %.
 FACTORS = np.exp(np.linspace(np.log(0.1), np.log(10.0), 154))
-#: Up to this share of motions may contradict gravity without a reason that holds for all; they are left out.
+#: Share of motions that may contradict gravity without a common reason; they are left out.
 STRAY = 0.1
 
 
@@ -54,8 +55,12 @@ STRAY = 0.1
 class _Turn:
     """A motion between two rests.
 
+    Attributes
+    ----------
+    link : the motion
     before, after : measured direction of gravity in b, unit vectors, shape (3,)
-    bias : raw rate at rest, rad/s, shape (3,); path : length of the way turned, rad
+    bias : raw rate at rest, rad/s, shape (3,)
+    path : length of the rotation, rad
     """
 
     link: Link
@@ -73,56 +78,67 @@ class _Turn:
 def valid_links(
     data: StageData, still: Stillness, imu: ImuModel, gravity: float, prior: Belief, shortest: float
 ) -> tuple[Link, ...]:
-    """The motions that agree with gravity, where a few do not.
-
-    Raises InputError or InsufficientDataError naming what is wrong with the recording, if anything is.
-    """
-    for name, first, last in frozen_columns(CHANNELS, np.column_stack([data.gyro, data.accel]), data.dt):
-        raise InputError(
-            f"{name} is frozen: one value from sample {data.seq[first]} to {data.seq[last]} "
-            f"({(last - first) * data.dt:.1f} s); check the unit and its cable and record again"
-        )
-    if not still.rests:
-        _complain_of_no_rest(data, imu, gravity, prior, shortest)
-    turns, up = _turns(data, still, prior)
-    _require_gravity(data, still, gravity, prior)
-    if _distinct(up) < 2:
-        raise InsufficientDataError(
-            f"no motion: all {len(up)} rests lie the same way up; turn the unit to other positions between rests"
-        )
-    stray = _stray(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
-    if stray.sum() > STRAY * len(turns):
-        _explain(data, turns, prior, gravity)
-    return tuple(turn.link for turn, strays in zip(turns, stray, strict=True) if not strays)
-
-
-def _complain_of_no_rest(
-    data: StageData, imu: ImuModel, gravity: float, prior: Belief, shortest: float
-) -> None:
-    """Nothing rests; or it does, but rates in the wrong unit make its noise look like motion."""
-    for name, factor in GYRO_UNITS.items():
-        scaled = replace(data, gyro=data.gyro * factor)
-        still = find_stillness(scaled, imu, shortest)
-        turns, _ = _turns(scaled, still, prior)
-        if turns and _stray(scaled, turns, prior, gravity, np.eye(3)).sum() <= STRAY * len(turns):
-            raise InputError(
-                f"the gyros' units are wrong by a factor: their noise looks like motion, and rests appear where rates "
-                f"are multiplied by {factor:.4g} ({name}); correct imu.gyro_lsb or imu.output"
-            )
-    raise InsufficientDataError(
-        f"no rest of {shortest:g} s or more in {len(data) * data.dt:.1f} s of samples; "
-        "lay the unit still at every position"
-    )
-
-
-def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Iterator[tuple[str, int, int]]:
-    """Columns that repeat one value far longer than their noise makes likely: name, first and last sample.
-
-    Where all columns repeat together and repeat elsewhere too, the recording has no noise to tell by.
+    """The motions that agree with gravity; a few others are left out.
 
     Parameters
     ----------
-    values : shape (n, k), sampled every `dt` s
+    data : samples of the recording
+    still : its rests and motions
+    imu : noise of the stream
+    gravity : m/s²
+    prior : of the parameters
+    shortest : shortest rest, s
+
+    Raises
+    ------
+    InputError, InsufficientDataError
+        The recording is unusable.
+    """
+    for name, first, last in frozen_columns(CHANNELS, np.column_stack([data.gyro, data.accel]), data.dt):
+        raise InputError(
+            "recording.frozen",
+            channel=name,
+            first=int(data.seq[first]),
+            last=int(data.seq[last]),
+            seconds=(last - first) * data.dt,
+        )
+    if not still.rests:
+        raise _no_rest(data, imu, gravity, prior, shortest)
+    turns, up = _turns(data, still, prior)
+    _require_gravity(data, still, gravity, prior)
+    if _distinct(up) < 2:
+        raise InsufficientDataError("recording.one_position", rests=len(up))
+    stray = _stray(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
+    if stray.sum() > STRAY * len(turns):
+        raise _contradiction(data, turns, prior, gravity)
+    return tuple(turn.link for turn, strays in zip(turns, stray, strict=True) if not strays)
+
+
+def _no_rest(data: StageData, imu: ImuModel, gravity: float, prior: Belief, shortest: float) -> InputError:
+    """Why nothing rests: perhaps rates in the wrong unit make noise look like motion."""
+    for given, right, factor in GYRO_SLIPS:
+        scaled = replace(data, gyro=data.gyro * factor)
+        turns, _ = _turns(scaled, find_stillness(scaled, imu, shortest), prior)
+        if turns and _stray(scaled, turns, prior, gravity, np.eye(3)).sum() <= STRAY * len(turns):
+            slip = Text.of("recording.unit_slip", given=given, right=right)
+            return InputError("recording.gyro_unit_no_rest", factor=factor, slip=slip)
+    return InsufficientDataError("recording.no_rest", shortest=shortest, seconds=len(data) * data.dt)
+
+
+def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Iterator[tuple[str, int, int]]:
+    """Columns that repeat one value far longer than their noise makes likely.
+
+    If all columns repeat together and repeat elsewhere too, the recording has no noise to judge by.
+
+    Parameters
+    ----------
+    names : of the columns
+    values : shape (n, k)
+    dt : sample period, s
+
+    Yields
+    ------
+    name, first and last sample
     """
     for channel, name in enumerate(names):
         same = np.concatenate([[False], np.diff(values[:, channel]) == 0.0, [False]])
@@ -143,27 +159,23 @@ def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Itera
 
 def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: Belief) -> None:
     bias = prior.mean[group_indices("accel_bias")]
-    length = float(np.median([np.linalg.norm(data.accel[a:b].mean(axis=0) - bias) for a, b in still.rests]))
-    ratio = length / gravity
-    if PLAUSIBLE_GRAVITY[0] < ratio < PLAUSIBLE_GRAVITY[1]:
-        return
-    slip = _nearest(ACCEL_UNITS, 1.0 / max(ratio, 1e-12))
-    raise InputError(
-        f"accelerometers at rest show {length:.4g} m/s² where gravity is {gravity:.4g}: units wrong by a factor of "
-        f"{ratio:.4g}{slip}; correct imu.accel_lsb or imu.output"
-    )
+    force = float(np.median([np.linalg.norm(data.accel[a:b].mean(axis=0) - bias) for a, b in still.rests]))
+    ratio = force / gravity
+    if not PLAUSIBLE_GRAVITY[0] < ratio < PLAUSIBLE_GRAVITY[1]:
+        slip = _unit_slip(ACCEL_SLIPS, 1.0 / max(ratio, 1e-12))
+        raise InputError("recording.accel_unit", force=force, gravity=gravity, ratio=ratio, slip=slip)
 
 
-def _nearest(units: dict[str, float], factor: float) -> str:
-    """The slip of units that `factor` mends, as a remark; empty where there is none."""
-    for name, mend in units.items():
-        if abs(np.log(factor / mend)) < 0.2:
-            return f" ({name})"
+def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text | str:
+    """The mistaken unit that `factor` corrects, as a part of a sentence; empty if there is none."""
+    for given, right, correction in slips:
+        if abs(np.log(factor / correction)) < 0.2:
+            return Text.of("recording.unit_slip", given=given, right=right)
     return ""
 
 
 def _distinct(up: FloatArray) -> int:
-    """How many positions differ in the direction of gravity."""
+    """Number of positions that differ in the direction of gravity."""
     kept: list[FloatArray] = []
     for direction in up:
         if all(direction @ other < np.cos(OTHER_POSITION) for other in kept):
@@ -188,62 +200,49 @@ def _turns(data: StageData, still: Stillness, prior: Belief) -> tuple[list[_Turn
 def _stray(
     data: StageData, turns: list[_Turn], prior: Belief, gravity: float, gyro_inverse: FloatArray
 ) -> BoolArray:
-    """Which motions carry gravity elsewhere than it is, beyond what the prior allows, shape (n,).
-
-    gyro_inverse : through which the gyros are read, shape (3, 3)
-    """
+    """Whether each motion contradicts gravity by more than the prior allows, shape (n,)."""
     matrix = 3.0 * float(
         np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign")))
     )
     lean = 3.0 * float(prior.sigma[group_indices("accel_bias")].max()) / gravity
     allowed = np.array([np.deg2rad(3.0) + lean + min(matrix, 0.15) * max(t.path, t.tilt) for t in turns])
-    return np.asarray(_left(data, turns, gyro_inverse) > allowed)
+    return np.asarray(_gravity_error(data, turns, gyro_inverse) > allowed)
 
 
-def _explain(data: StageData, turns: list[_Turn], prior: Belief, gravity: float) -> None:
-    """Raise InputError with the reason why motions contradict gravity."""
+def _contradiction(data: StageData, turns: list[_Turn], prior: Belief, gravity: float) -> InputError:
+    """Why motions contradict gravity."""
 
     def explains(gyro_inverse: FloatArray) -> bool:
         return bool(_stray(data, turns, prior, gravity, gyro_inverse).sum() <= STRAY * len(turns))
 
-    left = _left(data, turns, np.eye(3))
-    worst = turns[int(np.argmax(left))]
-    where = f"samples {data.seq[worst.link.start]} to {data.seq[worst.link.stop - 1]}"
+    error = _gravity_error(data, turns, np.eye(3))
+    worst = turns[int(np.argmax(error))]
+    span = {"first": int(data.seq[worst.link.start]), "last": int(data.seq[worst.link.stop - 1])}
     if float(np.median([t.path for t in turns])) < 0.2 * float(np.median([t.tilt for t in turns])):
-        raise InputError(
-            f"the gyros do not see the motions: {np.rad2deg(worst.path):.1f}° where gravity turned by "
-            f"{np.rad2deg(worst.tilt):.0f}° ({where}); check that they are alive and imu.gyro_lsb"
-        )
-    axes = min(_signed_permutations(), key=lambda P: float(_left(data, turns, P).sum()))
+        path, tilt = float(np.rad2deg(worst.path)), float(np.rad2deg(worst.tilt))
+        return InputError("recording.gyros_see_no_motion", turned_deg=path, tilt_deg=tilt, **span)
+    axes = min(_signed_permutations(), key=lambda P: float(_gravity_error(data, turns, P).sum()))
     if explains(axes):
-        raise InputError(
-            f"the gyro's axes are not the accelerometer's: motions agree with gravity where {_told(axes)}; "
-            "correct the columns or their signs"
-        )
-    tried = [*GYRO_UNITS.values(), *FACTORS]
-    factor = min(tried, key=lambda k: float(_left(data, turns, k * np.eye(3)).sum()))
+        return InputError("recording.axes_differ", swaps=_swaps(axes))
+    tried = [*(slip[2] for slip in GYRO_SLIPS), *FACTORS]
+    factor = min(tried, key=lambda k: float(_gravity_error(data, turns, k * np.eye(3)).sum()))
     if explains(factor * np.eye(3)):
-        raise InputError(
-            f"the gyros' units are wrong by a factor: motions agree with gravity where rates are multiplied by "
-            f"{factor:.4g}{_nearest(GYRO_UNITS, factor)}; correct imu.gyro_lsb or imu.output"
-        )
-    raise InputError(
-        f"gyros and accelerometers contradict each other in too many of {len(turns)} motions, most by "
-        f"{np.rad2deg(left.max()):.0f}° in {where}; check gaps, saturation and columns"
-    )
+        return InputError("recording.gyro_unit", factor=float(factor), slip=_unit_slip(GYRO_SLIPS, factor))
+    angle = float(np.rad2deg(error.max()))
+    return InputError("recording.contradictory", motions=len(turns), angle_deg=angle, **span)
 
 
-def _left(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> FloatArray:
-    """Angle between gravity after each motion and where the gyros, read through `gyro_inverse`, carry it, rad."""
-    left = np.empty(len(turns))
+def _gravity_error(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> FloatArray:
+    """Angle between gravity after each motion and where the gyros carry it with `gyro_inverse`, rad, shape (n,)."""
+    error = np.empty(len(turns))
     for k, t in enumerate(turns):
         B, _, _ = integrate_rotation(gyro_inverse, t.bias, data.dt, data.gyro, t.link.start, t.link.stop)
-        left[k] = np.arccos(np.clip((B.T @ t.before) @ t.after, -1.0, 1.0))
-    return left
+        error[k] = np.arccos(np.clip((B.T @ t.before) @ t.after, -1.0, 1.0))
+    return error
 
 
 def _signed_permutations() -> Iterator[FloatArray]:
-    """All ways to exchange and turn round three axes, shape (3, 3) each, 48 in all."""
+    """All 48 ways to exchange and reverse three axes, shape (3, 3) each."""
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             P = np.zeros((3, 3))
@@ -251,12 +250,12 @@ def _signed_permutations() -> Iterator[FloatArray]:
             yield P
 
 
-def _told(P: FloatArray) -> str:
-    """A signed permutation in words: which column is read for each axis that differs."""
+def _swaps(P: FloatArray) -> list[Text]:
+    """Per axis that differs in a signed permutation, the column it is read from."""
     parts = []
-    for row, axis in enumerate("xyz"):
+    for row, axis in enumerate(AXES):
         column = int(np.argmax(np.abs(P[row])))
         sign = "" if P[row, column] > 0.0 else "−"
         if sign or column != row:
-            parts.append(f"gyro_{axis} is {sign}gyro_{'xyz'[column]}")
-    return " and ".join(parts)
+            parts.append(Text.of("recording.axis_read_as", axis=axis, sign=sign, column=AXES[column]))
+    return parts

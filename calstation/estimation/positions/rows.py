@@ -4,14 +4,13 @@
     motion     C_second = Exp(−Ω T) C_first B,  B the body's rotation by the compensated gyros
     attitude   C_true = (I + [φ×]) C
 
-Headings are nobody's business here: each chain of rests has a level frame of its own heading, and where north lies in
-it the earth's horizontal rate says, two unknowns of the size Ω cos φ. So the problem is nearly linear and needs no
-gyrocompassing, which poor gyros could not do; what is given up, that their root sum of squares is known, is worth
-nothing beside the rest.
+Headings are arbitrary: each chain of rests has its own level frame, in which the horizontal earth rate, two unknowns of
+the size Ω cos φ, indicates north. The problem is then nearly linear and needs no gyrocompassing, for which poor gyros
+do not suffice. The known magnitude of these two unknowns is not used; it adds hardly any information.
 
 Columns: the parameters in units of the square root of their prior (30), φ of each rest (3 n), the horizontal earth rate
-of each chain in units of Ω cos φ / √2 (2 m), and where the profile states bias instability how far gyro and
-accelerometer biases have wandered at each rest, in units of its sigma (6 n).
+of each chain in units of Ω cos φ / √2 (2 m), and, if the profile states bias instability, the drift of gyro and
+accelerometer biases at each rest in units of its sigma (6 n).
 """
 
 import numba as nb
@@ -23,12 +22,12 @@ from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.common.stillness import Link
 from calstation.estimation.positions.observations import Position, Scatter
 from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import normal_gravity, rotation_rate
+from calstation.physics.earth import rotation_rate
 from calstation.physics.imu_model import Compensation, compensation
 from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices, group_matrix, group_vector
 from calstation.physics.rotation import rotation_matrix, rotation_vector, skew
 
-#: Weight, 1/rad, with which a chain's first heading is held at what it is.
+#: Weight that fixes the first heading of a chain, 1/rad.
 FIXED = 1e3
 _ACCEL = [p for p in PARAMETERS if p.group in ("accel_scale", "accel_misalign")]
 _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
@@ -39,10 +38,12 @@ class PositionRows:
 
     Attributes
     ----------
-    columns, phi, north, drift : how many columns, and where φ, the horizontal earth rates and the wander begin
-    observations : rows that observe, 6 of each rest, then 3 of each motion; the prior's rows follow
-    force_noise, rate_noise, turn_noise : variances without the scatter of what they name, *_variance : with it
-    chains : rests into which no motion leads; chain : the place of each rest's chain among them
+    columns, phi, north, drift : number of columns, and first columns of φ, earth rates and bias drift
+    observations : rows of observations, 6 of each rest, then 3 of each motion; the prior's rows follow
+    force_noise, rate_noise, turn_noise : variances without scatter
+    force_variance, rate_variance, turn_variance : variances with scatter
+    chains : rests that begin a chain
+    chain : index of each rest's chain, shape (n,)
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class PositionRows:
     ) -> None:
         site, noise = context.site, filter_noise(context)
         self.data, self.rests, self.links, self.prior = data, rests, links, prior
-        self.gravity = site.gravity or normal_gravity(site.latitude, site.height)
+        self.gravity = site.local_gravity
         self.up_rate = float(rotation_rate(site.latitude)[2])
         self.north_rate = float(rotation_rate(site.latitude)[1]) / np.sqrt(2.0)
         self.bias_drift = noise.bias_drift
@@ -75,7 +76,7 @@ class PositionRows:
         durations = np.array([(link.stop - link.start) * data.dt for link in links])
         self.force_noise = np.array([r.force_variance for r in rests])
         self.rate_noise = np.array([r.rate_variance for r in rests])
-        # a bias that differs from rest to rest differs in the motions too, all through each
+        # a bias that differs from rest to rest also differs throughout each motion
         self.turn_noise = noise.rate * durations + (scatter.rate * durations) ** 2
         self.force_variance = self.force_noise + scatter.force**2
         self.rate_variance = self.rate_noise + scatter.rate**2
@@ -88,7 +89,8 @@ class PositionRows:
 
         Parameters
         ----------
-        point : parameters, SI, shape (30,); attitudes : C_bn of the rests, shape (n, 3, 3)
+        point : parameters, SI, shape (30,)
+        attitudes : C_bn of the rests, shape (n, 3, 3)
         north : horizontal earth rate in each chain's level frame, rad/s, shape (m, 2)
         """
         c = compensation(point)
@@ -96,7 +98,7 @@ class PositionRows:
         parts = [self._rest(k, point, attitudes[k], earth[k]) for k in range(len(self.rests))]
         parts += [self._link(k, c, attitudes, earth) for k in range(len(self.links))]
         H, residual = np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-        # parameters and earth rates are unknowns of their own, not steps from the point
+        # parameters and earth rates are absolute unknowns, not steps from the point
         residual += H[:, :COUNT] @ (point - self.prior.mean)
         residual += H[:, self.north : self.drift] @ north.ravel()
         H[:, :COUNT] = H[:, :COUNT] @ self.root
@@ -169,7 +171,7 @@ class PositionRows:
         return H * weight, residual * weight
 
     def _prior_rows(self) -> FloatArray:
-        """Prior of the parameters and earth rates, each chain's heading held, and the wander from rest to rest."""
+        """Prior of parameters and earth rates, fixed heading of each chain, and bias drift from rest to rest."""
         rows = [np.eye(COUNT, self.columns), np.eye(2 * len(self.chains), self.columns, self.north)]
         for k in self.chains:
             row = np.zeros((1, self.columns))
@@ -188,7 +190,7 @@ class PositionRows:
 
 
 def square_root(P: FloatArray) -> FloatArray:
-    """L with L Lᵀ = P, by the eigenvectors of its correlation, so that zero and dependent variances are allowed."""
+    """L with L Lᵀ = P, by eigenvectors of the correlation, so that P may be singular."""
     sigma = np.sqrt(np.diag(P))
     safe = np.where(sigma > 0.0, sigma, 1.0)
     values, vectors = np.linalg.eigh(P / np.outer(safe, safe))
@@ -199,17 +201,21 @@ def square_root(P: FloatArray) -> FloatArray:
 def integrate_rotation(
     gyro_inverse: FloatArray, bias: FloatArray, dt: float, gyro: FloatArray, start: int, stop: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rotation of the body over samples `start` to `stop`, and what a change of the gyro's parameters does to it.
+    """Rotation of the body between two samples, and the integrals of its derivative by the gyro parameters.
 
     Parameters
     ----------
-    gyro_inverse : (I + M_g)⁻¹, shape (3, 3); bias : rad/s, shape (3,); dt : s
+    gyro_inverse : (I + M_g)⁻¹, shape (3, 3)
+    bias : rad/s, shape (3,)
+    dt : sample period, s
     gyro : raw mean rates, rad/s, shape (n, 3)
+    start, stop : first sample and the one after the last
 
     Returns
     -------
     B : C_b(start)←b(stop), shape (3, 3)
-    time : ∫ C dt, s, shape (3, 3); rate : ∫ C ω_c dt for each axis c, rad, shape (3, 3, 3), C = C_b(start)←b(t)
+    time : ∫ C dt with C = C_b(start)←b(t), s, shape (3, 3)
+    rate : ∫ C ω_c dt for each axis c, rad, shape (3, 3, 3)
     """
     B, time, rate = np.eye(3), np.zeros((3, 3)), np.zeros((3, 3, 3))
     omega, last, rotvec, following = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))

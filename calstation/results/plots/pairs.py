@@ -14,6 +14,7 @@ from calstation.estimation.common.stage_data import StageData
 from calstation.estimation.pairs.fit import ACCEL_BIAS, ACCEL_MATRIX, GYRO_BIAS, GYRO_MATRIX, LEVER, OFFSET
 from calstation.estimation.pairs.signals import PairData, pair_data, signals
 from calstation.estimation.pairs.static import pair_vector
+from calstation.messages.rendering import values_from_json
 from calstation.physics.arrays import FloatArray
 from calstation.physics.imu_model import Compensation, compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
@@ -119,7 +120,7 @@ def pair_plot_data(
 
 def _happening(told: Mapping[str, Any], begin: float) -> PairEvent:
     values = {key: value for key, value in told.items() if key not in ("kind", "time", "number")}
-    return PairEvent(told["kind"], told["time"] - begin, told["number"], values)
+    return PairEvent(told["kind"], told["time"] - begin, told["number"], values_from_json(values))
 
 
 def stored_values(context: SolveContext) -> dict[str, float]:
