@@ -67,7 +67,7 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
                 unwrapped, clock, restarts = unwrapper.feed(seq, time)
             except SequenceError as exc:
                 line = table.first + exc.place
-                raise InputError("csv.sequence", file=path, line=line, what=str(exc)) from exc
+                raise InputError("csv.sequence", file=path, line=line, what=exc.as_text) from exc
             for k in ([0] if empty else []) + restarts:
                 row = (int(seq[k]), float(time[k]), *counts[k])
                 if row in starts:

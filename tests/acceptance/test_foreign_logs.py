@@ -67,7 +67,7 @@ def test_a_range_behind_the_log_reads_as_a_sentence(calstation: Run, tmp_path: P
 def test_a_gap_in_a_turn_is_named_as_the_reason(calstation: Run, tmp_path: Path) -> None:
     rows = [row.replace("six_position", "rate") for row in six_position_rows()]
     said = told(calstation("resolve", write_log(tmp_path, rows[:500] + rows[520:])))
-    assert "no whole turn about +x" in said
+    assert "No whole turn about +x" in said
     assert "1 gaps or spoilt stretches" in said
 
 

@@ -63,7 +63,7 @@ def test_a_stage_cut_short_is_told_and_those_before_are_solved(
     done = calstation("resolve", log, "--json", "-")
     assert done.code == 2
     assert (done.json["stages"], list(done.json["lacking"])) == (["six_position"], ["rate"])
-    assert "stage 'rate': no whole turn about +x" in done.err
+    assert "No whole turn about +x" in done.err
     assert done.err.rstrip().endswith("solved without it, as --stages six_position does")
     done = calstation("resolve", log)
     assert "Not every stage of the log could be solved." in done.out

@@ -49,7 +49,7 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
     [
         ("products", "nav_a", "turns = 2", "turns = 0", THERE, "schedule.rate.turns: 0 is out of range"),
         ("products", "nav_a", "rounds = 1", "round = 1", THERE, "Did you mean 'rounds'?"),
-        ("products", "nav_a", '"rate"', '"rat"', THERE, "there is no stage 'rat'"),
+        ("products", "nav_a", '"rate"', '"rat"', THERE, "There is no stage 'rat'"),
         (
             "products",
             "nav_a",
