@@ -8,11 +8,9 @@ import time
 from typing import Any
 
 from calstation.bench.config import BenchConfig, Order
-from calstation.bench.imu.frames import crc16
 from calstation.bench.links.clock import ClockLink
-from calstation.bench.links.imu import SocketLine, TerminalLine
+from calstation.bench.links.lines import SocketLine, TableLine, TerminalLine
 from calstation.bench.links.table_modbus import UNIT, TableLink
-from calstation.bench.links.table_text import TableLine
 from calstation.bench.live import LiveBench
 from calstation.bench.table.cia402_drives import UNITS, Drive
 from calstation.bench.table.machine import Power
@@ -184,7 +182,6 @@ def warm_up(config: BenchConfig) -> None:
     """Compile, or load from the cache, all that would else hold up the first samples."""
     steps: list[Step] = [Move(0.01, 0.01, 1.0, 1.0), Dwell(0.1)]
     Simulator(config.truth(), 0).run(steps, "")
-    crc16(bytes(2))
 
 
 async def _main(config: BenchConfig) -> None:

@@ -11,13 +11,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calstation.bench.truth.free_unit import Place
+from calstation.bench.truth.free_unit import Place, SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples
 from calstation.bench.truth.grades import GRADES, draw_imu
 from calstation.bench.truth.grades import GradeName as GradeName
 from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.manual_rig import ManualRig, around, push, record
-from calstation.bench.truth.pair import SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.table import rotation
 from calstation.estimation.common.samples import SampleBlock, snap_angles
 from calstation.estimation.gimbal.loop import run_loop

@@ -8,7 +8,7 @@ import pytest
 
 from calstation.bench.imu.unit import CORRECTED, STREAM, WRITE
 from calstation.bench.live import UNITS
-from calstation.bench.truth.stream import StreamOutput
+from calstation.bench.truth.imu import StreamOutput
 from calstation.devices.codecs.frame_checks import check_bytes
 from calstation.devices.codecs.numbers import number
 from calstation.devices.imu.drivers import open_imu

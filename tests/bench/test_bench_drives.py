@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from calstation.bench.table.cia402_drives import Drive
-from calstation.bench.table.drive import EncoderTruth, TableDrive
 from calstation.bench.table.machine import Fault, NotPermitted, OutOfRange, TableLimits, TableMachine
 from calstation.bench.table.text import Axes
+from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.register_table import RegisterTable

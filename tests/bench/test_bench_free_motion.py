@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from calstation.bench.imu.live_hands import HandStream
 from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, tremor
 from calstation.bench.truth.free_unit import Field, Place, ideal_increments
 from calstation.bench.truth.grades import draw_imu
 from calstation.bench.truth.kinematics import JointProfile
-from calstation.bench.truth.manual_rig import ManualRig, around, push, record
+from calstation.bench.truth.manual_rig import HandStream, ManualRig, around, push, record
 from calstation.bench.truth.stream import SensorStream
 from calstation.bench.truth.table import TableTruth, rotation
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from calstation.bench.imu.frames import COMMAND_SYNC, STREAM, CommandParser, crc16, pack, stream_frames
 from calstation.bench.imu.unit import BOOT_TIME, FLASH_TIME, ImuUnit
-from calstation.bench.truth.stream import StreamOutput
+from calstation.bench.truth.imu import StreamOutput
 
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM_OP, ERROR = 1, 2, 3, 4, 5, 6, 255
 

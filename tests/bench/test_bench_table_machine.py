@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from calstation.bench.table.drive import EncoderTruth, TableDrive
 from calstation.bench.table.machine import (
     SETTLING_TIME,
     Fault,
@@ -13,6 +12,7 @@ from calstation.bench.table.machine import (
     TableLimits,
     TableMachine,
 )
+from calstation.bench.truth.drive import EncoderTruth, TableDrive
 
 RATES, ACCELERATIONS = (0.5, 0.5), (1.0, 1.0)
 PERFECT = EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calstation.bench.truth.earth import EARTH_RATE, normal_gravity
-from calstation.bench.truth.table import TableTruth
+from calstation.bench.truth.table import EARTH_RATE, TableTruth, normal_gravity
 
 LATITUDE = np.deg2rad(34.25)
 PERFECT = TableTruth(LATITUDE, 400.0, azimuth=np.deg2rad(37.0))

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.table.drive import EncoderTruth, TableDrive
 from calstation.bench.table.machine import Fault, TableLimits, TableMachine
 from calstation.bench.table.text import LANGUAGES, Axes
+from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.devices.interfaces import UNTOLD
 from calstation.devices.links.text_link import TextRefusalError
 from calstation.devices.profiles.table import load_table_profile

@@ -14,10 +14,10 @@ import pytest
 
 from calstation.bench.imu.unit import ImuUnit
 from calstation.bench.table.cia402_drives import UNITS, Drive
-from calstation.bench.table.drive import EncoderTruth, TableDrive
 from calstation.bench.table.machine import Power, TableLimits, TableMachine
 from calstation.bench.table.registers import TableRegisters
 from calstation.bench.table.text import LANGUAGES, Axes
+from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.devices.imu.framed_imu import FramedImu
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.table import TableProfile, load_table_profile

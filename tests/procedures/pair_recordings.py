@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 from hand_recordings import prior_of
 
-from calstation.bench.truth.free_unit import Place
+from calstation.bench.truth.free_unit import Place, SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.grades import draw_imu
 from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.manual_rig import ManualRig, around, push
-from calstation.bench.truth.pair import SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.table import rotation
 from calstation.estimation.common.context import (
     Belief,

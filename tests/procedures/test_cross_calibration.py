@@ -19,8 +19,7 @@ from pair_recordings import (
 )
 from scipy.stats import chi2
 
-from calstation.bench.truth.free_unit import Place
-from calstation.bench.truth.pair import SecondaryTruth
+from calstation.bench.truth.free_unit import Place, SecondaryTruth
 from calstation.bench.truth.table import rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.context import StoredPair

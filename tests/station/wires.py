@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from calstation.bench.links.pseudo_terminal import open_raw
+from calstation.bench.links.lines import open_raw
 from calstation.config.station import StationConfig
 from calstation.connection.link_test import LinkTestRequest
 from calstation.devices.codecs.frame_checks import check_bytes

@@ -1,4 +1,4 @@
-"""Bytes of the bench IMU's link: stream frames, command frames and their check.
+"""Bytes of the bench IMU's link: stream frames, command frames and their checksum.
 
 Everything is little-endian. The check is CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not reflected).
 
@@ -10,9 +10,8 @@ Everything is little-endian. The check is CRC-16/CCITT-FALSE (polynomial 0x1021,
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from fastcrc import crc16 as checks
 
-from calstation.bench.truth.compiled import compiled
 from calstation.physics.arrays import FloatArray, IntArray
 
 STREAM = np.dtype(
@@ -32,33 +31,9 @@ REPLY_SYNC = b"\x55\x5a"
 READY, SATURATED, SELF_TEST_FAILED = 1, 2, 4
 
 
-def _table() -> NDArray[np.uint16]:
-    table = np.zeros(256, dtype=np.uint16)
-    for byte in range(256):
-        crc = byte << 8
-        for _ in range(8):
-            crc = (crc << 1) ^ 0x1021 if crc & 0x8000 else crc << 1
-        table[byte] = crc & 0xFFFF
-    return table
-
-
-_CRC_TABLE = _table()
-
-
-@compiled
-def _check_rows(rows: NDArray[np.uint8], table: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    checks = np.empty(rows.shape[0], dtype=np.uint16)
-    for n in range(rows.shape[0]):
-        crc = 0xFFFF
-        for i in range(rows.shape[1]):
-            crc = ((crc << 8) & 0xFFFF) ^ table[(crc >> 8) ^ rows[n, i]]
-        checks[n] = crc
-    return checks
-
-
 def crc16(data: bytes) -> int:
     """CRC-16/CCITT-FALSE of `data`."""
-    return int(_check_rows(np.frombuffer(data, dtype=np.uint8)[None, :], _CRC_TABLE)[0])
+    return int(checks.ibm_3740(data))
 
 
 def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, status: IntArray) -> bytes:
@@ -67,7 +42,7 @@ def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, sta
     Parameters
     ----------
     counter : sample counters, shape (n,), of which the low 16 bits are sent
-    counts : whole numbers, shape (n, 6); NaN is sent as the lowest number that there is
+    counts : whole numbers, shape (n, 6); NaN is sent as the lowest number
     temperature : °C
     status : shape (n,)
     """
@@ -77,7 +52,7 @@ def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, sta
     frames["channels"] = np.clip(np.nan_to_num(counts, nan=-(2.0**31)), -(2**31), 2**31 - 1)
     frames["temperature"] = round(temperature * 100.0)
     frames["status"] = status
-    frames["crc"] = _check_rows(frames.view(np.uint8).reshape(-1, STREAM.itemsize)[:, 2:-2], _CRC_TABLE)
+    frames["crc"] = [crc16(frame.tobytes()[2:-2]) for frame in frames]
     return frames.tobytes()
 
 
@@ -89,12 +64,12 @@ def pack(sync: bytes, op: int, payload: bytes = b"") -> bytes:
 
 @dataclass
 class CommandParser:
-    """Finds command frames in the bytes that arrive, however they are cut; skips what is none."""
+    """Finds command frames in the bytes that arrive, however they are cut; skips everything else."""
 
     _pending: bytearray = field(default_factory=bytearray)
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Complete commands (op, payload) with a right check, in order."""
+        """Complete commands (op, payload) with a right checksum, in order."""
         self._pending += data
         commands: list[tuple[int, bytes]] = []
         while True:

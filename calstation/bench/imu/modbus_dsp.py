@@ -16,6 +16,7 @@ import struct
 from collections.abc import Callable
 
 import numpy as np
+from fastcrc import crc16
 
 from calstation.bench.imu.correction import Correction
 from calstation.bench.imu.flash import PowerCut
@@ -45,13 +46,8 @@ class _Refused(Exception):  # noqa: N818 - an answer of the protocol
 
 
 def crc16_modbus(data: bytes) -> bytes:
-    """Check of an RTU frame, low byte first."""
-    value = 0xFFFF
-    for byte in data:
-        value ^= byte
-        for _ in range(8):
-            value = value >> 1 ^ 0xA001 if value & 1 else value >> 1
-    return value.to_bytes(2, "little")
+    """Checksum of an RTU frame, low byte first."""
+    return int(crc16.modbus(data)).to_bytes(2, "little")
 
 
 class DspUnit(ImuUnit):

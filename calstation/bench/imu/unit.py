@@ -18,7 +18,7 @@ from calstation.bench.imu.frames import (
 )
 from calstation.bench.table.machine import OutOfRange, Refusal
 from calstation.bench.table.registers import SIZE, WRITABLE, TableRegisters
-from calstation.bench.truth.stream import StreamOutput
+from calstation.bench.truth.imu import StreamOutput
 from calstation.physics.arrays import FloatArray
 
 MODEL = "bench-imu"

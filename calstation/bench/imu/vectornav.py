@@ -9,11 +9,12 @@ I and 0.
 from collections.abc import Callable
 
 import numpy as np
+from fastcrc import crc16
 
 from calstation.bench.imu.correction import Correction
 from calstation.bench.imu.flash import PowerCut
 from calstation.bench.imu.unit import BOOT_TIME, REGISTERS, ImuUnit
-from calstation.bench.truth.stream import StreamOutput
+from calstation.bench.truth.imu import StreamOutput
 from calstation.physics.arrays import FloatArray
 
 MODEL, FIRMWARE = "VN-100T", "2.1.0.0"
@@ -38,18 +39,6 @@ def check_line(words: str) -> int:
     value = 0
     for byte in words.encode("ascii", "replace"):
         value ^= byte
-    return value
-
-
-def crc(data: bytes) -> int:
-    """CRC-16/XMODEM as the manual computes it."""
-    value = 0
-    for byte in data:
-        value = (value >> 8 | value << 8) & 0xFFFF
-        value ^= byte
-        value ^= (value & 0xFF) >> 4
-        value ^= value << 12 & 0xFFFF
-        value ^= (value & 0xFF) << 5
     return value
 
 
@@ -82,7 +71,7 @@ class VectorNavUnit(ImuUnit):
             frames["values"] = np.hstack([heat, values[:, 3:], values[:, :3]])
         else:
             frames["values"] = np.hstack([values[:, 3:], values[:, :3], heat])
-        frames["crc"] = [crc(frame.tobytes()[1:-2]) for frame in frames]
+        frames["crc"] = [crc16.xmodem(frame.tobytes()[1:-2]) for frame in frames]
         return frames.tobytes()
 
     def correction(self) -> Correction:

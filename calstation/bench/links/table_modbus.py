@@ -16,7 +16,7 @@ from pymodbus.pdu import ModbusPDU
 from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from calstation.bench.links.pseudo_terminal import open_raw
+from calstation.bench.links.lines import open_raw
 from calstation.bench.table.machine import OutOfRange, Refusal
 
 #: Modbus unit number of a table that has one controller.

@@ -8,7 +8,7 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
-from calstation.bench.table.drive import TableDrive
+from calstation.bench.truth.drive import TableDrive
 from calstation.physics.arrays import FloatArray
 
 

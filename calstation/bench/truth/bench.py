@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from calstation.bench.table.drive import EncoderTruth
+from calstation.bench.truth.drive import EncoderTruth
 from calstation.bench.truth.grades import GradeName, draw_imu
 from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.table import TableTruth

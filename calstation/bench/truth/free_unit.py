@@ -1,19 +1,14 @@
 """What a unit on a freely moving body puts out: the error model over the motion, noise, counts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calstation.bench.truth.free_motion import FreeMotion
-from calstation.bench.truth.imu import ImuTruth, digitise
-from calstation.bench.truth.noise import (
-    INSTABILITY_TIMES,
-    instability_steps,
-    instability_variance,
-    vibration_steps,
-)
-from calstation.bench.truth.stream import StreamOutput, shake
+from calstation.bench.truth.imu import Digitiser, ImuTruth, StreamOutput
+from calstation.bench.truth.noise import Vibration
 from calstation.physics.arrays import BoolArray, FloatArray
+from calstation.physics.parameters import group_matrix, group_vector
 
 #: Gauss-Legendre nodes and weights on (0, 1), exact to the fifth degree.
 _NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
@@ -100,49 +95,26 @@ class FreeStream:
         self.interval = 1.0 / imu.sample_rate
         self.produced = 0
         self._imu, self._place, self._field = imu, place, field
-        self._vibration, self._noise = vibration, noise
+        self._random, self._noise = vibration, noise
         self._begin = begin
-        self._shaken = field.velocity_sigma > 0.0
-        if self._shaken:
-            self._transition, self._root, stationary = vibration_steps(field.velocity_sigma, self.interval)
-            self._base = stationary[:, None] * vibration.standard_normal((2, 3))
-        self._instability = np.repeat([imu.gyro_bias_instability, imu.accel_bias_instability], 3)
-        self._decay, self._driven = instability_steps(self._instability, self.interval)
-        self._bank: FloatArray | None = None
-        self._remainder = np.zeros(6)
+        self._vibration = Vibration(field.velocity_sigma, self.interval, vibration)
+        self._digitiser = Digitiser(imu)
 
     def produce(self, count: int, motion: FreeMotion) -> StreamOutput:
-        """The next `count` samples of a body that moves so."""
-        imu, interval = self._imu, self.interval
+        """The next `count` samples of a body with this motion."""
         borders = np.asarray(
-            self._begin + np.arange(self.produced, self.produced + count + 1) * interval, dtype=np.float64
+            self._begin + np.arange(self.produced, self.produced + count + 1) * self.interval,
+            dtype=np.float64,
         )
-        increments = ideal_increments(imu, motion, self._place, self._field, borders)
-        if self._shaken:
-            drawn = self._vibration.standard_normal((count, 6))
-            velocity = shake(self._base, self._transition, self._root, drawn)
+        increments = ideal_increments(self._imu, motion, self._place, self._field, borders)
+        if self._vibration.active:
+            velocity = self._vibration.velocities(self._random.standard_normal((count, 6)))
             increments[:, 3:] += np.diff(velocity, axis=0)
-        if self._bank is None:
-            sigma = np.sqrt(instability_variance(self._instability))[:, None]
-            self._bank = sigma * self._noise.standard_normal((6, len(INSTABILITY_TIMES)))
-        as_rate = imu.output == "rate"
-        lsb = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
-        reach = np.repeat([imu.gyro_range, imu.accel_range], 3) * (1.0 if as_rate else interval)
-        counts, saturated = digitise(
-            increments,
-            self._noise.standard_normal((count, 6 + self._bank.size)),
-            np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * np.sqrt(interval),
-            self._decay,
-            self._driven,
-            self._bank,
-            lsb,
-            np.floor(reach / lsb),
-            interval,
-            as_rate,
-            self._remainder,
-        )
+        if self.produced == 0:
+            self._digitiser.start_drift(self._noise)
         self.produced += count
-        return StreamOutput(counts, saturated)
+        normals = self._noise.standard_normal((count, self._digitiser.columns))
+        return self._digitiser.digitise(increments, normals)
 
 
 def sampled(
@@ -159,3 +131,59 @@ def sampled(
     random = np.random.default_rng(seed)
     output = FreeStream(imu, place, field, random, random, begin=begin).produce(count, motion)
     return output.counts, output.saturated
+
+
+AT_POINT = Place(np.eye(3), np.zeros(3))
+
+
+@dataclass(frozen=True)
+class SecondaryTruth:
+    """A further IMU: the unit, where it sits, and what is added to its time to get the primary's, s."""
+
+    imu: ImuTruth
+    place: Place
+    offset: float = 0.0
+
+
+def record_pair(
+    primary: ImuTruth,
+    secondaries: list[SecondaryTruth],
+    motion: FreeMotion,
+    duration: float,
+    field: Field,
+    seed: int | np.random.SeedSequence,
+) -> tuple[FloatArray, FloatArray]:
+    """Counts of the primary at the body's point, shape (n, 6), and of the others in the same rows, shape (n, k, 6).
+
+    What shakes the body shakes all: that is the motion's; the field's vibration, drawn unit by unit, is left out.
+    """
+    field = replace(field, velocity_sigma=0.0)
+    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    count = int(duration * primary.sample_rate)
+    seeds = root.spawn(1 + len(secondaries))
+    counts, _ = sampled(primary, motion, AT_POINT, field, count, seeds[0])
+    others = [
+        sampled(s.imu, motion, s.place, field, count, own, begin=s.offset)[0]
+        for s, own in zip(secondaries, seeds[1:], strict=True)
+    ]
+    return counts, np.stack(others, axis=1) if others else np.empty((count, 0, 6))
+
+
+def pair_truth(primary: ImuTruth, secondary: SecondaryTruth) -> dict[str, FloatArray]:
+    """What cross-calibration is to find: C and b of both sensors, the lever, the offset.
+
+    Measured by the primary y = M₁ x + b₁, by the secondary M₂ Tᵀ x + b₂ with T from its frame to the body's, so
+    C = M₂ Tᵀ M₁⁻¹ and b = b₂ − C b₁.
+    """
+    found: dict[str, FloatArray] = {"lever": secondary.place.arm, "clock_offset": np.array(secondary.offset)}
+    for sensor in ("gyro", "accel"):
+        first, second = (
+            np.eye(3) + group_matrix(imu.parameters, f"{sensor}_scale", f"{sensor}_misalign")
+            for imu in (primary, secondary.imu)
+        )
+        C = second @ secondary.place.turn.T @ np.linalg.inv(first)
+        found[f"{sensor}_matrix"] = C
+        found[f"{sensor}_bias"] = group_vector(secondary.imu.parameters, f"{sensor}_bias") - C @ group_vector(
+            primary.parameters, f"{sensor}_bias"
+        )
+    return found

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.bench.truth.compiled import compiled
-from calstation.bench.truth.imu import ImuTruth, digitise
-from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_steps, instability_variance
+from calstation.bench.truth.imu import Digitiser, ImuTruth
+from calstation.bench.truth.kinematics import compiled
+from calstation.bench.truth.noise import INSTABILITY_TIMES, draw_instability, instability_steps
 from calstation.physics.arrays import FloatArray, IntArray
 
 AXES = "xyz"
@@ -71,10 +71,8 @@ class GimbalBench:
         self._produced = self._step = 0
         instability = np.repeat([imu.gyro_bias_instability, imu.accel_bias_instability], 3)
         self._decay, self._driven = instability_steps(instability, self.interval)
-        self._bank = np.sqrt(instability_variance(instability))[:, None] * self._random.standard_normal(
-            (6, len(INSTABILITY_TIMES))
-        )
-        self._remainder = np.zeros(6)
+        self._bank = draw_instability(instability, self._random)
+        self._digitiser = Digitiser(imu, instability=False)
         self._offset = encoder_sigma * self._random.standard_normal(3)
         self._rate = np.zeros(3)
 
@@ -119,8 +117,7 @@ class GimbalBench:
             self.joints + (target - self.joints) * _smooth(count)[:, None] if locked else np.zeros((1, 3))
         )
         stabilised = np.zeros((count, 3)) if demanded is None else demanded
-        white = np.repeat([self._imu.gyro_arw, self._imu.accel_vrw], 3) * np.sqrt(self.interval)
-        noise = self._random.standard_normal((count, 3)) * white[:3]
+        noise = self._random.standard_normal((count, 3)) * (self._imu.gyro_arw * np.sqrt(self.interval))
         driven = self._random.standard_normal((count, 6 * len(INSTABILITY_TIMES)))
         wander = np.zeros((count, 6))
         increments, joints = np.empty((count, 6)), np.empty((count, 3))
@@ -145,22 +142,7 @@ class GimbalBench:
         normals = self._random.standard_normal((count, 6))
         normals[:, :3] = 0.0  # the gyros' noise has acted already
         increments[:, 3:] += wander[:, 3:] * self.interval
-        as_rate = self._imu.output == "rate"
-        lsb = np.repeat([self._imu.gyro_lsb, self._imu.accel_lsb], 3)
-        reach = np.repeat([self._imu.gyro_range, self._imu.accel_range], 3)
-        counts, _ = digitise(
-            increments,
-            normals,
-            white,
-            np.zeros(0),
-            np.zeros((6, 0)),
-            np.zeros((6, 0)),
-            lsb,
-            np.floor(reach * (1.0 if as_rate else self.interval) / lsb),
-            self.interval,
-            as_rate,
-            self._remainder,
-        )
+        counts = self._digitiser.digitise(increments, normals).counts
         seq = np.arange(self._produced, self._produced + count)
         self._produced += count
         read = joints + self._offset + 0.1 * self._encoder_sigma * self._random.standard_normal(joints.shape)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.bench.truth.compiled import compiled
-from calstation.bench.truth.kinematics import joint_state
+from calstation.bench.truth.kinematics import compiled, joint_state
+from calstation.bench.truth.noise import draw_instability, instability_steps
 from calstation.bench.truth.table import body_motion, to_body
 from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.parameters import group_matrix, group_vector
@@ -212,3 +212,68 @@ def digitise(
                 remainder[i] = exact - whole
             counts[n, i] = whole
     return counts, saturated
+
+
+@dataclass(frozen=True)
+class StreamOutput:
+    """Counts, shape (n, 6), and whether a channel saturated, shape (n,)."""
+
+    counts: FloatArray
+    saturated: BoolArray
+
+
+class Digitiser:
+    """Adds a unit's noise to its increments and counts them, one sample after another.
+
+    Parameters
+    ----------
+    imu : truth of the unit
+    instability : whether the biases drift; `start_drift` draws their initial values
+
+    Attributes
+    ----------
+    columns : standard normals that a sample needs
+    """
+
+    def __init__(self, imu: ImuTruth, *, instability: bool = True) -> None:
+        self._interval = 1.0 / imu.sample_rate
+        self._as_rate = imu.output == "rate"
+        self._white = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * np.sqrt(self._interval)
+        self._lsb = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
+        reach = np.repeat([imu.gyro_range, imu.accel_range], 3) * (1.0 if self._as_rate else self._interval)
+        self._limit = np.floor(reach / self._lsb)
+        self._remainder = np.zeros(6)
+        self._instability = np.repeat([imu.gyro_bias_instability, imu.accel_bias_instability], 3)
+        if instability:
+            self._decay, self._driven = instability_steps(self._instability, self._interval)
+        else:
+            self._decay, self._driven = np.zeros(0), np.zeros((6, 0))
+        self._bias = np.zeros_like(self._driven)
+        self.columns = 6 + self._bias.size
+
+    def start_drift(self, random: np.random.Generator) -> None:
+        """Draw the biases' initial values from their stationary distribution."""
+        self._bias = draw_instability(self._instability, random)
+
+    def digitise(self, increments: FloatArray, normals: FloatArray) -> StreamOutput:
+        """Counts of the next samples.
+
+        Parameters
+        ----------
+        increments : without noise, rad and m/s, shape (n, 6)
+        normals : standard normals, shape (n, `columns` or more)
+        """
+        counts, saturated = digitise(
+            increments,
+            normals,
+            self._white,
+            self._decay,
+            self._driven,
+            self._bias,
+            self._lsb,
+            self._limit,
+            self._interval,
+            self._as_rate,
+            self._remainder,
+        )
+        return StreamOutput(counts, saturated)

@@ -6,12 +6,22 @@ oscillation. Each segment of constant command acceleration has the textbook solu
 under a constant load, hence angle, rate and acceleration at arbitrary times with no integration.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar, cast
 
+import numba
 import numpy as np
 
-from calstation.bench.truth.compiled import compiled
 from calstation.physics.arrays import FloatArray
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def compiled(function: F) -> F:
+    """Compile `function` at its first call and keep the machine code on disk beside the source."""
+    return cast(F, numba.njit(cache=True)(function))
+
 
 #: Undamped frequency of the drive, rad/s, and its damping ratio.
 DRIVE_FREQUENCY = 2.0 * np.pi * 12.0

@@ -1,19 +1,19 @@
 """A manual rig: the unit on an inner rail in an outer rail, pushed by hand from position to position.
 
-Hands stop where they like, correct themselves, tremble, push sideways and shake the rig; the rails have play. At rest
-the rig only vibrates. The unit sits off the rails' centre, so turning it also carries it round.
+Hands stop near the position they are asked for, correct themselves, tremble, push sideways and shake the rig; the rails
+have play. At rest the rig only vibrates. The unit sits off the rails' centre, so turning it also moves it. In a live
+recording the hands react after a moment, and now and then touch the rig again before it has rested long enough.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.bench.truth.earth import earth_rate_n, normal_gravity
 from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, tremor
-from calstation.bench.truth.free_unit import Field, Place, sampled
-from calstation.bench.truth.imu import ImuTruth
+from calstation.bench.truth.free_unit import Field, FreeStream, Place, sampled
+from calstation.bench.truth.imu import ImuTruth, StreamOutput
 from calstation.bench.truth.simulate import Simulated
-from calstation.bench.truth.table import rotation
+from calstation.bench.truth.table import earth_rate_n, normal_gravity, rotation
 from calstation.physics.arrays import FloatArray
 
 Pose = tuple[float, float]
@@ -171,3 +171,65 @@ class Hands:
         )
         x, y, z = (Course(tuple(pulses)) for pulses in self._shaken)
         return FreeMotion(links, np.eye(3), (x, y, z))
+
+
+#: Between what is asked and the push, s.
+_REACTION = (0.5, 1.5)
+#: Share of positions that are touched again too soon.
+_IMPATIENT = 0.12
+#: How far such a touch turns a rail, rad.
+_TOUCHED = np.deg2rad(12.0)
+
+
+class HandStream:
+    """Samples of one unit, one after another; how they are asked for does not change them.
+
+    Parameters
+    ----------
+    imu, rig : truth
+    seed : of all noise, and of what the hands do
+
+    Attributes
+    ----------
+    asked : where the rails were asked to be last, rad
+    """
+
+    def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:
+        vibration, noise, own = (np.random.default_rng(part) for part in seed.spawn(3))
+        self._samples = FreeStream(imu, Place(np.eye(3), np.asarray(rig.arm)), rig.field, vibration, noise)
+        self._random = own
+        self._base = foot(rig, own)
+        self._hands = Hands(rig, own)
+        self._motion = self._hands.motion(self._base)
+        self._free = 0.0
+        self.asked: Pose = (0.0, 0.0)
+
+    @property
+    def interval(self) -> float:
+        """Of a sample, s."""
+        return self._samples.interval
+
+    @property
+    def produced(self) -> int:
+        """Samples so far."""
+        return self._samples.produced
+
+    def carry(self, pose: Pose, rest: float, time: float) -> None:
+        """Asked at `time`, s, to bring the rails to `pose` (outer, inner), rad, and to leave them for `rest` s."""
+        if pose == self.asked:
+            return
+        self.asked = pose
+        hands, random = self._hands, self._random
+        hands.forget(self.produced * self.interval)
+        self._free = hands.push(pose, max(time, self._free) + random.uniform(*_REACTION))
+        if random.uniform() < _IMPATIENT:
+            rail, way = random.integers(2), random.choice([-1.0, 1.0])
+            touched = list(pose)
+            touched[rail] += way * _TOUCHED
+            again = self._free + max(random.uniform(0.3, 0.7) * rest, 1.0)
+            self._free = hands.push((touched[0], touched[1]), again)
+        self._motion = hands.motion(self._base)
+
+    def produce(self, count: int) -> StreamOutput:
+        """The next `count` samples."""
+        return self._samples.produce(count, self._motion)

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.linalg import expm
 
+from calstation.bench.truth.kinematics import compiled
 from calstation.physics.arrays import FloatArray
 
 #: Correlation times of the bank, s, four apart.
@@ -22,6 +23,12 @@ def instability_variance(instability: FloatArray | float) -> FloatArray:
     an Allan floor of sqrt(2 ln 2 / π) B = 0.664 B.
     """
     return np.asarray(np.square(instability) * (np.log(_SPACING) / np.pi), dtype=np.float64)
+
+
+def draw_instability(instability: FloatArray, random: np.random.Generator) -> FloatArray:
+    """Draw the bank's stationary state for B of shape (k,), shape (k, m)."""
+    sigma = np.sqrt(instability_variance(instability))[:, None]
+    return sigma * random.standard_normal((len(instability), len(INSTABILITY_TIMES)))
 
 
 def instability_covariance(instability: float, lag: FloatArray) -> FloatArray:
@@ -67,3 +74,41 @@ def vibration_steps(velocity_sigma: float, interval: float) -> tuple[FloatArray,
     if velocity_sigma > 0.0:
         driven = np.linalg.cholesky(driven / np.outer(scale, scale)) * scale[:, None]
     return transition, driven, stationary
+
+
+class Vibration:
+    """Velocity of the vibrating base along each axis of n, continued from call to call.
+
+    Parameters
+    ----------
+    velocity_sigma : rms, m/s; 0 for a base at rest, for which nothing is drawn
+    interval : of a sample, s
+    random : draws the initial state
+    """
+
+    def __init__(self, velocity_sigma: float, interval: float, random: np.random.Generator) -> None:
+        self.active = velocity_sigma > 0.0
+        self._transition, self._root, stationary = vibration_steps(velocity_sigma, interval)
+        if self.active:
+            self._state = stationary[:, None] * random.standard_normal((2, 3))
+
+    def velocities(self, normals: FloatArray) -> FloatArray:
+        """Velocities at the borders of the next n samples, m/s, shape (n + 1, 3), from normals of shape (n, 6)."""
+        return _shake(self._state, self._transition, self._root, normals)
+
+
+@compiled
+def _shake(state: FloatArray, transition: FloatArray, root: FloatArray, normals: FloatArray) -> FloatArray:
+    """Velocities of the base, m/s, shape (n + 1, 3); updates `state`, shape (2, 3)."""
+    velocity = np.empty((normals.shape[0] + 1, 3))
+    velocity[0] = state[1]
+    for n in range(normals.shape[0]):
+        for i in range(3):
+            x, v = state[0, i], state[1, i]
+            first, second = normals[n, 2 * i], normals[n, 2 * i + 1]
+            state[0, i] = transition[0, 0] * x + transition[0, 1] * v + root[0, 0] * first
+            state[1, i] = (
+                transition[1, 0] * x + transition[1, 1] * v + root[1, 0] * first + root[1, 1] * second
+            )
+            velocity[n + 1, i] = state[1, i]
+    return velocity

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.bench.table.drive import TableDrive
 from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.drive import TableDrive
 from calstation.bench.truth.stream import SensorStream
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
