@@ -172,12 +172,6 @@ def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) ->
     return otherwise or Text("entry.remove_it")
 
 
-def suggestion(name: str, known: list[str] | tuple[str, ...]) -> str:
-    """``; did you mean 'x'?`` for the known name most similar to `name`, or an empty text."""
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else ""
-
-
 def _complaint(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Complaint:
     error = detail.get("ctx", {}).get("error")
     if isinstance(error, EntryError):

@@ -12,6 +12,7 @@ from calstation.bench.truth.bench import ARCSECOND, BenchTruth
 from calstation.bench.truth.grades import GradeName
 from calstation.bench.truth.manual_rig import ManualRig
 from calstation.physics.parameters import INDEX
+from calstation.schema import EntryError, near_miss
 
 Vector = tuple[float, float, float]
 Pair = tuple[float, float]
@@ -21,7 +22,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 def _known(name: str) -> str:
     if name not in INDEX:
-        raise ValueError(f"'{name}' is no parameter")
+        raise EntryError("entry.unknown_parameter", name=name, remedy=near_miss(name, INDEX))
     return name
 
 

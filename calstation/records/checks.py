@@ -29,7 +29,7 @@ from calstation.physics.earth import normal_gravity
 from calstation.physics.parameters import GROUPS, INDEX, NAMES, PARAMETERS
 from calstation.physics.table import TableGeometry
 from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
-from calstation.schema import EntryError, StrictModel, suggestion
+from calstation.schema import EntryError, StrictModel, near_miss
 
 #: Motions that turn less do not reveal a scale factor error, rad.
 LEAST_TURN = np.deg2rad(10.0)
@@ -101,7 +101,9 @@ class Previous(StrictModel):
     def _known(cls, limits: dict[str, float]) -> dict[str, float]:
         for name, limit in limits.items():
             if name not in NAMES and name not in GROUPS:
-                raise EntryError("limits.unknown", name, name=name, near=suggestion(name, NAMES + GROUPS))
+                raise EntryError(
+                    "entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES + GROUPS)
+                )
             if not limit > 0:
                 raise EntryError("limits.not_positive", name, value=limit)
         return limits

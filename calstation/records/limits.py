@@ -17,7 +17,7 @@ from calstation.physics.parameters import (
     PARAMETERS,
     pair_parameter,
 )
-from calstation.schema import EntryError, StrictModel, suggestion
+from calstation.schema import EntryError, StrictModel, near_miss
 
 PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
 #: A value that uses more than this share of its limit is a near-miss, unless the product sets another share.
@@ -78,7 +78,7 @@ def check_limit_names(limits: Mapping[str, Limit]) -> None:
     known = (*NAMES, *GROUPS, *(p.name for p in PAIR_PARAMETERS), *PAIR_GROUPS)
     for name in limits:
         if name not in known and pair_parameter(name) is None:
-            raise EntryError("limits.unknown", name, name=name, near=suggestion(name, known))
+            raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, known))
 
 
 #: What a check compares. ``within`` and ``sigma_below`` concern a parameter, ``consistency`` a stage, ``previous`` a

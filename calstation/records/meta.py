@@ -28,7 +28,7 @@ from calstation.physics.parameters import COUNT, INDEX, NAMES, PAIR_PARAMETERS, 
 from calstation.records.atomic import write_atomic
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
-from calstation.schema import EntryError, StrictModel, load, suggestion, validate
+from calstation.schema import EntryError, StrictModel, load, near_miss, validate
 
 _UNIT_TOLERANCE = 1e-3
 #: Numbers that secondary IMUs may have in files.
@@ -72,7 +72,7 @@ class StoredPairSection(StrictModel):
         known = tuple(p.name for p in PAIR_PARAMETERS)
         for name in values:
             if name not in known:
-                raise EntryError("limits.unknown", name, name=name, near=suggestion(name, known))
+                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, known))
         return values
 
 
@@ -221,7 +221,7 @@ class LogMeta(StrictModel):
     def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
         for name in table:
             if name not in INDEX:
-                raise EntryError("limits.unknown", name, name=name, near=suggestion(name, NAMES))
+                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES))
         return table
 
     def to_json(self) -> str:

@@ -21,7 +21,8 @@ from pydantic import Field, field_validator, model_validator
 
 from calstation.bench.config import OrderName
 from calstation.config.resolved import ResolvedConfiguration
-from calstation.schema import EntryError, StrictModel, load
+from calstation.messages.rendering import Text
+from calstation.schema import EntryError, StrictModel, load, near_miss
 
 #: Kinds that the running bench carries out.
 ORDERS: tuple[str, ...] = get_args(OrderName)
@@ -64,7 +65,8 @@ class PlannedFault(StrictModel):
     @classmethod
     def _known(cls, kind: str) -> str:
         if kind not in KINDS:
-            raise EntryError("bench.unknown_fault", kind=kind, kinds=KINDS)
+            otherwise = Text.of("entry.choose_from", names=KINDS)
+            raise EntryError("bench.unknown_fault", kind=kind, remedy=near_miss(kind, KINDS, otherwise))
         return kind
 
     @model_validator(mode="after")

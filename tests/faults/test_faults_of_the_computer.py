@@ -125,7 +125,7 @@ def test_a_killed_window_is_a_safe_stop(floor: Floor) -> None:
         ),
         (
             '[[fault]]\nkind = "drop_frame"',
-            "'drop_frame' is not a kind of fault. Choose from: interlock",
+            "'drop_frame' is not a kind of fault. Did you mean 'drop_frames'?",
         ),
         ('[[fault]]\nkind = "wrong_unit"\nstage = "rate"', "exists from the start. Remove stage"),
         ('[[fault]]\nkind = "disk_full"', "needs a stage. Add stage."),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.bench.truth import earth as earth_truth
+from calstation.bench.truth import table as earth_truth
 from calstation.physics.earth import (
     EQUATOR_GRAVITY,
     FLATTENING,

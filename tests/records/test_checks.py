@@ -199,7 +199,7 @@ def test_nothing_is_claimed_where_there_is_no_evidence():
 def test_a_misspelt_rule_is_refused():
     for wrong, told in (
         ({"gravity_at_rst": {"within": 1.0}}, "Did you mean 'gravity_at_rest'"),
-        ({"previous": {"change_within": {"gyro_bais": 1.0}}}, "did you mean 'gyro_bias'"),
+        ({"previous": {"change_within": {"gyro_bais": 1.0}}}, "Did you mean 'gyro_bias'"),
         ({"gravity_at_rest": {"within": 0.0}}, "greater than 0"),
     ):
         with pytest.raises(ConfigurationError, match=told):

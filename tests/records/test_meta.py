@@ -59,9 +59,9 @@ def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
         ("imu.output", "delta", "imu.output: 'delta' is unknown; it must be 'increment' or 'rate'"),
         ("imu.gyro_lbs", 1.0, "imu.gyro_lbs: The entry is unknown."),
         ("table.outer_axis", [1.0, 1.0, 0.0], "Give a unit vector"),
-        ("prior.gyro_bais_x", {"sigma": 1.0}, "did you mean 'gyro_bias_x'?"),
+        ("prior.gyro_bais_x", {"sigma": 1.0}, "Did you mean 'gyro_bias_x'?"),
         ("prior.gyro_bias_x", {"sigma": -1.0}, "prior.gyro_bias_x.sigma: -1.0 is out of range"),
-        ("product.limits", {"gyro_bia": {"within": 1.0}}, "did you mean 'gyro_bias'?"),
+        ("product.limits", {"gyro_bia": {"within": 1.0}}, "Did you mean 'gyro_bias'?"),
     ],
 )
 def test_a_wrong_field_is_told_with_file_and_mend(tmp_path: Path, place: str, value: Any, told: str) -> None:

@@ -26,7 +26,7 @@ def test_the_newest_answer_replaces_the_last(tmp_path: Path) -> None:
 
 def test_a_damaged_file_and_a_folder_that_cannot_be_are_told(tmp_path: Path) -> None:
     pair_path(tmp_path, "P", "S").write_text("values = { secondary_gyro_bais_x = 1.0 }\n")
-    with pytest.raises(InputError, match="did you mean 'secondary_gyro_bias_x'"):
+    with pytest.raises(InputError, match="Did you mean 'secondary_gyro_bias_x'"):
         load_pair(tmp_path, "P", "S")
     (tmp_path / "file").write_text("")
     with raises_code(ConfigurationError, "log.pair_not_written"):
