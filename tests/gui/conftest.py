@@ -19,6 +19,7 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.jobs.queue import JobQueue
+from calstation.results.result import Result
 from tests.gui.works import live_in
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
@@ -47,6 +48,21 @@ STATION: dict[str, Any] = {
     "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "azimuth_deg": 0.0},
     "table": {"profile": "bench"},
 }
+
+#: The least that a result JSON has.
+RESULT: dict[str, Any] = {
+    "schema": "calstation.result/1",
+    "unit": {"serial": SERIAL},
+    "stages": [],
+    "outcome": "passed",
+    "parameters": {},
+    "log": {"file": "log.h5"},
+}
+
+
+def result_with(**changes: Any) -> Result:
+    """A result with these keys of its JSON."""
+    return Result.from_json({**RESULT, **changes})
 
 
 class Place:

@@ -25,6 +25,7 @@ from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.results.result import SCHEMA
 from calstation.sequencer.events import Verdict
+from tests.gui.conftest import RESULT
 
 pytestmark = pytest.mark.timeout(120)
 WAIT = 60_000
@@ -323,7 +324,7 @@ def test_a_run_that_ends_appears_by_itself(
 ) -> None:
     shown(page, qtbot)
     result = write_run(folder, "SN-000009", "passed", timedelta(minutes=1))
-    app.engine_link.event.emit(Verdict("passed", str(result.with_suffix(".h5")), str(result), {}))
+    app.engine_link.event.emit(Verdict("passed", str(result.with_suffix(".h5")), str(result), RESULT))
     qtbot.waitUntil(lambda: rows(page)[0] == ("SN-000009", "PASS"), timeout=WAIT)
     assert page.table.run is not None
     assert page.table.run.serial == "SN-000003"  # what was looked at still is

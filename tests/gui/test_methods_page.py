@@ -34,7 +34,7 @@ from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, load_pair, prior_from_meta
 from calstation.simulation.recordings import record_on_bench
 from procedures import method
-from tests.gui.conftest import Operator, Place
+from tests.gui.conftest import Operator, Place, result_with
 
 pytestmark = pytest.mark.timeout(120)
 #: Longest wait for a job, ms: a loaded machine is no failure.
@@ -378,19 +378,19 @@ def test_the_operators_verdict_holds_the_products_checks() -> None:
         check("motion_angle", 0.009, 0.006, "rad"),
         check("multi_position consistency", 1.0, 1.3, "1"),
     ]
-    result = {"checks": checks, "parameters": {}, "unobservable": []}
-    rows = advice.figures(result)
+    rows = advice.figures(result_with(checks=checks))
     assert [(row.name, row.passed, row.near) for row in rows] == [
         ("force at rest", True, True),
         ("angle of motions", False, False),
     ]
     many = [check("previous gyro_bias", 0.1 * k, 9.0, "1") for k in range(20)]
-    assert [row.near for row in advice.figures({**result, "checks": [*many, *checks]})].count(True) == 1
-    assert len(advice.figures({**result, "checks": [*many, *checks]})) == 10
+    rows = advice.figures(result_with(checks=[*many, *checks]))
+    assert [row.near for row in rows].count(True) == 1
+    assert len(rows) == 10
     assert "Motions turn by the angle of the reference (1856 ″, allowed ≤ 1238)" in advice.reason(
-        "failed", result
+        "failed", result_with(checks=checks)
     )
-    assert "1 near its limit" in advice.reason("passed", {**result, "checks": checks[:1]})
+    assert "1 near its limit" in advice.reason("passed", result_with(checks=checks[:1]))
 
 
 def test_what_triggers_led_to_stands_on_the_line_of_time(

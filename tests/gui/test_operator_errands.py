@@ -13,16 +13,9 @@ from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
 from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
-from tests.gui.conftest import SERIAL, Operator
+from tests.gui.conftest import RESULT, SERIAL, Operator
 
-RESULT: dict[str, Any] = {
-    "unit": {"serial": SERIAL},
-    "attempt": 1,
-    "duration_s": 60.0,
-    "checks": [],
-    "parameters": {},
-    "advice": "resume",
-}
+ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "resume"}
 
 
 @pytest.fixture
@@ -37,7 +30,7 @@ def told(operator: Operator) -> Operator:
 def end(operator: Operator, outcome: str, **result: Any) -> None:
     """The run ends so."""
     link = operator.window.app.engine_link
-    link.event.emit(Verdict(outcome, "log.h5", "result.json", {**RESULT, **result}))
+    link.event.emit(Verdict(outcome, "log.h5", "result.json", {**ENDED, **result}))
     link.running_changed.emit(False)
     operator.until(lambda: operator.verdict)
 
@@ -178,7 +171,7 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
     app.set_station(library.find("stations", "virtual_hand"))
     assert "cannot run" in operator.says()
     assert "rails are turned by hand" in operator.says()
-    assert "Products that fit here: mems_hand." in operator.says()
+    assert "Compatible products: mems_hand." in operator.says()
     assert "multi_position" not in operator.says()
     operator.press("product_choice_mems_hand")
     assert operator.widget("product_combo", QComboBox).currentText() == "mems_hand"
@@ -187,7 +180,7 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
     assert operator.widget("start_button").isEnabled()
 
     app.set_station(library.find("stations", "virtual_bench"))
-    assert "is driven; what is chosen is turned by hand" in operator.says()
+    assert "is driven; the selection is turned by hand" in operator.says()
     assert ".toml" not in operator.says()
     assert "manual" not in operator.says()
     operator.press("product_choice_mems_c")
@@ -196,7 +189,7 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
     names = library.names
     monkeypatch.setattr(library, "names", lambda kind: ["short"] if kind == "products" else names(kind))
     app.set_station(library.find("stations", "virtual_hand"))
-    assert "No product fits here: choose another station." in operator.says()
+    assert "No product is compatible: choose another station." in operator.says()
     assert operator.widget("station_choice").isVisible()
 
 
@@ -204,5 +197,5 @@ def test_start_waits_for_who_talks_to_a_device(operator: Operator, monkeypatch: 
     monkeypatch.setattr(JobQueue, "at_device", True)
     operator.scan(SERIAL)
     operator.press("start_button")
-    assert "press START again then" in operator.says()
+    assert "then press START again" in operator.says()
     assert not operator.window.app.engine_link.running

@@ -177,7 +177,7 @@ def test_closing_during_a_run_asks_and_then_stops(operator: Operator) -> None:
     operator.window.close()
     assert operator.window.isVisible()
     assert QApplication.activeModalWidget() is None
-    assert "A calibration is going on" in operator.says()
+    assert "A calibration is in progress" in operator.says()
     operator.press("stay_choice")
     assert operator.window.app.engine_link.running
     operator.window.close()

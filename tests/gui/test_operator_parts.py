@@ -17,6 +17,7 @@ from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.starting import suggested_serial
 from calstation.gui.operator.traces import RingBuffer
 from calstation.gui.widgets.plot import spread
+from tests.gui.conftest import result_with
 
 PACKAGE = Path(calstation.__file__).parent
 
@@ -51,22 +52,22 @@ def test_advice_names_the_first_failure_and_counts_the_rest() -> None:
         check("gyro_scale_x sigma below", 1e-6, 4e-6, passed=True),
         check("rate consistency", 9.0, 1.2, passed=False),
     ]
-    result = {"checks": checks, "unobservable": [], "advice": "reseat"}
+    result = result_with(checks=checks, advice="reseat")
     said = advice.reason("failed", result)
     assert said == "Gyro scale factor x is 2000 ppm, allowed are ±1000. (1 more checks failed.)"
     assert advice.next_action("failed", result).startswith("Reseat the unit")
-    assert advice.next_action("failed", {**result, "advice": "set_aside"}).startswith("Set the unit aside")
+    assert advice.next_action("failed", result_with(advice="set_aside")).startswith("Set the unit aside")
 
 
 def test_figures_show_what_is_nearest_to_its_limit_per_group() -> None:
     row = {"unit": "1", "stage": "rate", "sigma": 1e-6}
-    result = {
-        "parameters": {"gyro_scale_x": {"value": 1e-4, **row}, "gyro_scale_y": {"value": -9e-4, **row}},
-        "checks": [
+    result = result_with(
+        parameters={"gyro_scale_x": {"value": 1e-4, **row}, "gyro_scale_y": {"value": -9e-4, **row}},
+        checks=[
             check("gyro_scale_x within", 1e-4, [-1e-3, 1e-3], passed=True),
             check("gyro_scale_y within", -9e-4, [-1e-3, 1e-3], passed=True),
         ],
-    }
+    )
     (figure,) = advice.figures(result)
     assert (figure.name, figure.value, figure.limit, figure.unit) == (
         "gyro scale factor y",

@@ -1,7 +1,6 @@
 """One run at a glance: how it ended and why, by whom and with what, its numbers, what was outside its limits."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import (
@@ -23,8 +22,8 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.labels import ElidedLabel
 from calstation.physics.units import aligned
-from calstation.records.limits import Check
 from calstation.records.run_index import IndexedRun, RunRecord
+from calstation.results.result import Result
 
 _MOST_FAILED = 8
 
@@ -42,7 +41,7 @@ class RunDetails(QFrame):
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self._run: RunRecord | None = None
-        self._result: Mapping[str, Any] | None = None
+        self._result: Result | None = None
         self._standing = (False, False, False)
         self._serial = QLabel()
         self._serial.setFont(theme.font(theme.SECTION, bold=True))
@@ -65,7 +64,7 @@ class RunDetails(QFrame):
     def show_run(
         self,
         run: RunRecord,
-        result: Mapping[str, Any] | None,
+        result: Result | None,
         unit: Sequence[IndexedRun],
         standing: tuple[bool, bool, bool],
     ) -> None:
@@ -75,10 +74,9 @@ class RunDetails(QFrame):
         """
         self._run, self._result, self._standing = run, result, standing
         limits = {}
-        for check in result["checks"] if result is not None else ():
-            name, _, kind = check["name"].partition(" ")
-            if kind == "within":
-                limits[name] = (check["limit"][0], check["limit"][1])
+        for check in result.checks if result is not None else ():
+            if check.kind == "within" and isinstance(check.limit, tuple):
+                limits[check.subject] = check.limit
         self.trend.show_runs(unit, run.log.stem, limits)
         self.retranslate()
 
@@ -96,11 +94,10 @@ class RunDetails(QFrame):
         self._serial.setText(run.serial)
         self.badge.show_state(KINDS.get(run.outcome, "none"), term("badge", run.outcome))
         self.reason_label.setText(self._reason(run))
-        rows = [] if self._result is None else self._result["checks"]
-        failed = [check for check in map(Check.from_json, rows) if not check.passed]
-        lines = [
-            f"✕  {advice.failed_check_text(check, self._result or {})}" for check in failed[:_MOST_FAILED]
-        ]
+        failed = [] if self._result is None else self._result.failed_checks
+        lines = []
+        if self._result is not None:
+            lines = [f"✕  {advice.failed_check_text(check, self._result)}" for check in failed[:_MOST_FAILED]]
         if len(failed) > _MOST_FAILED:
             lines.append(self.tr("and {0} more").format(len(failed) - _MOST_FAILED))
         self.failed_label.setText("\n".join(lines))
@@ -170,9 +167,9 @@ class RunDetails(QFrame):
             words = legacy_text(run.error)
             return "\n".join(text for text in (words.reason, words.remedy) if text)
         if run.outcome in ("passed", "failed") and self._result is not None:
-            if any(not check["passed"] for check in self._result["checks"]):
+            if self._result.failed_checks:
                 return self.tr("Outside its limits:")
-            return advice.reason(str(self._result["outcome"]), self._result)
+            return advice.reason(self._result.outcome, self._result)
         said = {
             "stopped": self._stopped(run.error),
             "incomplete": self.tr("The run did not reach its end."),
@@ -190,7 +187,7 @@ class RunDetails(QFrame):
 
     def _fill_facts(self, run: RunRecord) -> None:
         _empty(self._facts)
-        software = (self._result or {}).get("software", {}).get("version", "")
+        software = self._result.software.version if self._result is not None and self._result.software else ""
         facts = (
             (self.tr("Started"), local_time(run.started_utc)),
             (self.tr("Duration"), duration_text(run.duration)),
@@ -248,7 +245,7 @@ class RunDetails(QFrame):
         self.close_button.setText(self.tr("Close as incomplete") if incomplete else self.tr("Do not resume"))
         self.resume_button.setVisible(resumable)
         self.close_button.setVisible(resumable or (incomplete and not run.closed))
-        solved = self._result is not None and bool(self._result["parameters"])
+        solved = self._result is not None and bool(self._result.parameters)
         _enable(
             self.result_button,
             "" if solved else self.tr("No parameter was solved in this run"),

@@ -1,15 +1,12 @@
 """The history page: finished and incomplete runs, found by serial number, outcome and time."""
 
-import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import Qt, QUrl
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QPushButton, QSplitter, QStackedWidget, QVBoxLayout
 
-from calstation.errors import CalstationError
+from calstation.errors import CalstationError, InputError
 from calstation.gui.history.details import RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
@@ -22,6 +19,7 @@ from calstation.gui.widgets.labels import EmptyState
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.records.run_index import RunRecord
 from calstation.results.history import History, refresh_history
+from calstation.results.result import Result, load_result
 from calstation.runs.close_incomplete import close_run
 from calstation.runs.resume import Resumable, find_resumable
 from calstation.sequencer.events import Event, Verdict
@@ -251,12 +249,9 @@ class HistoryPage(Page):
             )
 
 
-def _read(path: Path | None) -> Mapping[str, Any] | None:
-    """A run's result; None where there is none, or none that can be read."""
-    if path is None:
-        return None
+def _read(path: Path | None) -> Result | None:
+    """The result of a run; None if there is none, or none that can be read."""
     try:
-        result: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return None if path is None else load_result(path)
+    except InputError:
         return None
-    return result

@@ -1,15 +1,14 @@
 """What a result means for an operator: why, what to do next, and the values nearest to their limits."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from calstation.gui.text.checks import check_name, check_text, of_product, parameter_text
 from calstation.gui.text.messages import say
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.physics.units import display, number
 from calstation.records.limits import Check
+from calstation.results.result import Parameter, Result
 
 #: Rows that fit beside the verdict on a small screen.
 _MOST_ROWS = 10
@@ -32,9 +31,9 @@ class Figure:
     by_sigma: bool = False
 
 
-def reason(outcome: str, result: Mapping[str, Any]) -> str:
+def reason(outcome: str, result: Result | None) -> str:
     """Why a run ended as it did."""
-    checks = _checks(result)
+    checks = [] if result is None else result.checks
     if outcome == "passed":
         near = sum(check.near_miss for check in checks)
         inside = say("advice.passed")
@@ -44,16 +43,16 @@ def reason(outcome: str, result: Mapping[str, Any]) -> str:
     if outcome != "failed":
         return say("advice.incomplete")
     failed = [check for check in checks if not check.passed]
-    if not failed:
+    if not failed or result is None:
         return say("advice.no_stage")
     first = failed_check_text(failed[0], result)
     first = first[0].upper() + first[1:]
     return first if len(failed) == 1 else f"{first} {say('advice.more_failed', count=len(failed) - 1)}"
 
 
-def next_action(outcome: str, result: Mapping[str, Any]) -> str:
+def next_action(outcome: str, result: Result | None) -> str:
     """What to do with the unit now."""
-    word = result.get("advice")
+    word = None if result is None else result.advice
     if outcome == "passed":
         return say("advice.next_unit")
     if word in ("reseat", "set_aside"):
@@ -63,12 +62,11 @@ def next_action(outcome: str, result: Mapping[str, Any]) -> str:
     return say("advice.resume" if word == "resume" else "advice.begin_again")
 
 
-def figures(result: Mapping[str, Any]) -> list[Figure]:
+def figures(result: Result) -> list[Figure]:
     """One row per parameter group and one per check of the product; failed ones and near-misses come first to fit."""
     found: dict[str, tuple[float, Figure]] = {}
-    checks = _checks(result)
-    by_parameter = {(check.kind, check.subject): check for check in checks}
-    for name, row in result["parameters"].items():
+    by_parameter = {(check.kind, check.subject): check for check in result.checks}
+    for name, row in result.parameters.items():
         if name not in INDEX:
             continue
         within, below = by_parameter.get(("within", name)), by_parameter.get(("sigma_below", name))
@@ -76,19 +74,19 @@ def figures(result: Mapping[str, Any]) -> list[Figure]:
         group = PARAMETERS[INDEX[name]].group
         if (within or below) and share >= found.get(group, (-1.0, None))[0]:
             found[group] = (share, _figure(name, row, within, below))
-    asked = [_check_figure(check) for check in checks if of_product(check)]
+    asked = [_check_figure(check) for check in result.checks if of_product(check)]
     rows = [*(found[group][1] for group in GROUPS if group in found), *asked]
     groups = len(rows) - len(asked)
     order = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= groups))
     return [rows[k] for k in sorted(order[:_MOST_ROWS])]
 
 
-def failed_check_text(check: Check, result: Mapping[str, Any]) -> str:
+def failed_check_text(check: Check, result: Result) -> str:
     """A failed check as a sentence."""
     if check.kind == "consistency":
         return say("advice.inconsistent", stage=check.subject, value=check.value, limit=check.limit)
     if check.kind == "unobservable":
-        names = ", ".join(parameter_text(name) for name in result.get("unobservable", ()))
+        names = ", ".join(parameter_text(name) for name in result.unobservable)
         return say("advice.undetermined", names=names)
     if check.kind not in ("within", "sigma_below") or check.subject not in INDEX:
         row = check_text(check)
@@ -102,10 +100,6 @@ def failed_check_text(check: Check, result: Mapping[str, Any]) -> str:
     assert not isinstance(check.limit, tuple)
     limit = f"{display(check.subject, check.limit)[0]:.4g}"
     return say("advice.uncertain", parameter=name, value=number(value, value), unit=unit, limit=limit)
-
-
-def _checks(result: Mapping[str, Any]) -> list[Check]:
-    return [Check.from_json(row) for row in result.get("checks", ())]
 
 
 def _check_figure(check: Check) -> Figure:
@@ -123,8 +117,8 @@ def _share(check: Check | None) -> float:
     return check.value / check.limit if check.limit else 0.0
 
 
-def _figure(name: str, row: Mapping[str, Any], within: Check | None, below: Check | None) -> Figure:
-    (value, unit), (sigma, _) = display(name, row["value"]), display(name, row["sigma"])
+def _figure(name: str, row: Parameter, within: Check | None, below: Check | None) -> Figure:
+    (value, unit), (sigma, _) = display(name, row.value), display(name, row.sigma)
     by_sigma = _share(below) > _share(within)
     limit = _interval(within) if within is not None else ""
     if by_sigma and below is not None and not isinstance(below.limit, tuple):

@@ -1,4 +1,4 @@
-"""Who, which unit, which product, START and Pause: the operator page's part of the strip beside STOP."""
+"""Operator, serial number, product, START and Pause: the operator page's part of the strip beside STOP."""
 
 import re
 from pathlib import Path
@@ -17,14 +17,15 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config.request import computer_user
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
 
 
 class RunHeader(QWidget):
-    """The fields and buttons; what they mean is the page's matter.
+    """The fields and buttons; the page decides what they do.
 
-    `serial_entered()` : Enter in the serial field, as a scanner sends it; `serial_edited()` : any change of it;
-    `enter_refused()` : Enter on START, which starts nothing
+    `serial_entered()` : Enter in the serial field, as a scanner sends it; `serial_edited()` : any change of the serial
+    number; `enter_refused()` : Enter on START, which starts nothing; `product_chosen(path)` : by the user.
     """
 
     serial_entered = Signal()
@@ -41,7 +42,6 @@ class RunHeader(QWidget):
         self._captions = [QLabel(), QLabel(), QLabel()]
         self._serial_note = ""
         self._serial_wrong = False
-        self._paused = False
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(2 * theme.GRID)
@@ -77,36 +77,41 @@ class RunHeader(QWidget):
         self.product_combo.activated.connect(lambda _: self.product_chosen.emit(self.product))
         self.start_button.installEventFilter(self)
         self.guard(self.product_combo)
-        self.retranslate()
+        bind(self._captions[0], lambda: self.tr("Operator"))
+        bind(self._captions[2], lambda: self.tr("Product"))
+        bind(self.operator_edit.setPlaceholderText, lambda: self.tr("name or badge"))
+        bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
+        bind(self.start_button, lambda: self.tr("START"))
+        on_language_change(self, self._caption)
 
     @property
     def serial(self) -> str:
-        """The number as it stands, without blanks around it."""
+        """The serial number as entered, stripped."""
         return self.serial_edit.text().strip()
 
     @property
     def operator(self) -> str | None:
-        """The badge, or the computer's user where none was given."""
+        """The operator as entered, or the user of the computer."""
         return self.operator_edit.text().strip() or computer_user()
 
     @property
     def product(self) -> Path | None:
-        """The product's file."""
+        """File of the chosen product."""
         path = self.product_combo.currentData()
         return path if isinstance(path, Path) else None
 
     def fits(self, pattern: str) -> bool:
-        """Whether the number fits a product's pattern."""
+        """Whether the serial number matches the pattern of a product."""
         return re.fullmatch(pattern, self.serial) is not None
 
     @property
     def products(self) -> list[tuple[str, Path]]:
-        """The products that are offered, by name."""
+        """Names and files of the products offered."""
         box = self.product_combo
         return [(box.itemText(i), box.itemData(i)) for i in range(box.count())]
 
     def set_products(self, products: list[tuple[str, Path]], chosen: Path | None) -> None:
-        """Offer these products by name."""
+        """Offer products and choose one."""
         self.product_combo.clear()
         for name, path in products:
             self.product_combo.addItem(name, path)
@@ -114,66 +119,55 @@ class RunHeader(QWidget):
                 self.product_combo.setCurrentIndex(self.product_combo.count() - 1)
 
     def show_product(self, path: Path) -> None:
-        """Show a product as the chosen one."""
+        """Choose a product."""
         for index in range(self.product_combo.count()):
             if self.product_combo.itemData(index) == path:
                 self.product_combo.setCurrentIndex(index)
 
     def set_serial(self, text: str) -> None:
-        """Fill in a number."""
+        """Fill in a serial number."""
         self.serial_edit.setText(text)
         self.note_serial("")
 
     def focus_serial(self) -> None:
-        """Ready for the scanner: the next number takes the place of this one."""
+        """Be ready for the scanner, which replaces the number."""
         self.serial_edit.setFocus()
         self.serial_edit.selectAll()
 
     def note_serial(self, note: str, *, wrong: bool = False) -> None:
-        """A word beside the field's caption; wrong ones in the colour and with the word of an error."""
+        """Show a note beside the caption of the serial number, in the error colour if `wrong`."""
         self._serial_note, self._serial_wrong = note, wrong
         theme.set_kind(self._captions[1], "error" if wrong else "")
         self._caption()
 
     def set_running(self, why: str) -> None:
-        """While something goes on (`why`, "" for nothing) nothing of it can be changed."""
+        """Lock the fields for a reason; "" unlocks them."""
         for widget in (self.operator_edit, self.serial_edit, self.product_combo):
             widget.setEnabled(not why)
             widget.setToolTip(why)
 
     def set_start(self, why_not: str) -> None:
-        """START, with the reason where it cannot be pressed."""
+        """Enable START, or disable it for a reason."""
         self.start_button.setEnabled(not why_not)
         self.start_button.setToolTip(
             why_not or self.tr("Press Space or click; Enter does not start, scanners send it.")
         )
 
     def set_pause(self, paused: bool, why_not: str) -> None:
-        """Pause or Resume, with the reason where it cannot be pressed."""
-        self._paused = paused
+        """Show Pause or Resume, disabled for a reason."""
         self.pause_button.setEnabled(not why_not)
         self.pause_button.setToolTip(why_not)
         self.pause_button.setText(self.tr("Resume") if paused else self.tr("Pause"))
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._captions[0].setText(self.tr("Operator"))
-        self._captions[2].setText(self.tr("Product"))
-        self.operator_edit.setPlaceholderText(self.tr("name or badge"))
-        self.serial_edit.setPlaceholderText(self.tr("scan or type"))
-        self.start_button.setText(self.tr("START"))
-        self.set_pause(self._paused, self.pause_button.toolTip())
-        self._caption()
-
     def guard(self, combo: QComboBox) -> None:
-        """A scan must not choose anything in a list, open or closed."""
+        """Keep a scan from choosing anything in a list, open or closed."""
         combo.installEventFilter(self)
         combo.view().installEventFilter(self)
 
     def take_key(self, event: QKeyEvent) -> bool:
-        """A character that no field has taken, wherever the focus is, is the first of a scan: the serial field's.
+        """Take a character that no field has used as the first of a scan, into the serial field.
 
-        False where it is none, or the page is not shown, or a run goes on.
+        Returns False for other keys, while the page is hidden and while a run is in progress.
         """
         text = event.text()
         if not text.strip() or not text.isprintable() or event.modifiers() & _COMMAND:
@@ -190,7 +184,7 @@ class RunHeader(QWidget):
         return True
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Lists and START leave characters to the serial field; Enter never starts, hands may be inside."""
+        """Pass characters from lists and START to the serial field; Enter on START never starts."""
         if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress:
             if watched is self.start_button and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
                 self.enter_refused.emit()

@@ -1,7 +1,6 @@
 """The operator page: load, scan, START, watch, verdict."""
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Signal
@@ -22,13 +21,12 @@ from calstation.config.resolved import ManualRigError
 from calstation.config.station import DEFAULT_PRODUCT
 from calstation.config.summary import run_summary
 from calstation.errors import CalstationError
-from calstation.gui.operator.compatibility_notice import CompatibilityNotice
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.resuming import Resuming
 from calstation.gui.operator.stage_list import StageList
-from calstation.gui.operator.starting import Starting
+from calstation.gui.operator.starting import CompatibilityNotice, Starting
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
@@ -46,12 +44,15 @@ from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.sequencer.control import Command
 
-#: Of the progress bar.
+#: Steps of the progress bar.
 _STEPS = 1000
 
 
 class OperatorPage(Page):
-    """Everything an operator needs, and nothing that an operator must not touch."""
+    """All that an operator needs, and nothing that an operator must not change.
+
+    `station_wanted()` : open the station page.
+    """
 
     station_wanted = Signal()
 
@@ -59,16 +60,15 @@ class OperatorPage(Page):
         super().__init__(app)
         self.setObjectName("operator_page")
         self._problem: Words | None = None
-        self._looked = False
+        self._opened = False
         self._shown: tuple[object, ...] = ()
         self.header: RunHeader = RunHeader()
-        self._fields = self.header
         self._stages = StageList(app.run)
         self._loading, self._verdict = Loading(), VerdictPanel(app)
         self._live = LiveView(app.run)
         self.closing, self.notice = NoticeBar(), NoticeBar()
-        self._starting = Starting(app, self._fields, self.notice)
-        self._resuming = Resuming(app, self._fields, self.notice, self._starting)
+        self._starting = Starting(app, self.header, self.notice)
+        self._resuming = Resuming(app, self.header, self.notice, self._starting)
         self._views = _stack(self._loading, self._live, self._verdict)
         self._progress = QProgressBar()
         self._progress.setObjectName("run_progress")
@@ -79,36 +79,34 @@ class OperatorPage(Page):
         self._message.setObjectName("message_label")
         self._message.setFont(theme.font(theme.SECTION))
         self._badge = StateBadge(theme.SECTION)
-        self._lay_out()
+        self._build()
         self._connect()
-        self.retranslate()
         self._read_products()
 
     def title(self) -> str:
-        """The page's name on its tab."""
+        """The text of the tab."""
         return self.tr("Operator")
 
     def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._fields.retranslate()
+        """Show all texts in the current language."""
         self._refresh()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Ready for a scan; and once, at the window's start, offer what was interrupted."""
+        """Be ready for a scan; when first shown, offer interrupted runs."""
         super().showEvent(event)
-        self._look_for_products()
-        if not self._looked:
-            self._looked = True
-            self._resuming.open_up()
+        self._update_products()
+        if not self._opened:
+            self._opened = True
+            self._resuming.start()
         self.await_scan()
 
     def await_scan(self) -> None:
-        """The scanner may go on at once, unless a run goes on or something waits for an answer."""
+        """Be ready for a scan, unless a run is in progress or a question is open."""
         run = self.app.run
         if self.isVisible() and not run.going and run.fault is None and not self.notice.asking:
-            self._fields.focus_serial()
+            self.header.focus_serial()
 
-    def _lay_out(self) -> None:
+    def _build(self) -> None:
         right = QVBoxLayout()
         right.setSpacing(theme.GRID)
         right.addWidget(self.closing)
@@ -133,7 +131,7 @@ class OperatorPage(Page):
         page.addWidget(foot)
 
     def _connect(self) -> None:
-        fields, app = self._fields, self.app
+        fields, app = self.header, self.app
         fields.pause_pressed.connect(self._pause)
         self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.ENOUGH))
         fields.product_chosen.connect(self._choose_product)
@@ -151,31 +149,31 @@ class OperatorPage(Page):
         app.product_changed.connect(self._show_product)
         app.choice_changed.connect(self._plan)
 
-    # ---- what the next run would be
+    # ---- the next run
 
     def _choose_product(self, path: Path) -> None:
         self.app.set_product(path)
-        self._fields.focus_serial()
+        self.header.focus_serial()
 
     def _change_station(self) -> None:
-        self._begin_anew()
+        self._clear_verdict()
         self._read_products()
 
-    def _begin_anew(self) -> None:
-        """A verdict that was given elsewhere, or of another product, says nothing of the unit to come."""
+    def _clear_verdict(self) -> None:
+        """Remove a verdict that does not concern the next unit."""
         if self.app.run.ended and not self.app.engine_link.running:
             self.app.run.acknowledge()
 
     def _show_product(self) -> None:
-        """Another page may have chosen it."""
-        self._begin_anew()
+        """Show the product that another page may have chosen."""
+        self._clear_verdict()
         if self.app.product_path is not None:
-            self._fields.show_product(self.app.product_path)
+            self.header.show_product(self.app.product_path)
         self._plan()
 
-    def _look_for_products(self) -> None:
-        """Files may have come and gone beside the window."""
-        if self.app.engine_link.running or self._fields.products == _products():
+    def _update_products(self) -> None:
+        """Read the products again if files were added or removed."""
+        if self.app.engine_link.running or self.header.products == _products():
             return
         before = self.app.product_path
         self._read_products()
@@ -189,12 +187,12 @@ class OperatorPage(Page):
         if chosen not in paths:
             last = str(self.app.settings.value("product", DEFAULT_PRODUCT)) if chosen is None else chosen.stem
             chosen = next((path for name, path in products if name == last), paths[0] if paths else None)
-        self._fields.set_products(products, chosen)
-        self.app.product_path = self._fields.product
+        self.header.set_products(products, chosen)
+        self.app.product_path = self.header.product
         self._plan()
 
     def _plan(self) -> None:
-        """Read station and product again; what is wrong with them stands in a bar and keeps START from working."""
+        """Read station and product again; show what is wrong with them and disable START."""
         app = self.app
         choices: list[Choice] = []
         if app.product_path is not None:
@@ -206,11 +204,12 @@ class OperatorPage(Page):
             self._problem = None
         except ManualRigError as error:
             planned = None
-            misfit = CompatibilityNotice(app, error)
-            self._problem, choices = misfit.words, misfit.choices()
+            notice = CompatibilityNotice(app, error)
+            self._problem, choices = notice.words, notice.choices()
         except CalstationError as error:
             planned = None
-            self._problem = partial(_sentences, error)
+            problem = error
+            self._problem = lambda: error_text(problem).sentences
         self._starting.run_summary = planned
         self._stages.plan(planned)
         self._loading.plan(planned)
@@ -230,11 +229,11 @@ class OperatorPage(Page):
             self.notice.dismiss()
             self._starting.suggest()
             if app.stages is not None:
-                self._tell_choice(app.stages)
+                self._show_choice(app.stages)
         self._refresh()
 
-    def _tell_choice(self, stages: tuple[str, ...]) -> None:
-        """An engineer's choice is in force here as well, and can be undone here."""
+    def _show_choice(self, stages: tuple[str, ...]) -> None:
+        """Show an engineer's choice of stages, which can be undone here."""
         self.notice.ask(
             "caution",
             lambda: self.tr("Not the whole calibration of this product"),
@@ -255,11 +254,11 @@ class OperatorPage(Page):
     def _acknowledge(self) -> None:
         transfer, request = self.app.run.transfer, self.app.engine_link.request
         self.app.run.acknowledge()
-        self._fields.focus_serial()
+        self.header.focus_serial()
         if transfer is not None and request is not None:
             self._starting.ask_transfer(request)
         else:
-            self._resuming.look(self._fields.serial)
+            self._resuming.offer(self.header.serial)
 
     def _pause(self) -> None:
         paused = self.app.run.state in ("pausing", "paused")
@@ -275,7 +274,7 @@ class OperatorPage(Page):
             request = self.app.engine_link.request
             self.notice.dismiss()
             if request is not None:
-                self._fields.set_serial(request.serial)
+                self.header.set_serial(request.serial)
             self._live.start()
         else:
             self.closing.dismiss()
@@ -284,7 +283,7 @@ class OperatorPage(Page):
             self._await_next()
 
     def _await_next(self) -> None:
-        """At the end of a run the scanner may go on at once."""
+        """Be ready for the next unit."""
         run = self.app.run
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
@@ -294,16 +293,22 @@ class OperatorPage(Page):
             and self._starting.run_summary is not None
             and self._starting.run_summary.virtual
         ):
-            self._fields.set_serial("")
+            self.header.set_serial("")
             self._starting.suggest()
-        self._fields.focus_serial()
+        self.header.focus_serial()
         if run.state == "stopped":
-            self._resuming.look(self._fields.serial)
+            self._resuming.offer(self.header.serial)
 
     # ---- closing the window
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
-        """Ask what the window's end means for the run."""
+        """Ask before the window closes during a run.
+
+        Parameters
+        ----------
+        stop_and_close : stops the run safely, then closes the window
+        close_now : closes the window at once
+        """
 
         def stop() -> None:
             stop_and_close()
@@ -320,23 +325,23 @@ class OperatorPage(Page):
             lambda: (
                 self.tr("Registers are being written")
                 if self.app.run.register_operation
-                else self.tr("A calibration is going on")
+                else self.tr("A calibration is in progress")
             ),
             lambda: (
-                self.tr("Closing stops the table safely; a write in hand is brought to its end first.")
+                self.tr("Closing stops the table safely; a write in progress is completed first.")
                 if self.app.run.register_operation
-                else self.tr("Closing stops the table safely; the run can be continued later.")
+                else self.tr("Closing stops the table safely; the run can be resumed later.")
             ),
             [
                 Choice("close_choice", lambda: self.tr("Stop and close"), stop),
-                Choice("stay_choice", lambda: self.tr("Go on"), lambda: None, primary=True),
+                Choice("stay_choice", lambda: self.tr("Continue"), lambda: None, primary=True),
             ],
         )
 
-    # ---- showing where the run stands
+    # ---- status of the run
 
     def _refresh(self) -> None:
-        run, fields = self.app.run, self._fields
+        run, fields = self.app.run, self.header
         busy = self.app.engine_link.running
         fields.set_running(
             say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
@@ -351,11 +356,11 @@ class OperatorPage(Page):
         shown = (run.state, run.verdict, run.fault, len(run.remarks), busy)
         if shown != self._shown:
             self._shown = shown
-            self._turn()
+            self._choose_view()
         self._message.setText(self._message_text())
 
-    def _turn(self) -> None:
-        """Loading, live or verdict."""
+    def _choose_view(self) -> None:
+        """Show loading, live view or verdict."""
         run = self.app.run
         if run.state == "idle":
             self._views.setCurrentIndex(0)
@@ -383,8 +388,8 @@ class OperatorPage(Page):
             "running": self.tr("Registers are being written.") if self.app.run.register_operation else "",
             "paused": "",
             "pausing": self.tr("The table is coming to rest."),
-            "starting": self.tr("The run can be paused once its first stage has begun."),
-            "preparing": self.tr("The run can be paused once its first stage has begun."),
+            "starting": self.tr("The run can be paused once its first stage has started."),
+            "preparing": self.tr("The run can be paused once its first stage has started."),
             "stopping": self.tr("The run is stopping."),
         }.get(self.app.run.state, self.tr("Nothing is running."))
 
@@ -401,9 +406,9 @@ class OperatorPage(Page):
         if run.state == "stopping":
             return self.tr("Stopping safely: the table comes to rest, then its axes are switched off.")
         if run.state == "paused" and run.run_summary is not None and run.run_summary.by_hand:
-            return self.tr("Paused. Resume asks for the position in hand again.")
+            return self.tr("Paused. Resume repeats the current position.")
         if run.state == "paused":
-            return self.tr("Paused; the table is at rest. Resume repeats the step in hand.")
+            return self.tr("Paused; the table is at rest. Resume repeats the current step.")
         if not run.going:
             return self._verdict.next_action()
         if run.latest is None:
@@ -413,12 +418,8 @@ class OperatorPage(Page):
 
 
 def _products() -> list[tuple[str, Path]]:
-    """All products by name."""
+    """Names and files of all products."""
     return [(name, library.find("products", name)) for name in library.names("products")]
-
-
-def _sentences(error: CalstationError) -> str:
-    return error_text(error).sentences
 
 
 def _stack(*pages: QWidget) -> QStackedWidget:

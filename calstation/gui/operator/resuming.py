@@ -1,4 +1,4 @@
-"""Runs that did not reach their end: offered inline, to be continued behind the last finished stage or closed."""
+"""Offers interrupted runs, to be resumed after the last completed stage or closed."""
 
 from pathlib import Path
 
@@ -20,34 +20,34 @@ from calstation.runs.startup_recovery import recover_startup
 
 
 class Resuming(QObject):
-    """Looks for such runs in the workshop and offers them one after another."""
+    """Finds interrupted runs in the background and offers them one after another."""
 
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar, starting: Starting) -> None:
         super().__init__(header)
         self._app, self._header, self._notice, self._starting = app, header, notice, starting
         self._wanted: Path | None = None
         self._serial: str | None = None
-        self._search, self._closing, self._tidying = JobWatch(self), JobWatch(self), JobWatch(self)
+        self._search, self._closing, self._recovery = JobWatch(self), JobWatch(self), JobWatch(self)
         self._search.done.connect(self._found)
-        self._closing.failed.connect(lambda error: self._complain(error_text(error).sentences))
-        app.resume_run.connect(self._look_for_log)
+        self._closing.failed.connect(lambda error: self._show_error(error_text(error).sentences))
+        app.resume_run.connect(self._offer_log)
 
-    def open_up(self) -> None:
-        """When the window opens: runs that died get their result, what waits is handed over; then offer."""
+    def start(self) -> None:
+        """When the window opens: close runs that died, hand over waiting results, then offer what can be resumed."""
         if self._app.runs_folder.is_dir():
-            tidying = self._app.job_queue.submit(
+            recovery = self._app.job_queue.submit(
                 recover_startup, self._app.runs_folder, self._app.station_path
             )
-            self._tidying.watch(tidying)
-        self.look()
+            self._recovery.watch(recovery)
+        self.offer()
 
-    def look(self, serial: str | None = None) -> None:
-        """Offer what can be resumed; only a unit's where `serial` is given."""
+    def offer(self, serial: str | None = None) -> None:
+        """Offer runs that can be resumed; only those of a unit if `serial` is given."""
         self._wanted, self._serial = None, serial
         self._submit()
 
-    def _look_for_log(self, log: object) -> None:
-        """Somebody wants this very log's run continued."""
+    def _offer_log(self, log: object) -> None:
+        """Offer the run of a log that another page has chosen."""
         assert isinstance(log, Path)
         self._wanted, self._serial = log, None
         self._submit()
@@ -63,17 +63,15 @@ class Resuming(QObject):
             chosen = [run for run in found if run.log.name == self._wanted.name]
             if chosen:
                 self._notice.dismiss()
-                self._offer(
-                    chosen
-                )  # asked first: it was looked for on another page, hands may be on the fixture
+                self._ask(chosen)  # chosen on another page: hands may be on the fixture
             else:
-                self._complain(
-                    self.tr("This run has no finished stage to continue after, or has ended since.")
+                self._show_error(
+                    self.tr("This run has no completed stage to resume after, or has ended since.")
                 )
         else:
-            self._offer([run for run in found if self._serial in (None, run.serial)])
+            self._ask([run for run in found if self._serial in (None, run.serial)])
 
-    def _offer(self, runs: list[Resumable]) -> None:
+    def _ask(self, runs: list[Resumable]) -> None:
         if not runs or self._notice.asking:
             return
         run, others = runs[0], runs[1:]
@@ -85,13 +83,13 @@ class Resuming(QObject):
             lambda: self.tr("{serial} was interrupted in stage {number}, {stage}").format(
                 serial=run.serial, number=number, stage=term("stage", stage)
             ),
-            lambda: self.tr("Begun {when} UTC. Is this unit still in the fixture, untouched?").format(
+            lambda: self.tr("Started {when} UTC. Is this unit still in the fixture, untouched?").format(
                 when=when
             ),
             [
                 Choice(
                     "resume_choice",
-                    lambda: self.tr("Continue at stage {number}").format(number=number),
+                    lambda: self.tr("Resume at stage {number}").format(number=number),
                     lambda: self._resume(run),
                     primary=True,
                 ),
@@ -100,7 +98,7 @@ class Resuming(QObject):
                     lambda: self.tr("Close as incomplete"),
                     lambda: self._close(run, others),
                 ),
-                Choice("later_choice", lambda: self.tr("Later"), lambda: self._offer(others)),
+                Choice("later_choice", lambda: self.tr("Later"), lambda: self._ask(others)),
             ],
         )
 
@@ -121,14 +119,14 @@ class Resuming(QObject):
 
     def _close(self, run: Resumable, others: list[Resumable]) -> None:
         self._closing.watch(self._app.job_queue.submit(close_run, run.log, self._header.operator))
-        self._offer(others)
+        self._ask(others)
 
-    def _complain(self, text: str) -> None:
-        self._notice.ask("caution", lambda: self.tr("The run cannot be continued"), lambda: text)
+    def _show_error(self, text: str) -> None:
+        self._notice.ask("caution", lambda: self.tr("The run cannot be resumed"), lambda: text)
 
 
 def _product_file(name: str | None) -> Path | None:
-    """The file of a product by its own name."""
+    """The file of a product by the name in it."""
     for stem in library.names("products"):
         path = library.find("products", stem)
         try:

@@ -3,13 +3,16 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from PySide6.QtCore import QObject
 
 from calstation.config.request import RunRequest
-from calstation.config.summary import RunSummary
+from calstation.config.resolved import ManualRigError
+from calstation.config.summary import RunSummary, compatible_products
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.shell.context import AppContext
+from calstation.gui.text.messages import say
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.results.history import History
 
@@ -17,9 +20,9 @@ Go = Callable[[], None]
 
 
 class Starting(QObject):
-    """Everything between the scanner's Enter and the engine's first word.
+    """Everything between the scanner's Enter and the start of the engine.
 
-    `outline` is what the next run would be, None while station and product cannot run.
+    `run_summary` : of the next run; None while station and product cannot run.
     """
 
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
@@ -31,12 +34,12 @@ class Starting(QObject):
         header.start_pressed.connect(self.start)
 
     def history(self) -> History | None:
-        """What was run before; None in a place without runs."""
+        """The history of earlier runs; None if there are none."""
         folder = self._app.runs_folder
         return History(folder) if folder.is_dir() else None
 
     def suggest(self) -> None:
-        """On the virtual bench, fill an empty field with a number that has not passed yet."""
+        """On the virtual bench, fill in a number that has not passed yet, if the field is empty."""
         if self.run_summary is not None and self.run_summary.virtual and not self._header.serial:
             history = self.history()
 
@@ -46,7 +49,7 @@ class Starting(QObject):
             self._header.set_serial(suggested_serial(self.run_summary, passed))
 
     def check(self) -> bool:
-        """Check the number; a good one moves the focus to START, which is a separate press."""
+        """Check the serial number; a valid one moves the focus to START, which only a separate press activates."""
         header = self._header
         if self.run_summary is None:
             return False
@@ -62,14 +65,14 @@ class Starting(QObject):
         return True
 
     def start(self) -> None:
-        """START was pressed: check, ask what must be asked, run."""
+        """Check, ask what must be asked, then run."""
         if self._app.engine_link.running or not self.check() or self.run_summary is None:
             return
         if self._app.job_queue.at_device:
             self._notice.ask(
                 "caution",
                 lambda: self.tr("Another page is talking to a device"),
-                lambda: self.tr("It takes some seconds; press START again then."),
+                lambda: self.tr("It takes a few seconds; then press START again."),
             )
             return
         serial = self._header.serial
@@ -97,14 +100,14 @@ class Starting(QObject):
         self.run(request)
 
     def run(self, request: RunRequest) -> None:
-        """Run it; a real table is asked for first."""
+        """Start a run; before a real table moves, ask."""
         if self.run_summary is not None and self.run_summary.virtual:
             self._app.engine_link.start(request)
         else:
             self._ask_motion(lambda: self._app.engine_link.start(request))
 
     def ask_transfer(self, request: RunRequest) -> None:
-        """Writing the unit's registers was interrupted earlier: the run goes on once it is known what they shall be."""
+        """Ask which registers the unit shall have after an interrupted transfer, then run."""
         self._notice.ask(
             "caution",
             lambda: self.tr("Writing the registers of {serial} was interrupted").format(
@@ -112,11 +115,11 @@ class Starting(QObject):
             ),
             lambda: (
                 self.tr(
-                    "Which registers is the unit to have before it is calibrated? New ones are proved first, with a "
+                    "Which registers shall the unit have before it is calibrated? New ones are verified first with a "
                     "turn of the table."
                 )
                 if self.run_summary is not None and not self.run_summary.by_hand
-                else self.tr("Which registers is the unit to have before it is calibrated?")
+                else self.tr("Which registers shall the unit have before it is calibrated?")
             ),
             [
                 Choice(
@@ -165,7 +168,7 @@ class Starting(QObject):
         )
 
     def _ask_beyond(self, serial: str, failures: int, request: RunRequest) -> None:
-        """A unit that has failed too often is the engineer's matter."""
+        """Ask for an engineer after too many failed attempts."""
         engineer = self._app.role.engineer
         allow = Choice(
             "beyond_choice",
@@ -192,7 +195,7 @@ class Starting(QObject):
         self._notice.ask(
             "caution",
             lambda: self.tr("The table of '{station}' is going to move").format(station=station),
-            lambda: self.tr("Is everybody clear of it, and the unit tight?"),
+            lambda: self.tr("Is everyone clear of the table and the unit secured?"),
             [Choice("clear_choice", lambda: self.tr("All clear, start"), go), self._cancel()],
         )
 
@@ -200,11 +203,21 @@ class Starting(QObject):
         return Choice("cancel_choice", lambda: self.tr("Cancel"), self._header.focus_serial, primary=True)
 
 
+#: Most compatible products that get a button; all are named.
+_BUTTONS = 2
+
+#: Serial numbers tried.
 _TRIED = 1000
 
 
 def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> str:
-    """SN-000001 and so on where the bench takes any number, its own where its file names one; "" for hardware."""
+    """A serial number for the virtual bench that has not passed yet; "" for hardware.
+
+    Parameters
+    ----------
+    run_summary : of the next run
+    passed : tells whether a number has passed before
+    """
     if run_summary.bench is None:
         return ""
     own = run_summary.bench.get("serial")
@@ -217,3 +230,30 @@ def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> 
         if not passed(serial):
             return serial
     return ""
+
+
+class CompatibilityNotice:
+    """Texts and choices for a product that needs the other kind of table."""
+
+    def __init__(self, app: AppContext, error: ManualRigError) -> None:
+        self._app, self._error = app, error
+        self._found = compatible_products(app.station_path, app.product_path)
+
+    def words(self) -> str:
+        """What is incompatible, and what is compatible."""
+        why = say("window.manual_station" if self._error.by_hand else "window.driven_station")
+        if not self._found:
+            return f"{why} {say('window.no_compatible_product')}"
+        names = ", ".join(name for name, _ in self._found)
+        return f"{why} {say('window.compatible_products', names=names)}"
+
+    def choices(self) -> list[Choice]:
+        """Buttons that choose a compatible product."""
+        return [
+            Choice(
+                f"product_choice_{name}",
+                partial(say, "window.choose_product", name=name),
+                partial(self._app.set_product, path),
+            )
+            for name, path in self._found[:_BUTTONS]
+        ]

@@ -1,4 +1,4 @@
-"""The verdict: one word that fills the eye, its shape, the reason, what to do next, and the numbers that matter."""
+"""The verdict of a run: one large word with its shape, the reason, what to do next, and the values that matter."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,23 +21,25 @@ from calstation.connection.link_test import LinkTestRequest
 from calstation.gui.operator import advice
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.reset_bar import ResetBar
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.text.messages import KINDS, duration_text, event_sentence, fault_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
+from calstation.results.result import Result
 from calstation.sequencer.events import Fault, Verdict
 
-#: Least height of the block that holds the word, px.
+#: Least height of the head, px.
 _HEAD = 12 * theme.GRID
 
-#: Most height of a row of figures, px; they move together where room is scarce.
+#: Most height of a row of figures, px.
 _ROW = 4 * theme.GRID
 
-#: Height of the shape beside the word, in that of the block; the word is a little smaller.
+#: Height of the shape in the head, as a fraction of the head.
 _SHAPE = 0.6
 
 
 class _Head(QWidget):
-    """The word and its shape on the state's colour."""
+    """The word and its shape on the colour of the state."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -54,22 +56,22 @@ class _Head(QWidget):
         """Show the word of a state."""
         self._kind = KINDS.get(state, "none")
         self.word.setText(term("badge", state) if state else "")
-        self.dress()
+        self.set_colours()
 
-    def dress(self) -> None:
-        """Take the theme's colours."""
+    def set_colours(self) -> None:
+        """Take the colours of the theme."""
         self.word.setStyleSheet(f"color: {theme.colours().on_state};")
         self.update()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """The word is as large as the room allows, and never smaller than a verdict."""
+        """Make the word as large as there is room."""
         super().resizeEvent(event)
         size = min(0.55 * self.height(), self.width() / 9.0)
         self.word.setFont(theme.font(max(theme.VERDICT, round(size)), bold=True))
         self.word.setContentsMargins(round(self.height()), 0, 0, 0)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Fill and shape."""
+        """Draw background and shape."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setPen(Qt.PenStyle.NoPen)
@@ -84,7 +86,8 @@ class _Head(QWidget):
 class VerdictPanel(QFrame):
     """Takes the place of the plots when a run has ended.
 
-    `details_wanted(path)` carries the result's file; `acknowledged()` unlatches a fault.
+    `details_wanted(path)` : with the result file; `acknowledged()` : clears a fault; `station_wanted()` : open the
+    station page.
     """
 
     details_wanted = Signal(object)
@@ -97,52 +100,56 @@ class VerdictPanel(QFrame):
         self.setProperty("kind", "panel")
         self._state = ""
         self._verdict: Verdict | None = None
+        self._result: Result | None = None
         self._fault: Fault | None = None
         self._remarks: tuple[tuple[str, Mapping[str, Any]], ...] = ()
         self._head = _Head()
-        self.verdict_label = self._head.word
-        self._place, self.reason_label, self.action_label = QLabel(), QLabel(), QLabel()
+        self._source, self.reason_label, self.action_label = QLabel(), QLabel(), QLabel()
         self._facts, self._notes = QLabel(), QLabel()
         self.reset = ResetBar(app, self._order, "verdict_reset_button")
-        for label in (self._place, self.reason_label, self.action_label, self._facts, self._notes):
-            label.setWordWrap(True)
-        self._place.setProperty("kind", "muted")
-        self._facts.setProperty("kind", "muted")
-        self.reason_label.setFont(theme.font(theme.SECTION))
-        self.action_label.setFont(theme.font(theme.SECTION, bold=True))
-        self.details_button, self.acknowledge_button, self._station_button = (
-            QPushButton(),
-            QPushButton(),
-            QPushButton(),
-        )
-        self.details_button.setObjectName("details_button")
-        self.acknowledge_button.setObjectName("acknowledge_button")
-        self.acknowledge_button.setProperty("kind", "primary")
+        self.details_button, self.acknowledge_button = QPushButton(), QPushButton()
+        self._station_button = QPushButton()
+        self._figures_box = QWidget()
+        self._figures = QGridLayout(self._figures_box)
+        self._build()
+        bind(self.acknowledge_button, lambda: self.tr("Understood"))
+        bind(self.details_button, lambda: self.tr("Details"))
+        bind(self._station_button, lambda: self.tr("Open the station page"))
         self.details_button.clicked.connect(self._details)
         self.acknowledge_button.clicked.connect(self.acknowledged)
         self._station_button.clicked.connect(self.station_wanted)
+        on_language_change(self, self._refresh)
+
+    def _build(self) -> None:
+        texts = (self._source, self.reason_label, self.action_label, self.reset, self._facts, self._notes)
+        column = QVBoxLayout()
+        column.setSpacing(theme.GRID)
+        for widget in texts:
+            if isinstance(widget, QLabel):
+                widget.setWordWrap(True)
+            column.addWidget(widget)
+        self._source.setProperty("kind", "muted")
+        self._facts.setProperty("kind", "muted")
+        self.reason_label.setFont(theme.font(theme.SECTION))
+        self.action_label.setFont(theme.font(theme.SECTION, bold=True))
+        self.details_button.setObjectName("details_button")
+        self.acknowledge_button.setObjectName("acknowledge_button")
+        self.acknowledge_button.setProperty("kind", "primary")
         buttons = QHBoxLayout()
         for button in (self.acknowledge_button, self.details_button, self._station_button):
             buttons.addWidget(button)
         buttons.addStretch(1)
-        words = QVBoxLayout()
-        words.setSpacing(theme.GRID)
-        labels = (self._place, self.reason_label, self.action_label, self.reset, self._facts, self._notes)
-        for widget in labels:
-            words.addWidget(widget)
-        words.addStretch(1)
-        words.addLayout(buttons)
-        self._table = QWidget()
-        self._figures = QGridLayout(self._table)
+        column.addStretch(1)
+        column.addLayout(buttons)
         self._figures.setContentsMargins(0, 0, 0, 0)
         self._figures.setHorizontalSpacing(2 * theme.GRID)
         self._figures.setVerticalSpacing(theme.GRID // 4)
         right = QVBoxLayout()
-        right.addWidget(self._table, 1)
+        right.addWidget(self._figures_box, 1)
         right.addStretch()
         body = QHBoxLayout()
         body.setSpacing(3 * theme.GRID)
-        body.addLayout(words, 1)
+        body.addLayout(column, 1)
         body.addLayout(right)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
@@ -157,104 +164,104 @@ class VerdictPanel(QFrame):
         fault: Fault | None,
         remarks: Sequence[tuple[str, Mapping[str, Any]]],
     ) -> None:
-        """Show how a run ended; `remarks` are messages that still matter."""
+        """Show how a run ended.
+
+        Parameters
+        ----------
+        state : outcome of the run
+        verdict : None if it ended without a result
+        fault : None if it ended without a fault
+        remarks : ids and values of messages that still matter
+        """
         if fault is not self._fault:
             self.reset.forget()
             self.reset.offer(fault is not None and fault_text(fault).resettable)
+        if verdict is not self._verdict:
+            self._result = None if verdict is None else Result.from_json(verdict.result)
         self._state, self._verdict, self._fault, self._remarks = state, verdict, fault, tuple(remarks)
-        self.retranslate()
+        self._refresh()
 
     def next_action(self) -> str:
-        """What to do now, in the language in force."""
+        """What to do now, in the current language."""
         if self._fault is not None:
             return fault_text(self._fault).remedy
-        result = self._verdict.result if self._verdict is not None else {}
-        return advice.next_action(self._state, result)
+        return advice.next_action(self._state, self._result)
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._head.show_state(self._state)
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the theme."""
+        if event.type() == QEvent.Type.PaletteChange:
+            self._head.set_colours()
+        super().changeEvent(event)
+
+    def _refresh(self) -> None:
         fault = self._fault
-        self._place.setVisible(fault is not None)
+        self._head.show_state(self._state)
+        self._source.setVisible(fault is not None)
         self.acknowledge_button.setVisible(fault is not None)
         self.details_button.setVisible(self._verdict is not None)
         self._station_button.setVisible(False)
-        self.acknowledge_button.setText(self.tr("Understood"))
-        self.details_button.setText(self.tr("Details"))
-        self._station_button.setText(self.tr("Open the station page"))
         if fault is not None:
-            words = fault_text(fault)
-            self._place.setText(self.tr("Where: {place}").format(place=words.place))
-            self.reason_label.setText(words.reason)
-            self._station_button.setVisible(words.source == "configuration")
+            text = fault_text(fault)
+            self._source.setText(self.tr("Where: {place}").format(place=text.place))
+            self.reason_label.setText(text.reason)
+            self._station_button.setVisible(text.source == "configuration")
         else:
-            result = self._verdict.result if self._verdict is not None else {}
-            self.reason_label.setText(advice.reason(self._state, result))
+            self.reason_label.setText(advice.reason(self._state, self._result))
         self.action_label.setText(self.next_action())
         self.action_label.setVisible(bool(self.action_label.text()))
         self._notes.setText("\n".join(dict.fromkeys(event_sentence(*remark) for remark in self._remarks)))
         self._notes.setVisible(bool(self._remarks))
-        self._say_facts()
+        self._facts.setText("  ·  ".join(self._fact_texts()))
+        self._facts.setVisible(self._result is not None)
         self._fill_figures()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language or theme."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        elif event.type() == QEvent.Type.PaletteChange:
-            self._head.dress()
-        super().changeEvent(event)
-
     def _order(self) -> LinkTestRequest | None:
-        """The table of the run that ended so. Raises ConfigurationError where its file cannot be read any more."""
+        """The table of the last run. Raises ConfigurationError if its file cannot be read any more."""
         request = self._app.engine_link.request
         return None if request is None else LinkTestRequest(load_station(request.station)[1], request.product)
 
-    def _say_facts(self) -> None:
-        self._facts.setVisible(self._verdict is not None)
-        if self._verdict is None:
-            return
-        result = self._verdict.result
+    def _fact_texts(self) -> list[str]:
+        result = self._result
+        if result is None:
+            return []
         facts = [
-            str(result["unit"]["serial"]),
-            self.tr("attempt {count}").format(count=result["attempt"]),
-            self.tr("{time} of table time").format(time=duration_text(result["duration_s"])),
+            result.serial,
+            self.tr("attempt {count}").format(count=result.attempt),
+            self.tr("{time} of table time").format(time=duration_text(result.duration_s)),
         ]
-        registers = result.get("registers")
-        if registers and registers.get("verified"):
+        if result.registers is not None and result.registers.verified:
             facts.append(
-                self.tr("registers written and read back, their effect not seen")
-                if registers.get("proved_on") == "read_back"
+                self.tr("registers written and read back, effect not verified")
+                if result.registers.proved_on == "read_back"
                 else self.tr("registers written and verified")
             )
-        self._facts.setText("  ·  ".join(facts))
+        return facts
 
     def _fill_figures(self) -> None:
         while (item := self._figures.takeAt(0)) is not None:
             widget = item.widget()
             if widget is not None:
                 widget.deleteLater()
-        if self._verdict is None or self._fault is not None:
-            return
-        rows = advice.figures(self._verdict.result)
+        rows = advice.figures(self._result) if self._result is not None and self._fault is None else []
         if not rows:
             return
         headings = (
-            "",
             self.tr("nearest to its limit"),
             self.tr("value"),
             self.tr("sigma"),
             self.tr("limit"),
             self.tr("unit"),
         )
-        for column, heading in enumerate(headings):
+        for column, heading in enumerate(headings, start=1):
             self._cell(0, column, heading, muted=True)
         for number, row in enumerate(rows, start=1):
-            self._figures.addWidget(_mark(row), number, 0)
-            meant = 3 if row.by_sigma else 2
+            icon = StateIcon(18)
+            icon.set_kind("bad" if not row.passed else "caution" if row.near else "good")
+            self._figures.addWidget(icon, number, 0)
+            decisive = 3 if row.by_sigma else 2
             for column, text in enumerate((row.name, row.value, row.sigma, row.limit, row.unit), start=1):
-                self._cell(number, column, text, bold=column == meant)
-        self._table.setMaximumHeight(_ROW * (len(rows) + 1))
+                self._cell(number, column, text, bold=column == decisive)
+        self._figures_box.setMaximumHeight(_ROW * (len(rows) + 1))
 
     def _cell(self, row: int, column: int, text: str, *, muted: bool = False, bold: bool = False) -> None:
         label = QLabel(text)
@@ -268,9 +275,3 @@ class VerdictPanel(QFrame):
     def _details(self) -> None:
         if self._verdict is not None:
             self.details_wanted.emit(Path(self._verdict.result_file))
-
-
-def _mark(row: advice.Figure) -> QWidget:
-    icon = StateIcon(18)
-    icon.set_kind("bad" if not row.passed else "caution" if row.near else "good")
-    return icon

@@ -124,7 +124,7 @@
     <name>OperatorPage</name>
     <message>
         <source>Operator</source>
-        <extracomment>Of the progress bar.</extracomment>
+        <extracomment>Steps of the progress bar.</extracomment>
         <translation>操作员</translation>
     </message>
     <message>
@@ -168,20 +168,32 @@
         <translation>正在写寄存器</translation>
     </message>
     <message>
-        <source>A calibration is going on</source>
+        <source>A calibration is in progress</source>
         <translation>正在标定</translation>
     </message>
     <message>
-        <source>Closing stops the table safely; a write in hand is brought to its end first.</source>
+        <source>Closing stops the table safely; a write in progress is completed first.</source>
         <translation>关闭会让转台安全停下；正在写入的寄存器会先写完。</translation>
     </message>
     <message>
-        <source>Closing stops the table safely; the run can be continued later.</source>
+        <source>Closing stops the table safely; the run can be resumed later.</source>
         <translation>关闭会让转台安全停下，以后可以接着做。</translation>
+    </message>
+    <message>
+        <source>Paused. Resume repeats the current position.</source>
+        <translation>已暂停。继续后重新做当前位置。</translation>
+    </message>
+    <message>
+        <source>Paused; the table is at rest. Resume repeats the current step.</source>
+        <translation>已暂停，转台静止。继续时会重做当前这一步。</translation>
     </message>
     <message>
         <source>Stop and close</source>
         <translation>停止并关闭</translation>
+    </message>
+    <message>
+        <source>Continue</source>
+        <translation>继续</translation>
     </message>
     <message>
         <source>Read the fault and press Understood first.</source>
@@ -192,10 +204,6 @@
         <translation>转台正在停稳。</translation>
     </message>
     <message>
-        <source>The run can be paused once its first stage has begun.</source>
-        <translation>第一个阶段开始以后才能暂停。</translation>
-    </message>
-    <message>
         <source>The run is stopping.</source>
         <translation>正在停止。</translation>
     </message>
@@ -204,20 +212,20 @@
         <translation>没有在标定。</translation>
     </message>
     <message>
-        <source>Go on</source>
-        <translation>继续</translation>
-    </message>
-    <message>
         <source>Registers are being written.</source>
         <translation>正在写寄存器。</translation>
     </message>
     <message>
+        <source>The run can be paused once its first stage has started.</source>
+        <translation>第一个阶段开始以后才能暂停。</translation>
+    </message>
+    <message>
         <source>Load a unit, scan its serial number, press START.</source>
-        <translation>装上产品，扫描编号，按“开始全参数标定”。</translation>
+        <translation>装上产品，扫描序列号，按“开始全参数标定”。</translation>
     </message>
     <message>
         <source>Starting the engine and connecting.</source>
-        <translation>正在启动引擎并连接设备。</translation>
+        <translation>正在启动标定程序并连接设备。</translation>
     </message>
     <message>
         <source>Stopping.</source>
@@ -226,14 +234,6 @@
     <message>
         <source>Stopping safely: the table comes to rest, then its axes are switched off.</source>
         <translation>正在安全停止：转台先停稳，再断开轴使能。</translation>
-    </message>
-    <message>
-        <source>Paused. Resume asks for the position in hand again.</source>
-        <translation>已暂停。继续后重新做当前位置。</translation>
-    </message>
-    <message>
-        <source>Paused; the table is at rest. Resume repeats the step in hand.</source>
-        <translation>已暂停，转台静止。继续时会重做当前这一步。</translation>
     </message>
 </context>
 <context>
@@ -349,7 +349,7 @@
     </message>
     <message>
         <source>The table and the unit are identified.</source>
-        <translation type="unfinished"></translation>
+        <translation>识别转台和产品。</translation>
     </message>
     <message>
         <source>Gravity and two small turns show whether the unit is mounted correctly.</source>
@@ -403,19 +403,19 @@
 <context>
     <name>Resuming</name>
     <message>
-        <source>This run has no finished stage to continue after, or has ended since.</source>
-        <translation>这次标定没有已完成的阶段可以接着做，或者已经结束。</translation>
-    </message>
-    <message>
         <source>{serial} was interrupted in stage {number}, {stage}</source>
         <translation>{serial} 在第 {number} 阶段（{stage}）中断</translation>
     </message>
     <message>
-        <source>Begun {when} UTC. Is this unit still in the fixture, untouched?</source>
+        <source>This run has no completed stage to resume after, or has ended since.</source>
+        <translation>这次标定没有已完成的阶段可以接着做，或者已经结束。</translation>
+    </message>
+    <message>
+        <source>Started {when} UTC. Is this unit still in the fixture, untouched?</source>
         <translation>开始于 {when} UTC。这个产品还在夹具上，没有动过吗？</translation>
     </message>
     <message>
-        <source>Continue at stage {number}</source>
+        <source>Resume at stage {number}</source>
         <translation>从第 {number} 阶段继续</translation>
     </message>
     <message>
@@ -427,7 +427,7 @@
         <translation>以后再说</translation>
     </message>
     <message>
-        <source>The run cannot be continued</source>
+        <source>The run cannot be resumed</source>
         <translation>这次标定无法继续</translation>
     </message>
 </context>
@@ -514,7 +514,7 @@
     </message>
     <message>
         <source>Times of a real table; the virtual bench is much faster.</source>
-        <translation>这是真实转台的时间，虚拟台快得多。</translation>
+        <translation>这是真实转台的时间，虚拟台架快得多。</translation>
     </message>
 </context>
 <context>
@@ -528,19 +528,19 @@
         <translation>另一页面正在与设备通信</translation>
     </message>
     <message>
-        <source>It takes some seconds; press START again then.</source>
-        <translation>需要几秒钟，完成后请再按一次开始。</translation>
-    </message>
-    <message>
         <source>Writing the registers of {serial} was interrupted</source>
         <translation>向 {serial} 写寄存器时中断</translation>
     </message>
     <message>
-        <source>Which registers is the unit to have before it is calibrated? New ones are proved first, with a turn of the table.</source>
+        <source>It takes a few seconds; then press START again.</source>
+        <translation>需要几秒钟，完成后请再按一次“开始全参数标定”。</translation>
+    </message>
+    <message>
+        <source>Which registers shall the unit have before it is calibrated? New ones are verified first with a turn of the table.</source>
         <translation>标定之前，产品里应当是哪一组寄存器？新的一组会先用转台转动来验证。</translation>
     </message>
     <message>
-        <source>Which registers is the unit to have before it is calibrated?</source>
+        <source>Which registers shall the unit have before it is calibrated?</source>
         <translation>标定之前，产品里应当是哪一组寄存器？</translation>
     </message>
     <message>
@@ -557,15 +557,15 @@
     </message>
     <message>
         <source>The serial number &apos;{serial}&apos; does not fit this product</source>
-        <translation>编号“{serial}”不符合这个产品</translation>
+        <translation>序列号“{serial}”不符合这个产品</translation>
     </message>
     <message>
         <source>The serial number is missing</source>
-        <translation>缺少编号</translation>
+        <translation>缺少序列号</translation>
     </message>
     <message>
         <source>Scan it again, or choose the product that belongs to the unit. Its pattern is {pattern}</source>
-        <translation>请重新扫描，或选择与产品对应的型号。编号规则是 {pattern}</translation>
+        <translation>请重新扫描，或选择与产品对应的型号。序列号规则是 {pattern}</translation>
     </message>
     <message>
         <source>{serial} has already passed</source>
@@ -608,8 +608,8 @@
         <translation>“{station}”的转台即将转动</translation>
     </message>
     <message>
-        <source>Is everybody clear of it, and the unit tight?</source>
-        <translation>人都离开了吗？产品固定牢了吗？</translation>
+        <source>Is everyone clear of the table and the unit secured?</source>
+        <translation>人员都已离开转台了吗？产品固定牢了吗？</translation>
     </message>
     <message>
         <source>All clear, start</source>
@@ -684,7 +684,7 @@
     <name>VerdictPanel</name>
     <message>
         <source>Understood</source>
-        <extracomment>Least height of the block that holds the word, px. Most height of a row of figures, px; they move together where room is scarce. Height of the shape beside the word, in that of the block; the word is a little smaller.</extracomment>
+        <extracomment>Least height of the head, px. Most height of a row of figures, px. Height of the shape in the head, as a fraction of the head.</extracomment>
         <translation>知道了</translation>
     </message>
     <message>
@@ -708,7 +708,7 @@
         <translation>转台时间 {time}</translation>
     </message>
     <message>
-        <source>registers written and read back, their effect not seen</source>
+        <source>registers written and read back, effect not verified</source>
         <translation>寄存器已写入并回读一致，效果未能核对</translation>
     </message>
     <message>
@@ -734,30 +734,6 @@
     <message>
         <source>unit</source>
         <translation>单位</translation>
-    </message>
-</context>
-<context>
-    <name>misfit</name>
-    <message>
-        <source>At this station the rails are turned by hand; what is chosen needs a driven table.</source>
-        <extracomment>Most products that get a button; all are named.</extracomment>
-        <translation>本工位的导轨靠手转动，所选的标定需要电动转台。</translation>
-    </message>
-    <message>
-        <source>The table of this station is driven; what is chosen is turned by hand.</source>
-        <translation>本工位的转台是电动的，所选的标定要靠手转动。</translation>
-    </message>
-    <message>
-        <source>No product fits here: choose another station.</source>
-        <translation>没有适合本工位的产品：请另选工位。</translation>
-    </message>
-    <message>
-        <source>Products that fit here: {names}.</source>
-        <translation>适合本工位的产品：{names}。</translation>
-    </message>
-    <message>
-        <source>Choose {name}</source>
-        <translation>选用 {name}</translation>
     </message>
 </context>
 </TS>
