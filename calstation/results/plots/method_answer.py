@@ -23,7 +23,7 @@ from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
 from calstation.results.plots.positions import PositionPlotData, position_plot_data
 from calstation.results.resolve import Resolved, resolve
-from calstation.results.result import Result
+from calstation.results.result import Parameter, Result
 from calstation.schema import validate
 from procedures import method
 
@@ -65,10 +65,9 @@ class MethodAnswer:
     picture: PositionPlotData | GimbalPlotData | PairPlotData
 
     @property
-    def parameters(self) -> Mapping[str, Any]:
-        """The result's parameters, as the result JSON holds them."""
-        found: Mapping[str, Any] = self.resolved.result_json["parameters"]
-        return found
+    def parameters(self) -> Mapping[str, Parameter]:
+        """The parameters of the result."""
+        return self.resolved.result.parameters
 
 
 def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAnswer:
@@ -103,12 +102,12 @@ def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAns
     )
 
 
-def found_vector(meta: LogMeta, parameters: Mapping[str, Any]) -> FloatArray:
+def found_vector(meta: LogMeta, parameters: Mapping[str, Parameter]) -> FloatArray:
     """All 30 parameters, SI: those found, and the others as they were before, shape (30,)."""
     values = prior_from_meta(meta).mean.copy()
     for name, row in parameters.items():
         if name in INDEX:
-            values[INDEX[name]] = row["value"]
+            values[INDEX[name]] = row.value
     return values
 
 
@@ -122,7 +121,7 @@ def _picture(
     data = data_of(log, stage)
     if stage == "cross_calibration":
         return pair_plot_data(data, context, prior_from_meta(log.meta), details)
-    found = found_vector(log.meta, {name: row.model_dump() for name, row in result.parameters.items()})
+    found = found_vector(log.meta, result.parameters)
     return position_plot_data(data, context, prior_from_meta(log.meta).mean, found, log.meta.product)
 
 

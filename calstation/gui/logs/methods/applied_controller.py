@@ -86,7 +86,7 @@ class AppliedController(QObject):
         assert answer is not None
         before = np.array([answer.before[name][0] for name in NAMES])
         rows = answer.parameters
-        found = [rows[name]["value"] if name in rows else before[k] for k, name in enumerate(NAMES)]
+        found = [rows[name].value if name in rows else before[k] for k, name in enumerate(NAMES)]
         return before, np.array(found)
 
     def _allow(self) -> None:

@@ -298,9 +298,9 @@ class PairLeftView(QWidget):
         for name, row in rows:
             if row is None:
                 return "–"
-            value, unit = display(name, row["value"])
+            value, unit = display(name, row.value)
             texts.append(three_digits(value))
             if len(rows) == 1:
-                sigma = display(name, row["sigma"])[0]
+                sigma = display(name, row.sigma)[0]
                 texts[-1] = f"{number(value, sigma)} ± {number(sigma, sigma)}".replace("-", "−")
         return f"{', '.join(texts)} {unit}"
