@@ -1,4 +1,4 @@
-"""The engineer's PIN: kept as a salted hash in the site's folder, asked for before what changes results is enabled."""
+"""The engineer's PIN, required for whatever changes results; its salted hash is in the site's folder."""
 
 import hashlib
 import hmac
@@ -12,6 +12,7 @@ from pydantic import Field
 
 from calstation.config import library
 from calstation.errors import ConfigurationError
+from calstation.messages.rendering import os_reason
 from calstation.records.atomic import write_atomic
 from calstation.schema import StrictModel, validate
 
@@ -21,15 +22,15 @@ SHORTEST = 4
 #: Wrong PINs before the first delay.
 _FREE_FAILURES = 2
 
-#: s; the delays double from one second up to here.
+#: Longest delay, s; delays double from one second.
 _LONGEST_DELAY = 300.0
 
-#: Work of scrypt (RFC 7914): 8 MiB and some 20 ms, which a window may spend on a key stroke.
+#: Cost of scrypt (RFC 7914): 8 MiB and about 20 ms.
 _N, _R, _P = 2**13, 8, 1
 
 
 class _Stored(StrictModel):
-    """The file: hash with its salt and work, wrong PINs since the last right one, when the last of them came."""
+    """The file: the hash with its salt and cost, and the number and time of wrong PINs since the last right one."""
 
     salt: str = Field(pattern="^[0-9a-f]{32}$")
     hash: str = Field(pattern="^[0-9a-f]{64}$")
@@ -41,32 +42,25 @@ class _Stored(StrictModel):
 
 
 def has_pin() -> bool:
-    """Whether a PIN has been set; without one the engineer's role is open to whoever sets the first."""
+    """Whether a PIN has been set. The first user sets the PIN."""
     return _file().exists()
 
 
 def set_pin(old: str, new: str) -> None:
-    """Set a new PIN; `old` counts only where there is one.
-
-    Raises ConfigurationError where `old` is wrong or must wait, `new` is too short or cannot be stored.
-    """
+    """Set a new PIN; `old` is ignored without a present one. Raises ConfigurationError."""
     if len(new) < SHORTEST:
-        raise ConfigurationError(f"PIN: too short; give at least {SHORTEST} characters")
+        raise ConfigurationError("access.pin_too_short", shortest=SHORTEST)
     if has_pin() and not check(old):
         seconds = wait()
-        raise ConfigurationError(
-            "PIN: the old one is wrong"
-            + (f"; wait {seconds:.0f} s and try again" if seconds else "; try again")
-        )
+        if seconds:
+            raise ConfigurationError("access.wrong_pin_wait", seconds=seconds)
+        raise ConfigurationError("access.wrong_pin")
     salt = os.urandom(16)
     _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P))
 
 
 def check(pin: str) -> bool:
-    """Whether `pin` is the engineer's. A wrong one counts; while `wait` lasts none is right.
-
-    Raises ConfigurationError where the stored PIN cannot be read.
-    """
+    """Whether `pin` is right; no PIN is accepted during the delay after wrong ones. Raises ConfigurationError."""
     if not has_pin():
         return False
     stored = _load()
@@ -82,7 +76,7 @@ def check(pin: str) -> bool:
 
 
 def wait() -> float:
-    """Seconds until the next PIN may be tried, 0 where at once. Outlives the program."""
+    """Seconds until the next PIN may be tried; the delay outlives the program."""
     return _wait(_load()) if has_pin() else 0.0
 
 
@@ -91,7 +85,7 @@ def _wait(stored: _Stored) -> float:
         return 0.0
     delay = min(2.0 ** min(stored.failures - _FREE_FAILURES - 1, 30), _LONGEST_DELAY)
     left = stored.failed_at + delay - time.time()
-    return min(max(0.0, left), delay)  # a clock that was put back costs one delay, not a day
+    return min(max(0.0, left), delay)  # a clock that was set back costs one delay only
 
 
 def _hash(pin: str, salt: bytes, n: int, r: int, p: int) -> bytes:
@@ -107,7 +101,7 @@ def _load() -> _Stored:
     try:
         data: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as exc:
-        raise ConfigurationError(f"{path}: cannot be read ({exc}); remove it to set a new PIN") from exc
+        raise ConfigurationError("access.pin_unreadable", file=path, detail=str(exc)) from exc
     return validate(_Stored, data, path)
 
 
@@ -117,6 +111,4 @@ def _store(stored: _Stored) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(path, json.dumps(stored.model_dump()) + "\n", mode=0o600)
     except OSError as exc:
-        raise ConfigurationError(
-            f"{path}: cannot be written ({exc.strerror or exc}); make the site's folder writable"
-        ) from exc
+        raise ConfigurationError("configuration.unwritable", file=path, reason=os_reason(exc)) from exc

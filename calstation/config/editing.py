@@ -1,9 +1,9 @@
-"""The files that a site edits: listed, checked as typed, changed without losing their comments."""
+"""Editing of a site's files: listing, checking a text as it is typed, changing values without losing comments."""
 
 import re
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,20 +13,20 @@ from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.items import AbstractTable, AoT, Table
 
 from calstation.config import library
-from calstation.config.register_limits import check_register_limits
+from calstation.config.product_rules import register_conflicts, unknown_targets
 from calstation.config.station import ProductConfig, StationConfig, schedule_values
 from calstation.devices.profiles.frame import FrameSection
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.devices.profiles.table import TableProfile
 from calstation.errors import ConfigurationError
-from calstation.schema import complaints, read_toml
-from calstation.sequencer.stop_rule import named
+from calstation.messages.rendering import Text, os_reason, sentence
+from calstation.schema import EntryError, complaints, field_name, read_toml
 from procedures import method
 
 #: Keys and element numbers that lead to a value, as in pydantic's ``loc``.
 KeyPath = tuple[str | int, ...]
 
-#: Kind of file to its model.
+#: Model of each kind of file.
 MODELS: dict[str, type[BaseModel]] = {
     "stations": StationConfig,
     "tables": TableProfile,
@@ -34,47 +34,64 @@ MODELS: dict[str, type[BaseModel]] = {
     "products": ProductConfig,
 }
 
-#: Put in place of a value to find its line; a private character that no file has.
-_MARKER = "\ue000"
-
-#: What only files of a kind have, as patterns of a line's beginning.
-_MARKS = {
+#: Patterns of lines that only files of a kind have.
+_SIGNATURES = {
     "stations": (r"\[site\]",),
     "imus": (r"\[frame\]", r"\[stream\]", r"\[noise\]"),
     "products": (r"serial_pattern\s*=", r"\[limits"),
     "tables": (r"\[outer\]", r"\[inner\]", r"\[modbus\]", r"\[text\]", r"outer_axis\s*="),
 }
 
+#: Replaces a value to find its line; a private-use character that no file contains.
+_MARKER = "\ue000"
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
-#: How a rule over several values begins when it names the one to mend.
-_NAMED = re.compile(r"([a-z_]\w*(?:\.[a-z_]\w*)+)( is missing)?\b")
-_TOML_PLACE = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)")
+_TOML_POSITION = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)")
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong in a text.
+    """One error in a text.
 
     Attributes
     ----------
-    place : where; () where it is of the whole
-    kind : pydantic's, e.g. ``missing`` or ``greater_than``; ``toml`` where the text is no TOML, ``value_error`` for
-        everything that a sentence of our own says
-    text : what is wrong, with the mend, as the loader would say it
+    place : the entry; () for the whole text
+    kind : pydantic's, e.g. ``missing`` or ``greater_than``; ``toml`` for invalid TOML, ``value_error`` for other rules
+    what : the message without the name of the entry
     line : from 1
-    values : what the sentence is made of, for who says it in another language
     """
 
     place: KeyPath
     kind: str
-    text: str
-    line: int
-    values: Mapping[str, Any] = field(default_factory=dict)
+    what: Text
+    line: int = 0
+
+    @classmethod
+    def of(cls, error: EntryError, *prefix: str | int) -> "Problem":
+        """The problem of a broken rule; `prefix` leads to where the rule was checked."""
+        what = Text(error.code, error.values) if error.code else Text.of("entry.other", words=str(error))
+        return cls((*prefix, *error.place), "value_error", what)
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """Values of the message, and the name of the entry as `field`."""
+        return {"field": field_name(self.place), **self.what.values}
+
+    @property
+    def as_text(self) -> Text:
+        """The message, preceded by the name of the entry."""
+        name = field_name(self.place)
+        return Text.of("entry.at", field=name, what=self.what) if name else self.what
+
+    @property
+    def text(self) -> str:
+        """The message in English, in one line."""
+        return sentence(self.as_text)
 
 
 @dataclass(frozen=True)
 class ConfigFile:
-    """A file of a kind: its name, where it is, whether it is the site's own or a shipped default."""
+    """A file of a kind; `shipped` for a default that the site has not replaced."""
 
     name: str
     path: Path
@@ -82,7 +99,7 @@ class ConfigFile:
 
 
 def list_files(kind: str) -> list[ConfigFile]:
-    """All files of a kind, sorted; a site's file hides the shipped one of its name."""
+    """All files of a kind, sorted; a site's file hides the shipped one of the same name."""
     return [
         ConfigFile(name, path, path.is_relative_to(library.shipped_folder()))
         for name, path in ((name, library.find(kind, name)) for name in library.names(kind))
@@ -90,47 +107,43 @@ def list_files(kind: str) -> list[ConfigFile]:
 
 
 def detect_kind(path: Path, text: str) -> str:
-    """What kind of file it is: by its folder where that is one of ours, else by the tables in it.
-
-    Raises ConfigurationError where neither tells.
-    """
-    if path.absolute().parent.name in MODELS:
-        return path.absolute().parent.name
-    for kind, marks in _MARKS.items():
-        if any(re.search(rf"^\s*{mark}", text, re.MULTILINE) for mark in marks):
+    """The kind of a file, by its folder or else by its tables. Raises ConfigurationError if neither tells."""
+    folder = path.absolute().parent.name
+    if folder in MODELS:
+        return folder
+    for kind, patterns in _SIGNATURES.items():
+        if any(re.search(rf"^\s*{pattern}", text, re.MULTILINE) for pattern in patterns):
             return kind
-    raise ConfigurationError(
-        f"{path}: is no station, table, IMU or product file; put it into a folder {', '.join(MODELS)} of its kind"
-    )
+    raise ConfigurationError("configuration.unknown_kind", file=path, kinds=list(MODELS))
 
 
 def check(kind: str, text: str) -> list[Problem]:
-    """All that is wrong with the text of a file, by the rules with which it is loaded; [] where it may be saved."""
+    """All errors in the text of a file, by the rules with which it is loaded; [] if it may be saved."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as exc:
-        found = _TOML_PLACE.search(str(exc))
+        found = _TOML_POSITION.search(str(exc))
         line = int(found[1]) if found and found[1] else text.count("\n") + 1
-        return [Problem((), "toml", f"not valid TOML: {_TOML_PLACE.sub('', str(exc)).strip()}", line)]
-    problems = check_data(kind, data)
-    return [Problem(p.place, p.kind, p.text, line_of(text, p.place), p.values) for p in problems]
+        detail = _TOML_POSITION.sub("", str(exc)).strip()
+        return [Problem((), "toml", Text.of("configuration.not_toml", detail=detail), line)]
+    return [replace(problem, line=line_of(text, problem.place)) for problem in check_data(kind, data)]
 
 
 def check_data(kind: str, data: Mapping[str, Any]) -> list[Problem]:
-    """What is wrong with the data of a file; as `check`, without lines."""
+    """All errors in the data of a file, without lines."""
     model = MODELS[kind]
     problems = _complaints((), model, data)
     if problems:
         return problems
     checked = model.model_validate(data)
     if isinstance(checked, StationConfig):
-        return _of_station(checked)
-    return _of_product(checked) if isinstance(checked, ProductConfig) else []
+        return _check_station(checked)
+    return _check_product(checked) if isinstance(checked, ProductConfig) else []
 
 
-def _of_station(station: StationConfig) -> list[Problem]:
-    """What its model cannot see: the table's profile, and the virtual bench's own settings."""
-    problems = _unknown_profile(("table", "profile"), "tables", station.table.profile)
+def _check_station(station: StationConfig) -> list[Problem]:
+    """Check the table's profile, and the settings of the virtual bench."""
+    problems = list(_unknown_profile("tables", station.table.profile, "table", "profile"))
     if station.bench is not None:
         from calstation.bench.config import BenchConfig
 
@@ -138,142 +151,48 @@ def _of_station(station: StationConfig) -> list[Problem]:
     return problems
 
 
-def _of_product(product: ProductConfig) -> list[Problem]:
-    """What its model cannot see: the IMU's profile, the stages and their schedules, the names of targets."""
-    problems = _unknown_profile(("imu",), "imus", product.imu)
+def _check_product(product: ProductConfig) -> list[Problem]:
+    """Check the IMU's profile, the stages and their schedules, the limits and the names of targets."""
+    problems = list(_unknown_profile("imus", product.imu, "imu"))
     if not product.limits:
-        text = "limits are missing; add [limits.NAME] before a unit is judged by it"
-        problems.append(Problem((), "missing", text, 0, {"field": "limits"}))
+        problems.append(Problem((), "missing", Text("product.no_limits")))
     if not problems:
-        problems += _no_room(product)
-    problems += _unknown_targets(("targets",), product.targets)
+        problems += map(Problem.of, _register_conflicts(product))
+    problems += map(Problem.of, unknown_targets(product.targets, "targets"))
     for stage in dict.fromkeys((*product.stages, *product.schedule)):
         place: KeyPath = ("schedule", stage) if stage in product.schedule else ("stages",)
         try:
             chosen = method(stage)
         except ConfigurationError as exc:
-            problems.append(Problem(place, "value_error", str(exc), 0))
+            what = exc.as_text if exc.code else Text.of("entry.other", words=str(exc))
+            problems.append(Problem(place, "value_error", what))
             continue
         values = schedule_values(product, stage, {})
         problems += _complaints(place, chosen.schedule, values)
         targets = values.get("targets")
-        if place[0] == "schedule" and isinstance(targets, dict) and targets != product.targets:
-            problems += _unknown_targets((*place, "targets"), targets)
+        if stage in product.schedule and isinstance(targets, dict) and targets != product.targets:
+            problems += map(Problem.of, unknown_targets(targets, "schedule", stage, "targets"))
     return problems
 
 
-def _no_room(product: ProductConfig) -> list[Problem]:
-    """Limits that the unit's registers do not hold; a profile that is wrong itself is told by its own file."""
+def _register_conflicts(product: ProductConfig) -> Iterator[EntryError]:
     try:
         profile = load_imu_profile(library.find("imus", product.imu))
     except ConfigurationError:
-        return []
-    return [
-        Problem(place, "value_error", f"{'.'.join(place)} {words}", 0)
-        for place, words in check_register_limits(product, profile)
-    ]
+        return  # the profile's own file shows the error
+    yield from register_conflicts(product, profile)
 
 
 def _complaints(place: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
     """What a model finds wrong with the data at `place`."""
-    prefix = "".join(f"{part}." for part in place)
-    found = []
-    for c in complaints(model, data):
-        named = _NAMED.match(str(c.values.get("error", "")))
-        where: KeyPath = (*place, *c.place)
-        if named and not place and not getattr(c.values.get("error"), "place", ()):
-            own = named[1].split(".")
-            where = (*(c.place[:-1] if c.place[-1:] == (own[0],) else c.place), *own)
-        kind = "missing" if named and named[2] else c.kind
-        found.append(Problem(where, kind, prefix + c.text, 0, c.values))
-    return found
+    return [Problem((*place, *c.place), c.kind, Text(c.code, c.values)) for c in complaints(model, data)]
 
 
-def _unknown_profile(place: KeyPath, kind: str, name: str) -> list[Problem]:
+def _unknown_profile(kind: str, name: str, *place: str) -> Iterator[Problem]:
     known = library.names(kind)
-    if name in known:
-        return []
-    text = f"{'.'.join(map(str, place))} = '{name}' does not exist; choose from: {', '.join(known)}"
-    return [Problem(place, "no_profile", text, 0, {"value": name, "known": ", ".join(known)})]
-
-
-def _unknown_targets(place: KeyPath, targets: Mapping[str, Any]) -> list[Problem]:
-    """A target of no parameter would count as reached at once."""
-    text = "{} is no parameter or group; remove it"
-    return [
-        Problem((*place, name), "value_error", text.format(".".join(map(str, (*place, name)))), 0)
-        for name in targets
-        if not named(name)
-    ]
-
-
-def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
-    """The text with some values changed and everything else, comments included, as it was.
-
-    Parameters
-    ----------
-    changes : by place; None takes the value away, and its table where that is then empty
-    """
-    document = tomlkit.parse(text)
-    made = []
-    for place, value in changes.items():
-        if value is None:
-            _remove(document, place)
-            continue
-        table: Any = document
-        for key in place[:-1]:
-            if key not in table:
-                table[key] = tomlkit.table()
-                made.append(table[key])
-            table = table[key]
-        table[place[-1]] = value
-    for table in made:
-        table.add(tomlkit.nl())
-    return tomlkit.dumps(document)
-
-
-def _remove(table: Any, place: KeyPath) -> None:
-    key, rest = place[0], place[1:]
-    if key not in table:
-        return
-    if not rest:
-        del table[key]
-        return
-    _remove(table[key], rest)
-    if isinstance(table[key], AbstractTable) and not table[key]:
-        del table[key]
-
-
-def is_name(name: str) -> bool:
-    """Whether a file may be called so."""
-    return _NAME.fullmatch(name) is not None
-
-
-def new_name(kind: str, name: str) -> str:
-    """A name for a new file, checked. Raises ConfigurationError where it cannot be one or is taken."""
-    if not is_name(name):
-        raise ConfigurationError(
-            f"'{name}' is no file name; use letters, digits, - and _, a letter or digit first"
-        )
-    if name in library.names(kind):
-        raise ConfigurationError(f"'{name}' exists already; choose another name")
-    return name
-
-
-def read_text(path: Path) -> str:
-    """A file's text. Raises ConfigurationError where it cannot be read."""
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as exc:
-        raise ConfigurationError(f"{path}: cannot be read ({exc})") from exc
-
-
-def is_bench(path: Path) -> bool:
-    """Whether a station file is a virtual bench; False where it cannot be read."""
-    try:
-        return "bench" in read_toml(path)
-    except ConfigurationError:
-        return False
+    if name not in known:
+        values = {"kind": kind, "name": name, "known": known}
+        yield Problem(place, "no_profile", Text("configuration.no_profile", values))
 
 
 def line_of(text: str, keys: KeyPath) -> int:
@@ -300,12 +219,81 @@ def line_of(text: str, keys: KeyPath) -> int:
     return tomlkit.dumps(document).partition(_MARKER)[0].count("\n") + 1
 
 
-def frame_size(frame: Mapping[str, Any]) -> tuple[int, bool] | None:
-    """Bytes of a frame with all its fields, and whether all frames have as many; None where its section is wrong.
+def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
+    """Change some values of a text and leave everything else, comments included, as it was.
 
     Parameters
     ----------
-    frame : the section `[frame]` as it stands in the file
+    changes : new values by place; None removes the value, and its table if that becomes empty
+    """
+    document = tomlkit.parse(text)
+    added = []
+    for place, value in changes.items():
+        if value is None:
+            _remove(document, place)
+            continue
+        table: Any = document
+        for key in place[:-1]:
+            if key not in table:
+                table[key] = tomlkit.table()
+                added.append(table[key])
+            table = table[key]
+        table[place[-1]] = value
+    for table in added:
+        table.add(tomlkit.nl())
+    return tomlkit.dumps(document)
+
+
+def _remove(table: Any, place: KeyPath) -> None:
+    key, rest = place[0], place[1:]
+    if key not in table:
+        return
+    if not rest:
+        del table[key]
+        return
+    _remove(table[key], rest)
+    if isinstance(table[key], AbstractTable) and not table[key]:
+        del table[key]
+
+
+def is_name(name: str) -> bool:
+    """Whether a file may have this name."""
+    return _NAME.fullmatch(name) is not None
+
+
+def new_name(kind: str, name: str) -> str:
+    """Check a name for a new file. Raises ConfigurationError if it is invalid or taken."""
+    if not is_name(name):
+        raise ConfigurationError("configuration.bad_name", name=name)
+    if name in library.names(kind):
+        raise ConfigurationError("configuration.name_taken", name=name)
+    return name
+
+
+def read_text(path: Path) -> str:
+    """Read a file. Raises ConfigurationError."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as exc:
+        raise ConfigurationError("configuration.unreadable", file=path, reason=os_reason(exc)) from exc
+    except UnicodeDecodeError as exc:
+        raise ConfigurationError("configuration.unreadable", file=path, reason=str(exc)) from exc
+
+
+def is_bench(path: Path) -> bool:
+    """Whether a station file is a virtual bench; False for one that cannot be read."""
+    try:
+        return "bench" in read_toml(path)
+    except ConfigurationError:
+        return False
+
+
+def frame_size(frame: Mapping[str, Any]) -> tuple[int, bool] | None:
+    """Bytes of a frame with all its fields, and whether all frames have as many; None for an invalid section.
+
+    Parameters
+    ----------
+    frame : the section `[frame]` of the file
     """
     try:
         section = FrameSection.model_validate(frame)

@@ -11,7 +11,7 @@ KINDS = ("stations", "tables", "imus", "products")
 
 
 def site_folder() -> Path:
-    """The site's own folder: $CALSTATION_HOME, else the platform's place for configuration."""
+    """The site's own folder: $CALSTATION_HOME, else the platform's folder for configuration."""
     if home := os.environ.get("CALSTATION_HOME"):
         return Path(home)
     if sys.platform == "win32":
@@ -20,61 +20,55 @@ def site_folder() -> Path:
 
 
 def pair_folder() -> Path:
-    """Where the site stores the calibrations of IMU pairs."""
+    """The folder in which the site stores the calibrations of IMU pairs."""
     return site_folder() / "pairs"
 
 
 def shipped_folder() -> Path:
-    """The defaults that came with the program: beside its source tree, or inside the installed package."""
+    """The shipped defaults: beside the source tree, or inside the installed package."""
     package = Path(__file__).resolve().parent.parent
     beside = package.parent / "data"
     return beside if (beside / "stations").is_dir() else package / "data"
 
 
-def find(kind: str, name: str) -> Path:
-    """The file of a profile, e.g. ``find("tables", "bench")``.
+def names(kind: str) -> list[str]:
+    """Names of all files of a kind, the site's and the shipped, sorted."""
+    found: set[str] = set()
+    for folder in (site_folder(), shipped_folder()):
+        found.update(path.stem for path in (folder / kind).glob("*.toml"))
+    return sorted(found)
 
-    Raises ConfigurationError naming the profiles that exist.
-    """
+
+def find(kind: str, name: str) -> Path:
+    """The file of a name, e.g. ``find("tables", "bench")``. Raises ConfigurationError."""
     for folder in (site_folder(), shipped_folder()):
         path = folder / kind / f"{name}.toml"
         if path.is_file():
             return path
-    known = ", ".join(names(kind)) or "none"
-    raise ConfigurationError(f"{kind[:-1]} profile '{name}' does not exist; choose from: {known}")
+    raise ConfigurationError("configuration.no_profile", kind=kind, name=name, known=names(kind))
 
 
 def locate(kind: str, path: Path) -> Path:
-    """The file that a person means by a path, or by the name that a file of the site or a shipped one has.
-
-    Raises ConfigurationError naming the files that exist where it is neither.
-    """
-    if path.is_file() or path.suffix == ".toml" or path.parent != Path():
+    """The file of a kind that a person gives by its path or by its name. Raises ConfigurationError."""
+    if _is_path(path):
         return path
-    known = names(kind)
-    if path.name not in known:
+    if path.name not in names(kind):
         raise ConfigurationError(
-            f"{kind[:-1]} '{path}' does not exist; give a file's path, or a name of: {', '.join(known)}"
+            "configuration.no_file_or_name", kind=kind, name=str(path), known=names(kind)
         )
     return find(kind, path.name)
 
 
 def locate_any(path: Path) -> Path:
-    """The same where the kind is not known: a path, or a name that only one kind has. Raises ConfigurationError."""
-    if path.is_file() or path.suffix == ".toml" or path.parent != Path():
+    """The file of any kind that a person gives by its path or by its name. Raises ConfigurationError."""
+    if _is_path(path):
         return path
     kinds = [kind for kind in KINDS if path.name in names(kind)]
     if len(kinds) > 1:
-        raise ConfigurationError(
-            f"'{path}' is the name of files in {' and '.join(kinds)}; give the file's path, e.g."
-            f" {find(kinds[0], path.name)}"
-        )
+        example = find(kinds[0], path.name)
+        raise ConfigurationError("configuration.ambiguous_name", name=str(path), kinds=kinds, example=example)
     return find(kinds[0], path.name) if kinds else path
 
 
-def names(kind: str) -> list[str]:
-    """Names of all profiles of a kind, the site's and the shipped, sorted."""
-    found: set[str] = set()
-    for folder in (site_folder(), shipped_folder()):
-        found.update(path.stem for path in (folder / kind).glob("*.toml"))
-    return sorted(found)
+def _is_path(path: Path) -> bool:
+    return path.is_file() or path.suffix == ".toml" or path.parent != Path()

@@ -1,4 +1,4 @@
-"""What a listener asks the engine to do, as plain values that travel between processes."""
+"""Requests to the engine, as plain values that travel between processes."""
 
 import getpass
 from collections.abc import Mapping
@@ -9,23 +9,22 @@ from typing import Any, Literal
 
 @dataclass(frozen=True)
 class RunRequest:
-    """One run.
+    """A run.
 
     Attributes
     ----------
     serial : of the unit in the fixture
-    station, product : files; None for the default
+    station, product : files; None for the defaults
     stages : in order; None for the product's
-    out : folder for log and result
-    operator : who asked, None for the user of the computer
+    out : folder of log and result
+    operator : who requested it; None for the user of the computer
     speed, seed : of the virtual bench; None for the station file's
-    resume : log of a run that did not reach its end, to be carried on behind its last finished stage, beside it
-        and with its stages and schedule; `stages`, `schedule`, `out` and `seed` do not count then
-    unfinished : what to do about an interrupted transfer of the unit's registers, "finish" or "restore"; None refuses
-        the run and tells the offers
-    faults : plan of what goes wrong on the virtual bench (`fault_plan`); None for the station file's
-    beyond_attempts : an engineer allows a unit whose attempts are used up
-    schedule : parameters of stages' methods in place of the product's, by stage; None for the product's
+    schedule : parameters of stages' methods that replace the product's, by stage
+    resume : log of an incomplete run to continue after its last completed stage, with the stages, schedule, seed and
+        folder of that run
+    beyond_attempts : an engineer allows a unit that has used up its attempts
+    faults : plan of faults on the virtual bench; None for the station file's
+    unfinished : what to do about an interrupted transfer of the unit's registers; None refuses the run
     """
 
     serial: str
@@ -49,16 +48,16 @@ OR_AT_REST = "; or leave the table alone: --at-rest"
 
 @dataclass(frozen=True)
 class RegisterOperation:
-    """What is to be done to a unit's registers without a run.
+    """An operation on a unit's registers without a run.
 
     Attributes
     ----------
-    request : the unit, where it is, the folder of the runs with the journal, and who asks (`operator`)
-    what : write `values`; or finish an interrupted transfer; or restore what the unit held before one
-    values : SI by parameter; registers of other parameters keep theirs
-    source : where the values come from
-    transfer : before which the unit held what is to be restored; None for the latest, interrupted or not
-    at_rest : leave the table alone: the output is proved at rest, without a turn
+    request : unit, station, folder of the runs with the journal, and operator
+    what : write `values`, finish an interrupted transfer, or restore the registers of before a transfer
+    values : by parameter, SI; other registers stay as they are
+    source : origin of the values
+    transfer : the transfer to undo; None for the latest
+    at_rest : verify the output at rest, without moving the table
     """
 
     request: RunRequest
@@ -70,7 +69,7 @@ class RegisterOperation:
 
 
 def computer_user() -> str | None:
-    """The user's login name, None where the computer does not tell."""
+    """Login name of this computer's user, or None if it is unknown."""
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError):

@@ -2,7 +2,7 @@
 
 import re
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
@@ -14,12 +14,13 @@ from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
 from calstation.config import library, versions
-from calstation.config.register_limits import check_register_limits
+from calstation.config.product_rules import register_conflicts, unknown_targets
 from calstation.config.request import RunRequest
 from calstation.config.site_check import check_confirmation, check_site
 from calstation.config.station import (
     ProductConfig,
     StationConfig,
+    in_file,
     load_product,
     load_station,
     schedule_values,
@@ -32,7 +33,6 @@ from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import SolveContext
 from calstation.estimation.common.stage_data import BIAS_SIGMAS, SLOWEST
-from calstation.messages.rendering import Text
 from calstation.physics.earth import normal_gravity
 from calstation.physics.motion import Step
 from calstation.physics.parameters import group_indices
@@ -50,7 +50,7 @@ from calstation.records.meta import (
 from calstation.schema import EntryError, validate
 from calstation.sequencer.acquisition import StatusMasks
 from calstation.sequencer.preflight import PreflightLimits
-from calstation.sequencer.stop_rule import StopRule, named
+from calstation.sequencer.stop_rule import StopRule
 from calstation.sequencer.task import Output, StagePlan, Task
 from procedures import method
 
@@ -62,16 +62,7 @@ _DEFAULT_SEED = 1
 
 
 class ManualRigError(ConfigurationError):
-    """The table is turned by hand and a stage needs a driven one, or the other way round.
-
-    Parameters
-    ----------
-    by_hand : whether the station's table is turned by hand
-    """
-
-    def __init__(self, text: str, *, by_hand: bool = False) -> None:
-        super().__init__(text)
-        self.by_hand = by_hand
+    """The table is turned by hand and a stage needs a driven one, or the other way round."""
 
 
 @dataclass(frozen=True)
@@ -331,16 +322,23 @@ Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
 def resolve_configuration(
     request: RunRequest, adjust: Adjustment = lambda resolved: resolved
 ) -> ResolvedConfiguration:
-    """Read and check the files that a request names; the serial number is not checked.
+    """Read and check the files that a request names, whatever its serial number.
 
-    Raises ConfigurationError with file, field and remedy.
+    Parameters
+    ----------
+    request : what to run
+    adjust : changes the configuration before it is checked
+
+    Raises
+    ------
+    ConfigurationError
+        With file, entry and remedy.
     """
     station_path, station = load_station(request.station)
     product_path, product = load_product(request.product)
     if not product.limits:
-        raise ConfigurationError(
-            f"{product_path}: has no limits; add [limits.NAME] before a unit is judged by it"
-        )
+        with in_file(product_path):
+            raise EntryError("product.no_limits", "limits")
     table_path = library.find("tables", station.table.profile)
     imu_path = library.find("imus", product.imu)
     paths = {"station": station_path, "product": product_path, "table": table_path, "imu": imu_path}
@@ -360,26 +358,27 @@ def resolve_configuration(
     _check_options(resolved, station_path)
     resolved = adjust(resolved)
     _check_bench(resolved, station_path)
-    for place, words in check_register_limits(product, resolved.imu):
-        raise ConfigurationError(f"{product_path}: {'.'.join(place)} {words}")
-    _check_baud(resolved, station_path)
-    _check_targets("targets", product.targets, product_path)
-    for stage, schedule in resolved.schedules.items():
-        _check_targets(f"schedule.{stage}.targets", getattr(schedule, "targets", {}), product_path)
+    with in_file(product_path):
+        for error in _product_errors(resolved):
+            raise error
+    with in_file(station_path):
+        _check_baud(resolved)
     return resolved
 
 
 def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
     """Read and check everything that a run needs, the serial number and the site included.
 
-    Raises ConfigurationError with file, field and remedy.
+    Parameters and exceptions are those of `resolve_configuration`.
     """
     resolved = resolve_configuration(request, adjust)
-    pattern = resolved.product.serial_pattern
-    if not re.fullmatch(pattern, request.serial):
+    product = resolved.product
+    if not re.fullmatch(product.serial_pattern, request.serial):
         raise ConfigurationError(
-            f"--serial '{request.serial}' does not fit the pattern '{pattern}' of {resolved.sources['product'].path}; "
-            "correct the number or choose another --product"
+            "product.serial_mismatch",
+            serial=request.serial,
+            pattern=product.serial_pattern,
+            product=resolved.sources["product"].path,
         )
     check_station(resolved)
     for stage, schedule in resolved.schedules.items():
@@ -392,45 +391,45 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resol
 def check_station(resolved: ResolvedConfiguration) -> None:
     """Check that the product can be calibrated at this station: its table, and how well its site is known.
 
-    Raises ConfigurationError with field and remedy, ManualRigError where it is the table.
+    Raises ConfigurationError, ManualRigError because of the table.
     """
     check_manual_rig(resolved)
-    meta, path = resolved.log_meta(), resolved.sources["station"].path
-    check_site(meta, path)
-    if resolved.station.bench is None:
-        check_confirmation(resolved.station.site, meta, path)
+    meta, site = resolved.log_meta(), resolved.station.site
+    with in_file(resolved.sources["station"].path):
+        check_site(meta)
+        if resolved.station.bench is None:
+            check_confirmation(site, meta)
 
 
 def check_manual_rig(resolved: ResolvedConfiguration) -> None:
-    """Check that stages with manual motion run on a table turned by hand, and only those.
-
-    Raises ManualRigError with the stage and the remedy.
-    """
-    rig, by_hand = resolved.table.name, resolved.by_hand
-    product = resolved.sources["product"].path if "product" in resolved.sources else resolved.product.name
+    """Check that stages with manual motion run on a table turned by hand, and only those. Raises ManualRigError."""
     for stage, schedule in resolved.schedules.items():
         manual = getattr(schedule, "manual", None)
-        if by_hand and manual is None:
+        code = ""
+        if resolved.by_hand and manual is None:
+            code = "product.needs_driven_table"
+        elif resolved.by_hand and not manual:
+            code = "product.needs_manual_motion"
+        elif manual and not resolved.by_hand:
+            code = "product.needs_manual_table"
+        if code:
             raise ManualRigError(
-                f"stages: '{stage}' needs a table that is driven, but '{rig}' of station '{resolved.station.name}' is"
-                " turned by hand; choose multi_position, or another station",
-                by_hand=by_hand,
-            )
-        if by_hand and not manual:
-            raise ManualRigError(
-                f"{product}: schedule.{stage}.manual must be true, because '{rig}' of station"
-                f" '{resolved.station.name}' is turned by hand; set it, or choose another product or station",
-                by_hand=by_hand,
-            )
-        if manual and not by_hand:
-            raise ManualRigError(
-                f"{product}: schedule.{stage}.manual is true, but the table '{rig}' of station"
-                f" '{resolved.station.name}' is driven; choose a station with rails turned by hand, or another product",
-                by_hand=by_hand,
+                code,
+                stage=stage,
+                product=resolved.product.name,
+                table=resolved.table.name,
+                station=resolved.station.name,
             )
 
 
-def _check_baud(resolved: ResolvedConfiguration, station_path: Path) -> None:
+def _product_errors(resolved: ResolvedConfiguration) -> Iterator[EntryError]:
+    yield from register_conflicts(resolved.product, resolved.imu)
+    yield from unknown_targets(resolved.product.targets, "targets")
+    for stage, schedule in resolved.schedules.items():
+        yield from unknown_targets(getattr(schedule, "targets", {}), "schedule", stage, "targets")
+
+
+def _check_baud(resolved: ResolvedConfiguration) -> None:
     """Check that the station's own baud carries the unit's stream; that of a socket is not known."""
     serial, port = resolved.station.imu.serial, resolved.station.imu.port or ""
     if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
@@ -438,29 +437,17 @@ def _check_baud(resolved: ResolvedConfiguration, station_path: Path) -> None:
     try:
         for frame in resolved.imu.frames:
             check_baud(serial, frame, resolved.imu.stream.sample_rate_hz)
-    except EntryError as exc:
-        what = Text.of("entry.at", field="imu.serial.baud", what=Text(exc.code, exc.values))
-        raise ConfigurationError("entry.in_file", file=station_path, what=what) from None
+    except EntryError as exc:  # the rule names the profile's entry
+        raise EntryError(exc.code, "imu", "serial", "baud", **exc.values) from None
 
 
-def _check_targets(field_name: str, targets: Iterable[str], product_path: Path) -> None:
-    """Refuse a target that names no parameter: it would count as reached at once."""
-    for name in targets:
-        if not named(name):
-            raise ConfigurationError(
-                f"{product_path}: {field_name}.{name} is no parameter or group; remove it"
-            )
-
-
-def _check_options(resolved: ResolvedConfiguration, station_path: Path) -> None:
+def _check_options(resolved: ResolvedConfiguration, station: Path) -> None:
     """Refuse options of the virtual bench on hardware."""
     request = resolved.request
-    options = (("--faults", request.faults), ("--speed", request.speed), ("--seed", request.seed))
-    for option, value in options if resolved.station.bench is None else ():
+    options = {"--faults": request.faults, "--speed": request.speed, "--seed": request.seed}
+    for option, value in options.items() if resolved.station.bench is None else ():
         if value is not None:
-            raise ConfigurationError(
-                f"{option} belongs to the virtual bench; {station_path} is hardware, leave it out"
-            )
+            raise ConfigurationError("configuration.bench_only", option=option, station=station)
 
 
 def _check_bench(resolved: ResolvedConfiguration, station_path: Path) -> None:
@@ -472,6 +459,6 @@ def _check_bench(resolved: ResolvedConfiguration, station_path: Path) -> None:
 
 
 def _schedule(product: ProductConfig, stage: str, instead: Mapping[str, Any], path: Path) -> BaseModel:
-    """Build a stage's schedule. Raises ConfigurationError with file, field and remedy."""
-    given = schedule_values(product, stage, instead)
-    return validate(method(stage).schedule, given, f"{path}: schedule.{stage}")
+    """Build a stage's schedule. Raises ConfigurationError."""
+    values = schedule_values(product, stage, instead)
+    return validate(method(stage).schedule, values, f"{path}: schedule.{stage}")

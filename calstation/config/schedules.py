@@ -1,4 +1,4 @@
-"""What may be set of a stage's schedule, from its method's own model: fields, ranges, a product's values, faults."""
+"""Parameters of the stages' schedules: fields and ranges from the methods' models, values of a product, saving."""
 
 import tomllib
 from collections.abc import Mapping
@@ -15,16 +15,17 @@ from calstation.config import library, versions
 from calstation.config.editing import edit_toml, read_text
 from calstation.config.request import RunRequest
 from calstation.config.resolved import resolve_configuration
+from calstation.config.station import in_file
 from calstation.config.versions import Version
-from calstation.errors import ConfigurationError
 from calstation.jobs.queue import ProgressCallback
+from calstation.schema import EntryError
 from calstation.sequencer.stop_rule import named
 from procedures import DEFAULT_STAGES, method
 
-#: What a virtual unit is called where its bench does not say.
+#: Serial number of a virtual unit whose bench gives none.
 _VIRTUAL = "SN-000001"
 
-#: A float, a whole number, true or false, one of several words, sigmas by parameter or group, anything else.
+#: A float, an integer, a boolean, one of several words, sigmas by parameter or group, anything else.
 Kind = Literal["number", "count", "flag", "choice", "targets", "other"]
 
 _KINDS: dict[Any, Kind] = {bool: "flag", int: "count", float: "number"}
@@ -35,15 +36,16 @@ UNITS = {"_s": "s", "_dps": "°/s", "_dps2": "°/s²", "_deg": "°"}
 
 @dataclass(frozen=True)
 class ScheduleField:
-    """One value of a schedule.
+    """One parameter of a schedule.
 
     Attributes
     ----------
-    unit : "" where it has none
-    low, high : bounds, None where there is none; above : `low` itself is too small
+    unit : "" without one
+    low, high : bounds
+    above : the value must be greater than `low`
     optional : may be left out
-    choices : the words of a choice
-    description : the method's own words
+    choices : of a choice
+    description : by the method
     """
 
     name: str
@@ -59,8 +61,14 @@ class ScheduleField:
 
 @dataclass(frozen=True)
 class ScheduleProblem:
-    """What is wrong with a value: no ``number``, not ``whole``, ``missing``, too ``low``, too ``high``, beyond the
-    ``table``, not the ``name`` of a parameter or group. `bound` : the limit that it breaks, `subject` : the name.
+    """What is wrong with a value of a schedule.
+
+    Attributes
+    ----------
+    kind : not a ``number``, not ``whole``, ``missing``, too ``low``, too ``high``, beyond the ``table``, not the
+        ``name`` of a parameter or group
+    bound : the bound that the value breaks
+    subject : the name
     """
 
     kind: Literal["number", "whole", "missing", "low", "high", "table", "name"]
@@ -70,17 +78,20 @@ class ScheduleProblem:
 
 @dataclass(frozen=True)
 class ScheduleOptions:
-    """What a product on a station lets choose.
+    """What can be chosen for a product on a station.
 
     Attributes
     ----------
-    product : its file; name : its name
-    stages : of the product, in its order; offered : those and the other standard ones
-    schedules : complete values of every stage offered, by name
-    estimates : parameters of each stage offered
-    rate, acceleration : most that both joints do, °/s and °/s²
-    virtual : the station is a virtual bench; station : its name; by_hand : its rails are turned by hand
-    serial_pattern : regular expression for a whole serial number; serial : of the virtual bench's unit, else ""
+    product : its file
+    name, station : names of product and station
+    virtual, by_hand : kind of station
+    stages : the product's, in order
+    offered : these and the other standard ones
+    schedules : complete values of every stage offered
+    estimates : parameters of every stage offered
+    rate, acceleration : maximum of both joints, °/s and °/s²
+    serial_pattern : regular expression for the whole serial number
+    serial : of the virtual bench's unit, or ""
     """
 
     product: Path
@@ -99,7 +110,7 @@ class ScheduleOptions:
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
-    """Read a product and a station, defaults where None. Raises ConfigurationError with file, field and mend."""
+    """Read what can be chosen for a product on a station; None for the defaults. Raises ConfigurationError."""
     setup = resolve_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
     offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
@@ -129,9 +140,9 @@ def schedule_fields(stage: str) -> tuple[ScheduleField, ...]:
 
 
 def schedule_problems(
-    stage: str, values: Mapping[str, Any], table: ScheduleOptions
+    stage: str, values: Mapping[str, Any], options: ScheduleOptions
 ) -> dict[str, ScheduleProblem]:
-    """What is wrong with a schedule's values, by field; {} where they can be run on the offer's table."""
+    """What is wrong with a schedule's values, by field; {} if the table of the options can run them."""
     found: dict[str, ScheduleProblem] = {}
     try:
         method(stage).schedule.model_validate(dict(values))
@@ -144,7 +155,7 @@ def schedule_problems(
     for name in targets if isinstance(targets, Mapping) else ():
         if not named(str(name)):
             found.setdefault("targets", ScheduleProblem("name", subject=str(name)))
-    for name, most in (("rate_dps", table.rate), ("acceleration_dps2", table.acceleration)):
+    for name, most in (("rate_dps", options.rate), ("acceleration_dps2", options.acceleration)):
         value = values.get(name)
         if name not in found and isinstance(value, int | float) and value > most * (1.0 + 1e-9):
             found[name] = ScheduleProblem("table", most)
@@ -192,13 +203,14 @@ def _bound(info: FieldInfo, name: str) -> float | None:
 def save_schedule(
     tell: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
 ) -> tuple[Path, Version]:
-    """Work for the workshop: write values of stages' schedules into a product, the site's copy of a shipped one.
+    """Job: save parameters of schedules in a product file, or in the site's copy of a shipped one.
 
     Parameters
     ----------
-    product : its file
-    changes : values by stage and field; None takes a value out, so that the method's own counts
-    author : who says so
+    tell : progress of the job
+    product : the file
+    changes : values by stage and field; None removes a value, so that the method's default applies
+    author : who saves it
 
     Returns
     -------
@@ -207,7 +219,7 @@ def save_schedule(
     Raises
     ------
     ConfigurationError
-        where the product would be wrong, cannot hold a value, or cannot be written; it is then as it was.
+        If the product would be invalid, cannot hold a value, or cannot be written; it is unchanged then.
     """
     text = edit_toml(
         read_text(product),
@@ -217,22 +229,19 @@ def save_schedule(
             for name, value in values.items()
         },
     )
-    _check(product, text, changes)
+    with in_file(product):
+        _check_stored(text, changes)
     tell(0.5)
     version = versions.save("products", product.stem, text, author)
     return library.find("products", product.stem), version
 
 
-def _check(product: Path, text: str, changes: Mapping[str, Mapping[str, Any]]) -> None:
-    """A value left out of the file counts as the method's own, which may be another one than meant."""
+def _check_stored(text: str, changes: Mapping[str, Mapping[str, Any]]) -> None:
+    """Check that the file holds the values: one left out means the method's default. Raises EntryError."""
     stored = tomllib.loads(text).get("schedule", {})
     for stage, values in changes.items():
         model = method(stage).schedule
         for name, value in values.items():
             default = model.model_fields[name].get_default(call_default_factory=True)
-            found = stored.get(stage, {}).get(name, default)
-            if found != value:
-                raise ConfigurationError(
-                    f"{product}: schedule.{stage}.{name} cannot be empty in a product, where it means {default};"
-                    " give it a value, or leave it empty for this run only"
-                )
+            if stored.get(stage, {}).get(name, default) != value:
+                raise EntryError("product.empty_in_file", "schedule", stage, name, default=str(default))

@@ -1,7 +1,8 @@
 """Station and product files: one place and one unit type, checked before anything moves."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -14,28 +15,34 @@ from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
+from calstation.messages.rendering import Text
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
 from calstation.records.meta import SiteSection
-from calstation.schema import StrictModel, load
+from calstation.schema import EntryError, StrictModel, field_name, load
 from procedures import DEFAULT_STAGES, method
 
-#: What to do with a unit outside its limits: mount it anew, try again as it is, give it up for now.
+#: What to do with a unit outside its limits: mount it again, repeat as it is, or set it aside.
 Advice = Literal["reseat", "repeat", "set_aside"]
 
 DEFAULT_STATION = "virtual_bench"
 DEFAULT_PRODUCT = "nav_a"
 
-#: host:port without what it is reached by.
+#: Shipped station of the virtual bench with a table turned by hand, and the shipped product calibrated on it.
+MANUAL_STATION, MANUAL_PRODUCT = "virtual_hand", "mems_hand"
+
+#: host:port without a scheme.
 _BARE = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
 
 
 class DeviceSection(StrictModel):
-    """A device's link at this place: port, and the serial settings where they differ from the profile's.
+    """A device's link at this station: its port, and serial settings that differ from the profile's.
 
-    port : for a table ``tcp://host:port`` or the serial port of Modbus RTU, for an IMU its serial port; a serial
-        port by its name, as ``usb:SERIALNUMBER`` of its adapter, or ``socket://host:port`` of a serial server
-    timeout_s : host time for an answer, the profile's where absent
+    Attributes
+    ----------
+    port : ``tcp://host:port`` (tables), ``socket://host:port`` of a serial server, the name of a serial port, or
+        ``usb:SERIALNUMBER`` of its adapter
+    timeout_s : host time for an answer; by default the profile's
     """
 
     port: str | None = None
@@ -46,18 +53,16 @@ class DeviceSection(StrictModel):
     @classmethod
     def _address(cls, port: str | None) -> str | None:
         if port is not None and port.startswith(SOCKETS) and host_and_port(port) is None:
-            raise ValueError(
-                f"'{port}' is no address; write {port.split('://')[0]}://host:port, port 1 to 65535"
-            )
+            raise EntryError("station.not_an_address", port=port, scheme=port.split("://")[0])
         return port
 
 
 class TableLinkSection(DeviceSection):
-    """`[table]` of a station: which table stands here.
+    """`[table]` of a station: which table it has. A table turned by hand needs no port and ignores one.
 
-    unit : its Modbus unit number, the profile's where absent
-
-    Rails turned by hand need no port, and one that stands here is not used.
+    Attributes
+    ----------
+    unit : Modbus unit number; by default the profile's
     """
 
     profile: str
@@ -65,33 +70,34 @@ class TableLinkSection(DeviceSection):
 
 
 class HandoverSection(StrictModel):
-    """`[handover]` of a station: where the factory's own system collects results.
-
-    folder : must exist; relative to the station file
-    """
+    """`[handover]` of a station: the existing folder, relative to the station file, that receives results."""
 
     folder: str = Field(min_length=1)
 
 
 class StationSite(SiteSection):
-    """`[site]` of a station: where it stands, and who has made sure of it.
+    """`[site]` of a station: its location, and the computers on which a person confirmed it.
 
-    confirmed_on : computers at which a person has said so, each with the place, see `station.place.confirmation_key`
+    Attributes
+    ----------
+    confirmed_on : confirmation keys, see `calstation.config.site_check.confirmation_key`
     """
 
     confirmed_on: list[str] = Field(default_factory=list)
 
     @property
     def place(self) -> SiteSection:
-        """Where it stands."""
+        """The location alone."""
         return SiteSection.model_validate(self.model_dump(exclude={"confirmed_on"}))
 
 
 class StationConfig(StrictModel):
-    """A station file: this place, its table and its ports.
+    """A station file: site, table and ports.
 
-    bench : settings of the virtual bench in place of hardware (`calstation.bench.config.BenchConfig`)
-    handover : without it results are handed over in a folder `handover` beside the folder of the runs
+    Attributes
+    ----------
+    bench : settings of the virtual bench in place of hardware, see `calstation.bench.config.BenchConfig`
+    handover : by default results go to a folder `handover` beside the folder of the runs
     """
 
     name: str
@@ -104,39 +110,23 @@ class StationConfig(StrictModel):
     @model_validator(mode="after")
     def _ports(self) -> "StationConfig":
         for device, section in (("table", self.table), ("imu", self.imu)):
-            linked = device == "imu" or not is_manual_table(self.table.profile)
-            if self.bench is None and linked and not section.port:
-                raise ValueError(
-                    f"{device}.port is missing; add the port, or a [bench] for the virtual bench"
-                )
-            if self.bench is not None and section.port:
-                raise ValueError(f"{device}.port and [bench] exclude each other; remove one")
+            needs_port = device == "imu" or not is_manual_table(self.table.profile)
             port = section.port or ""
+            if self.bench is None and needs_port and not port:
+                raise EntryError("station.port_missing", device, "port")
+            if self.bench is not None and port:
+                raise EntryError("station.port_on_bench", device, "port")
             if _BARE.fullmatch(port):
-                ways = f"tcp://{port}, or socket://{port} for a serial server"
-                raise ValueError(
-                    f"{device}.port = '{port}' does not say how it is reached; write"
-                    f" {ways if device == 'table' else f'socket://{port} for a serial server'}"
-                )
-        imu = self.imu.port or ""
-        if imu.startswith("tcp://"):
-            rest = imu.removeprefix("tcp://")
-            raise ValueError(
-                f"imu.port = '{imu}' is an address for Modbus TCP; write socket://{rest} for a serial server"
-            )
+                code = "station.table_scheme_missing" if device == "table" else "station.imu_scheme_missing"
+                raise EntryError(code, device, "port", port=port)
+        if self.imu.port is not None and self.imu.port.startswith("tcp://"):
+            address = self.imu.port.removeprefix("tcp://")
+            raise EntryError("station.imu_over_modbus", "imu", "port", port=self.imu.port, address=address)
         return self
 
 
-def is_manual_table(profile: str) -> bool:
-    """Whether a table profile is of a rig that nobody drives; one that cannot be read is told by who needs it."""
-    try:
-        return load_table_profile(library.find("tables", profile)).by_hand
-    except ConfigurationError:
-        return False
-
-
 class WarmUpSection(StrictModel):
-    """`[warm_up]`: s at least, then until the temperature drifts by less than the slope."""
+    """`[warm_up]`: minimum time, then until the temperature drifts by less than the slope."""
 
     time_s: float = Field(default=0.0, ge=0, le=86_400)
     slope_c_per_min: float | None = Field(default=None, gt=0)
@@ -144,22 +134,25 @@ class WarmUpSection(StrictModel):
 
 
 class LoadAngleSection(StrictModel):
-    """`[load_angle]`: where the table stands while units are changed, degrees."""
+    """`[load_angle]`: angles of the table while units are changed, degrees."""
 
     outer_deg: float = 0.0
     inner_deg: float = 0.0
 
 
 class ProductConfig(StrictModel):
-    """A product file: one unit type, how it is calibrated and what it must reach.
+    """A product file: one type of unit, how it is calibrated, and its limits.
 
-    imu : name of its profile; serial_pattern : regular expression for the whole serial number
-    bench_grade : grade of a virtual unit of this type
-    schedule : parameters of each stage's method; targets : sigmas at which a repeated stage may stop, SI
-    end_on_failure : leave out the remaining stages once a limit is missed
-    advice : what to do after the first, second, ... time in a row that a unit is outside its limits; the last
-        stands for all further times
-    attempts_allowed : times in a row that a unit may be outside its limits before it is not calibrated again
+    Attributes
+    ----------
+    imu : name of the IMU profile
+    bench_grade : grade of a virtual unit
+    serial_pattern : regular expression for the whole serial number
+    schedule : parameters of each stage's method
+    targets : sigmas at which a repeated stage may stop, SI
+    end_on_failure : skip the remaining stages after a missed limit
+    advice : what to do after the first, second, ... consecutive failure; the last entry applies to all later ones
+    attempts_allowed : consecutive failures after which a unit is not calibrated again
     """
 
     name: str
@@ -183,14 +176,14 @@ class ProductConfig(StrictModel):
         try:
             re.compile(pattern)
         except re.error as exc:
-            raise ValueError(f"'{pattern}' is no regular expression ({exc})") from None
+            raise EntryError("product.not_a_pattern", pattern=pattern, detail=str(exc)) from None
         return pattern
 
     @field_validator("stages")
     @classmethod
     def _stages(cls, stages: list[str]) -> list[str]:
         if len(set(stages)) != len(stages):
-            raise ValueError("names a stage twice; each stage is solved once")
+            raise EntryError("product.stage_twice")
         return stages
 
     @field_validator("limits")
@@ -200,14 +193,29 @@ class ProductConfig(StrictModel):
         return limits
 
 
+def entry_text(error: EntryError) -> Text:
+    """The message of a broken rule, preceded by the name of its entry."""
+    what = Text(error.code, error.values) if error.code else Text.of("entry.other", words=str(error))
+    return Text.of("entry.at", field=field_name(error.place), what=what) if error.place else what
+
+
+@contextmanager
+def in_file(path: Path) -> Iterator[None]:
+    """Turn a broken rule of the entries into a ConfigurationError that names the file and the entry."""
+    try:
+        yield
+    except EntryError as exc:
+        raise ConfigurationError("entry.in_file", file=path, what=entry_text(exc)) from exc
+
+
 def load_station(path: Path | None) -> tuple[Path, StationConfig]:
-    """A station file, the virtual bench by default. Raises ConfigurationError."""
+    """Load a station file, by default that of the virtual bench. Raises ConfigurationError."""
     path = path or library.find("stations", DEFAULT_STATION)
     return path, load(StationConfig, path)
 
 
 def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
-    """A product file, `DEFAULT_PRODUCT` by default; its stages must exist. Raises ConfigurationError."""
+    """Load a product file, by default `DEFAULT_PRODUCT`; its stages must exist. Raises ConfigurationError."""
     path = path or library.find("products", DEFAULT_PRODUCT)
     product = load(ProductConfig, path)
     for stage in (*product.stages, *product.schedule):
@@ -216,42 +224,44 @@ def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
 
 
 def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """What a stage's schedule is made of: the product's values, the request's before those."""
-    given: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
-    if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in given:
-        given["targets"] = dict(product.targets)
-    return given
+    """Values of a stage's schedule: those in `instead`, then the product's."""
+    values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
+    if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in values:
+        values["targets"] = dict(product.targets)
+    return values
 
 
-#: The shipped station of the virtual bench with such a rig, and the shipped product that is calibrated on it.
-STATION, PRODUCT = "virtual_hand", "mems_hand"
+def is_manual_table(profile: str) -> bool:
+    """Whether a table profile is of a rig turned by hand; False for one that cannot be read."""
+    try:
+        return load_table_profile(library.find("tables", profile)).by_hand
+    except ConfigurationError:
+        return False
 
 
 def uses_manual_rig(station: Path | None) -> bool:
-    """Whether the rig of a station file (the default one where None) is moved by hand."""
+    """Whether a station file (by default the virtual bench's) has a table turned by hand."""
     try:
-        _, config = load_station(station)
+        return is_manual_table(load_station(station)[1].table.profile)
     except CalstationError:
         return False
-    return is_manual_table(config.table.profile)
 
 
 def manual_product() -> Path | None:
-    """The product that is calibrated by hand; None where a site has none."""
-    return library.find("products", PRODUCT) if PRODUCT in library.names("products") else None
+    """The shipped product that is calibrated by hand, or None if it was removed."""
+    return library.find("products", MANUAL_PRODUCT) if MANUAL_PRODUCT in library.names("products") else None
 
 
 @dataclass(frozen=True)
 class LinkDefaults:
-    """Settings of a profile.
+    """Link settings of a device profile.
 
     Attributes
     ----------
-    profile : its file's name
-    serial : of its line
-    timeout : host time for an answer, s, None for a device that is never asked
-    unit : Modbus unit number, None where there is none
-    by_hand : rails that hands turn: there is no link at all
+    profile : name of its file
+    timeout : host time for an answer, s; None for a device that is never queried
+    unit : Modbus unit number
+    by_hand : a table turned by hand, which has no link
     """
 
     profile: str
@@ -262,12 +272,12 @@ class LinkDefaults:
 
     @property
     def line(self) -> str:
-        """The serial settings as they are usually written, e.g. ``921600 8N1``."""
+        """The serial settings in the usual short form, e.g. ``921600 8N1``."""
         return self.serial.line
 
 
 def table_defaults(profile: str) -> LinkDefaults | None:
-    """Of a table profile; None where there is no sound one of that name."""
+    """Link settings of a table profile, or None without a valid one of that name."""
     try:
         table = load_table_profile(library.find("tables", profile))
     except ConfigurationError:
@@ -276,7 +286,7 @@ def table_defaults(profile: str) -> LinkDefaults | None:
 
 
 def imu_defaults(product: Path | None) -> LinkDefaults | None:
-    """Of the IMU of a product, the default one where None; None where there is no sound one."""
+    """Link settings of a product's IMU, or None without a valid profile."""
     try:
         _, found = load_product(product)
         profile = load_imu_profile(library.find("imus", found.imu))

@@ -1,4 +1,4 @@
-"""What a station and a product amount to before a run: who and what is there, the stages, their time, the targets."""
+"""Summary of a run before it starts, and the products that a station can calibrate."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from procedures import method
 
 @dataclass(frozen=True)
 class StageSummary:
-    """A stage to come: its name and what its plan takes, s of device time."""
+    """A planned stage and its duration, s of device time."""
 
     name: str
     duration: float
@@ -27,22 +27,22 @@ class StageSummary:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What a run on a station with a product would be.
+    """A planned run.
 
     Attributes
     ----------
     station, product : names
-    bench : None for hardware; else the virtual bench's settings as its file has them
-    table, outer_axis, inner_axis : the table's name and its axes in b at home
-    serial_pattern : regular expression for a whole serial number
+    bench : settings of the virtual bench; None for hardware
+    table : name
+    outer_axis, inner_axis : in b at home
+    serial_pattern : regular expression for the whole serial number
     stages : in order
-    transfer : what writing and verifying the registers takes, about, s; None for a unit without registers
-    targets : per group the largest sigma that the product allows at the end of these stages, SI; a group that no
-        stage estimates or no limit names is left out
-    attempts_allowed : times in a row that a unit may be outside its limits before it is set aside; None for any
-    load_angle : where the table stands while units are changed, degrees
-    by_hand : the operator turns the rails; nothing drives them
-    positions : direction of gravity in b at every position to which the unit is to be carried, unit vectors
+    transfer : approximate duration of writing and verifying the registers, s; None for a unit without registers
+    targets : largest sigma that the product allows after these stages, SI, by group with an estimate and a limit
+    attempts_allowed : consecutive failures after which a unit is set aside; None for any number
+    load_angle : of the table while units are changed, degrees
+    by_hand : the table is turned by hand
+    positions : direction of gravity in b at every manual position, unit vectors
     """
 
     station: str
@@ -62,15 +62,12 @@ class RunSummary:
 
     @property
     def virtual(self) -> bool:
-        """Whether the table is one in software."""
+        """Whether the station is a virtual bench."""
         return self.bench is not None
 
 
 def run_summary(request: RunRequest) -> RunSummary:
-    """Read what a request names; its serial number is not looked at, but must not be empty.
-
-    Raises ConfigurationError with file, field and mend.
-    """
+    """Summarise the run of a request, whatever its serial number. Raises ConfigurationError."""
     setup = resolve_configuration(request)
     check_station(setup)
     load = setup.product.load_angle
@@ -121,10 +118,7 @@ def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
 
 
 def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
-    """Name and file of every product that fits the station, those for the units of `instead_of` first.
-
-    A product that cannot be read fits no station.
-    """
+    """Name and file of every product that the station can calibrate, those with the IMU of `instead_of` first."""
     wanted = _read(RunRequest("-", station, instead_of))
     found = []
     for name in library.names("products"):

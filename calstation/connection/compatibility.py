@@ -8,21 +8,21 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from calstation.config import library
-from calstation.config.editing import KeyPath, Problem, line_of
+from calstation.config.editing import Problem, line_of
 from calstation.config.resolved import ManualRigError, ResolvedConfiguration, check_manual_rig
 from calstation.config.site_check import (
     confirmation_key,
-    contradicted_normal_gravity,
+    gravity_contradiction,
     is_confirmed,
     needs_surveyed_gravity,
     this_computer,
-    unlike,
 )
 from calstation.config.station import StationConfig, load_station, schedule_values
 from calstation.connection.devices import port_conflict
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.messages.finding import Finding, Value
+from calstation.messages.rendering import Text
 from calstation.schema import validate
 from procedures import method
 
@@ -42,13 +42,12 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
         check_manual_rig(setup)
     except ManualRigError as error:
         values: dict[str, Value] = {"rig": setup.table.name, "product": product.name}
-        yield Finding("needs_drive" if error.by_hand else "needs_hands", "look", values)
+        manual = error.code == "product.needs_manual_table"
+        yield Finding("needs_hands" if manual else "needs_drive", "look", values)
     blind = needs_surveyed_gravity(setup.log_meta())
-    normal = contradicted_normal_gravity(site)
-    if site.gravity_mps2 is not None and normal is not None:
-        values = {"gravity": site.gravity_mps2, "normal": normal}
-        values |= {"latitude": site.latitude_deg, "height": site.height_m}
-        yield Finding("gravity_unlike", "look", values)
+    contradiction = gravity_contradiction(site)
+    if contradiction is not None:
+        yield Finding("gravity_unlike", "look", contradiction.values)
     if site.gravity_mps2 is None and blind:
         yield Finding("gravity_missing", "look")
     if setup.station.bench is not None:
@@ -68,28 +67,21 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
 
 
 def station_conflicts(text: str) -> list[Problem]:
-    """Of a station file in which `settings.check` has found nothing wrong."""
+    """What is wrong with the text of a station file whose single values are all right."""
     station = StationConfig.model_validate(tomllib.loads(text))
-    return [
-        Problem(place, "value_error", sentence, line_of(text, place))
-        for place, sentence in (*_gravity(station), *_ports(station))
-    ]
+    problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]
+    problems += _ports(station)
+    return [replace(problem, line=line_of(text, problem.place)) for problem in problems]
 
 
-def _gravity(station: StationConfig) -> Iterator[tuple[KeyPath, str]]:
-    normal = contradicted_normal_gravity(station.site)
-    if normal is not None:
-        yield ("site", "gravity_mps2"), unlike(station.site, normal)
-
-
-def _ports(station: StationConfig) -> Iterator[tuple[KeyPath, str]]:
+def _ports(station: StationConfig) -> Iterator[Problem]:
     table, imu = station.table.port, station.imu.port
     try:
         profile = load_table_profile(library.find("tables", station.table.profile))
-    except ConfigurationError:  # told by the profile's own file
+    except ConfigurationError:  # the profile's own file shows the error
         return
     if table is None or imu is None or profile.by_hand:
         return
     sentence = port_conflict(profile, table, imu)
     if sentence is not None:
-        yield ("imu", "port"), sentence
+        yield Problem(("imu", "port"), "value_error", Text.of("entry.other", words=sentence))

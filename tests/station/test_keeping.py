@@ -31,9 +31,9 @@ def belief(scale: float = 3e-4, sigma: float = 85e-6) -> Belief:
     return Belief(mean, covariance)
 
 
-def better(held: float, found: Belief, *, behind: bool = False) -> list[tuple[str, bool]]:
+def better(held: float, found: Belief, *, after_registers: bool = False) -> list[tuple[str, bool]]:
     earlier = better_previous_values(
-        {"accel_scale_x": held}, found, ("accel_scale_x",), BEFORE, after_registers=behind
+        {"accel_scale_x": held}, found, ("accel_scale_x",), BEFORE, after_registers=after_registers
     )
     return [(parameter.name, parameter.contradicted) for parameter in earlier]
 

@@ -1,6 +1,5 @@
 """Latitude and gravity of a station: what contradicts itself is refused before anything is opened."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,8 +21,9 @@ from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
 from calstation.physics.parameters import COUNT
 from calstation.records.meta import LogMeta
+from calstation.schema import EntryError
+from tests.helpers import raises_code
 
-HERE = Path("station.toml")
 NAV = {"gyro_arw": 2.9e-7, "gyro_bias_instability": 4.8e-9}
 MEMS = {"gyro_arw": 8.7e-5, "gyro_bias_instability": 2.4e-5}
 
@@ -41,7 +41,7 @@ def meta(noise: dict[str, float], *stages: str, **site: Any) -> LogMeta:
 
 @pytest.mark.parametrize("gravity", [9.79547, 9.7928, 9.7981])
 def test_surveyed_gravity_within_what_the_earth_does_is_believed(gravity: float) -> None:
-    check_site(meta(MEMS, "six_position", gravity_mps2=gravity), HERE)
+    check_site(meta(MEMS, "six_position", gravity_mps2=gravity))
 
 
 @pytest.mark.parametrize(
@@ -52,16 +52,17 @@ def test_surveyed_gravity_within_what_the_earth_does_is_believed(gravity: float)
 def test_a_slip_in_gravity_latitude_or_height_contradicts_the_others(
     noise: dict[str, float], wrong: dict[str, float]
 ) -> None:
-    with pytest.raises(ConfigurationError, match=r"station.toml: site.gravity_mps2 = .*; correct"):
-        check_site(meta(noise, "rate", **{"gravity_mps2": 9.79547, **wrong}), HERE)
+    with raises_code(EntryError, "site.gravity_contradicts") as caught:
+        check_site(meta(noise, "rate", **{"gravity_mps2": 9.79547, **wrong}))
+    assert caught.value.place == ("site", "gravity_mps2")
 
 
 def test_only_who_feels_the_earth_turn_needs_no_surveyed_gravity() -> None:
-    check_site(meta(NAV, "six_position"), HERE)
-    check_site(meta(MEMS, "rate"), HERE)  # turned both ways, a gyro's scale factor carries no latitude
+    check_site(meta(NAV, "six_position"))
+    check_site(meta(MEMS, "rate"))  # turned both ways, a gyro's scale factor carries no latitude
     for stage in ("six_position", "excitation", "multi_position"):
-        with pytest.raises(ConfigurationError, match=r"site.gravity_mps2 is missing.*; add"):
-            check_site(meta(MEMS, "rate", stage), HERE)
+        with raises_code(EntryError, "site.gravity_missing"):
+            check_site(meta(MEMS, "rate", stage))
 
 
 def standing(*told: str, **otherwise: float) -> StationSite:
@@ -73,32 +74,33 @@ CONFIRMED = confirmation_key(standing())
 
 
 @pytest.mark.parametrize(
-    ("noise", "site", "refused"),
+    ("noise", "site", "code"),
     [
         (NAV, standing(), ""),
-        (MEMS, standing(), "is missing"),
-        (MEMS, standing("plant-2: 34.25 108.9 400.0 9.79547"), "names plant-2: 34.25 108.9 400.0 9.79547"),
-        (NAV, standing("a", "b"), "names a; b"),
+        (MEMS, standing(), "site.not_confirmed"),
+        (MEMS, standing("plant-2: 34.25 108.9 400.0 9.79547"), "site.confirmed_elsewhere"),
+        (NAV, standing("a", "b"), "site.confirmed_elsewhere"),
         (MEMS, standing("a", CONFIRMED), ""),
-        (NAV, standing(CONFIRMED, height_m=900.0), "names"),
-        (MEMS, standing(CONFIRMED, gravity_mps2=9.7955), "names"),
+        (NAV, standing(CONFIRMED, height_m=900.0), "site.confirmed_elsewhere"),
+        (MEMS, standing(CONFIRMED, gravity_mps2=9.7955), "site.confirmed_elsewhere"),
     ],
 )
-def test_a_station_file_from_another_place_needs_a_person_here(
-    noise: dict[str, float], site: StationSite, refused: str
+def test_a_site_confirmed_elsewhere_must_be_confirmed_on_this_computer(
+    noise: dict[str, float], site: StationSite, code: str
 ) -> None:
     run = meta(noise, "six_position")
-    if not refused:
-        check_confirmation(site, run, HERE)
+    if not code:
+        check_confirmation(site, run)
         return
-    with pytest.raises(
-        ConfigurationError, match=rf"site.confirmed_on {refused}.* latitude 34.25°, .*; make sure.* confirm"
-    ):
-        check_confirmation(site, run, HERE)
+    with raises_code(EntryError, code) as caught:
+        check_confirmation(site, run)
+    assert caught.value.place == ("site", "confirmed_on")
+    assert caught.value.values["key"] == confirmation_key(site)
+    assert caught.value.values.get("confirmed", "") == "; ".join(site.confirmed_on)
 
 
 def test_stages_that_carry_no_gravity_need_nobody() -> None:
-    check_confirmation(standing(), meta(MEMS, "rate"), HERE)
+    check_confirmation(standing(), meta(MEMS, "rate"))
 
 
 def solved(latitude: LatitudeEstimate | None, nis: float = 1.0) -> tuple[Solution, ...]:
@@ -112,7 +114,7 @@ def test_a_latitude_seen_elsewhere_is_a_check_that_fails_and_ends_the_run() -> N
         (check,) = check_latitude(told, solved(seen))
         assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
         assert there([check]) is agrees
-    with pytest.raises(ConfigurationError, match=r"as at 34.38° \(sigma 0.01°\); correct latitude"):
+    with pytest.raises(ConfigurationError, match=r"as at latitude 34.38° \(sigma 0.01°\)"):
         check_seen_latitude(told, solved(LatitudeEstimate(0.60, 1e-4)))
 
 

@@ -11,6 +11,7 @@ from calstation.config import editing as settings
 from calstation.config import library
 from calstation.config.resolved import resolve_configuration
 from calstation.errors import ConfigurationError
+from tests.helpers import complaint, raises_code
 from tests.station.conftest import STATION
 
 NAV = Path(library.shipped_folder()) / "imus" / "bench_nav.toml"
@@ -33,46 +34,35 @@ def coarse(place: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("entry", "limit", "words"),
+    ("entry", "limit", "found"),
     [
-        (
-            {"range": [-1e-4, 1e-4]},
-            {"within": 2e-4, "sigma_below": 1e-5},
-            "limits.gyro_bias.within lets gyro_bias_x be -0.0002 to 0.0002, but register 0-2 of IMU profile",
-        ),
-        (
-            {"range": [-1e-4, 1e-4]},
-            {"within": [-1e-5, 3e-4]},
-            "limits.gyro_bias.within lets gyro_bias_x be -1e-05 to 0.0003",
-        ),
+        ({"range": [-1e-4, 1e-4]}, {"within": 2e-4, "sigma_below": 1e-5}, "within product.beyond_register"),
+        ({"range": [-1e-4, 1e-4]}, {"within": [-1e-5, 3e-4]}, "within product.beyond_register"),
         (
             {"type": "i16", "scale": 1e-5, "range": [-0.1, 0.1]},
             {"within": 1e-3, "sigma_below": 1e-6},
-            "limits.gyro_bias.sigma_below = 1e-06 is finer than register 0-2 of IMU profile",
+            "sigma_below product.finer_than_step",
         ),
-        (
-            {"tolerance": 1e-4},
-            {"sigma_below": 1e-6},
-            "limits.gyro_bias.sigma_below = 1e-06 is finer than the tolerance = 0.0001 of register 0-2",
-        ),
+        ({"tolerance": 1e-4}, {"sigma_below": 1e-6}, "sigma_below product.finer_than_tolerance"),
     ],
 )
-def test_limits_and_registers_are_compared(
-    place: Any, coarse: Any, entry: dict[str, Any], limit: dict[str, Any], words: str
+def test_limits_that_registers_cannot_hold_are_refused(
+    place: Any, coarse: Any, entry: dict[str, Any], limit: dict[str, Any], found: str
 ) -> None:
     coarse(entry, {"gyro_bias": limit})
-    with pytest.raises(ConfigurationError) as caught:
+    with raises_code(ConfigurationError, "entry.in_file") as caught:
         resolve_configuration(place.request("rate"))
-    assert str(caught.value).startswith(f"{place.product}: {words}")
-    assert "; " in str(caught.value)
+    assert complaint(caught.value) == f"limits.gyro_bias.{found}"
+    values = caught.value.values["what"].values["what"].values
+    assert (values["parameter"], values["register"]) == ("gyro_bias_x", "register 0")
     (problem,) = settings.check("products", place.product.read_text(encoding="utf-8"))
-    assert problem.text.startswith(words)
+    assert f"{place.product}: {problem.text}" == str(caught.value)
     assert problem.line > 1
 
 
-def test_a_matrix_is_compared_by_its_parameters(place: Any) -> None:
+def test_a_matrix_register_is_compared_by_its_parameters(place: Any) -> None:
     place.write({"imu": "vectornav_vn100", "limits": {"gyro_scale": {"within": 0.9}}})
-    with pytest.raises(ConfigurationError, match=r"lets gyro_matrix_xx be -0\.35 to 2\.35, but register 84"):
+    with pytest.raises(ConfigurationError, match=r"gyro_matrix_xx from -0\.35 to 2\.35, but register 84"):
         resolve_configuration(place.request("rate"))
 
 
@@ -84,8 +74,9 @@ def test_a_station_s_own_baud_must_carry_the_stream(place: Any, port: str) -> No
     if port.startswith("socket"):  # of a socket's other end nobody knows
         resolve_configuration(place.request("rate"))
         return
-    with pytest.raises(ConfigurationError, match=r"imu\.serial: baud = 19200 is too slow"):
+    with raises_code(ConfigurationError, "entry.in_file") as caught:
         resolve_configuration(place.request("rate"))
+    assert complaint(caught.value) == "imu.serial.baud profile.baud_too_low"
 
 
 def test_a_station_s_own_baud_must_carry_the_corrected_stream_too(
@@ -102,5 +93,5 @@ def test_a_station_s_own_baud_must_carry_the_corrected_stream_too(
     hardware = {**STATION, "table": {"profile": "bench", "port": "tcp://127.0.0.1:502"}}
     hardware["imu"] = {"port": "/dev/ttyUSB0", "serial": {"baud": 115200}}
     place.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"imu\.serial: baud = 115200 is too slow .* of 274 bytes"):
+    with pytest.raises(ConfigurationError, match=r"imu\.serial\.baud: 115200 is too low .* of 274 bytes"):
         resolve_configuration(place.request("rate"))

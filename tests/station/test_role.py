@@ -8,6 +8,7 @@ import pytest
 
 from calstation.config import access as role
 from calstation.errors import ConfigurationError
+from tests.helpers import raises_code
 
 
 class Watch:
@@ -47,7 +48,7 @@ def test_the_first_pin_is_set_and_only_it_opens() -> None:
 
 def test_a_pin_is_changed_only_by_who_knows_it(home: Path) -> None:
     role.set_pin("", "2468")
-    with pytest.raises(ConfigurationError, match="old one is wrong"):
+    with raises_code(ConfigurationError, "access.wrong_pin"):
         role.set_pin("0000", "1357")
     role.set_pin("2468", "ключ 密码")
     assert role.check("ключ 密码")
@@ -56,7 +57,7 @@ def test_a_pin_is_changed_only_by_who_knows_it(home: Path) -> None:
 
 
 def test_a_short_pin_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="at least 4"):
+    with raises_code(ConfigurationError, "access.pin_too_short"):
         role.set_pin("", "123")
     assert not role.has_pin()
 
@@ -90,8 +91,9 @@ def test_while_waiting_the_right_pin_is_not_taken_and_does_not_count(watch: Watc
         role.check("0000")
     assert role.wait() == 1.0
     assert not role.check("2468")
-    with pytest.raises(ConfigurationError, match="wait 1 s"):
+    with raises_code(ConfigurationError, "access.wrong_pin_wait") as caught:
         role.set_pin("2468", "1357")
+    assert caught.value.values == {"seconds": 1.0}
     watch.now += 1.0
     assert role.check("2468")
 

@@ -56,7 +56,7 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
             'imu = "bench_nav"',
             'imu = "x"',
             THERE,
-            "imu = 'x' does not exist; choose from",
+            "imu: There is no IMU profile “x”. Choose from",
         ),
         ("products", "nav_a", "name =", "name", THERE, "not valid TOML: Expected '='"),
         (
@@ -137,7 +137,7 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
             'profile = "bench"',
             'profile = "x"',
             THERE,
-            "table.profile = 'x' does not",
+            "table.profile: There is no table profile “x”",
         ),
         ("stations", "example_hardware", "timeout_s = 1.0", "timeout_s = 'long'", THERE, "imu.timeout_s"),
         ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', THERE, "Did you mean 'port'?"),

@@ -241,7 +241,11 @@ class CompatibilityNotice:
 
     def words(self) -> str:
         """What is incompatible, and what is compatible."""
-        why = say("window.manual_station" if self._error.by_hand else "window.driven_station")
+        why = say(
+            "window.manual_station"
+            if self._error.code != "product.needs_manual_table"
+            else "window.driven_station"
+        )
         if not self._found:
             return f"{why} {say('window.no_compatible_product')}"
         names = ", ".join(name for name, _ in self._found)

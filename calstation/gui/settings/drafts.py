@@ -64,7 +64,7 @@ class Draft(QObject):
             self.saved = editing.read_text(path)
         except ConfigurationError as error:
             self.saved = ""
-            self._show("", [Problem((), "file", str(error), 1)])
+            self._show("", [Problem((), "file", error.as_text, 1)])
             return
         self.rewrite(self.saved)
 

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.station import STATION, manual_product, uses_manual_rig
+from calstation.config.station import MANUAL_STATION, manual_product, uses_manual_rig
 from calstation.errors import CalstationError
 from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.log_wording import word_log_error
@@ -305,7 +305,7 @@ class MethodPanel(QWidget):
             return self.tr(
                 "This station's table is no hand rig. Choose a station with one on the Station page, for example "
                 "'{0}', which is software."
-            ).format(STATION)
+            ).format(MANUAL_STATION)
         return ""
 
     # Saying it
