@@ -1,7 +1,7 @@
-"""Recordings that no rate table makes, from the virtual bench: by hand on rails, of IMUs on one body, of a gimbal.
+"""Simulated recordings without a rate table: a manual rig, several IMUs on one body, a gimbal.
 
-Each is a raw log as a station with such hardware would leave it, and beside it the truth that drew it, so that a method
-can be tried, shown and taught without the hardware.
+Each is a raw log as a station with such hardware would write it, with its true parameters, so that a method can be
+tested, demonstrated and taught without the hardware.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ Kind = Literal["hand", "pair", "gimbal"]
 SAMPLE_RATE = 100.0
 _LATITUDE_DEG, _HEIGHT = 34.25, 400.0
 _AT_REST = {"gyro": {"fixed": 2e-4}, "accel": {"fixed": 5e-3}}
-#: Little motion is enough; and a unit as it leaves a MEMS factory is off: the earth alone shows 0.7e-4 rad/s.
+#: A short motion is enough; the rest limits allow for an uncalibrated MEMS unit and 0.7e-4 rad/s of earth rate.
 _PAIR_SCHEDULE = {
     "motion_s": 10.0,
     **{f"{unit}_{sensor}": limit for unit in ("primary", "secondary") for sensor, limit in _AT_REST.items()},
@@ -42,17 +42,33 @@ _RIG = ManualRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
 def make_recording(
     kind: Kind, path: Path, grade: GradeName = "mems", seed: int = 1
 ) -> tuple[LogFacts, dict[str, Any]]:
-    """Write the raw log `path`; returns its facts and the truth by parameter, SI.
+    """Make a recording.
 
-    Raises ConfigurationError where the log cannot be created.
+    Parameters
+    ----------
+    kind : manual rig, pair of IMUs or gimbal
+    path : raw log to write
+    grade : of the units
+    seed : of units, motion and noise
+
+    Returns
+    -------
+    LogFacts
+        Summary of the log.
+    dict
+        True values by parameter, SI.
+
+    Raises
+    ------
+    ConfigurationError
+        The log cannot be created.
     """
     makers = {"hand": _hand, "pair": _pair, "gimbal": _gimbal}
-    facts, truth = makers[kind](path, grade, seed)
-    return facts, truth
+    return makers[kind](path, grade, seed)
 
 
 def _unit(grade: GradeName, seed: int, *, plain: bool = False) -> ImuTruth:
-    """A unit; `plain` without what a pair cannot tell: second order, and accelerometers apart from each other."""
+    """Draw a unit; `plain` without what a pair cannot determine: second-order terms and levers."""
     imu = draw_imu(grade, np.random.default_rng(seed), sample_rate=SAMPLE_RATE)
     if plain:
         parameters = imu.parameters.copy()
@@ -151,13 +167,13 @@ def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
 
 
 class _BenchGimbal:
-    """The bench's gimbal behind the words of the loop."""
+    """The bench's gimbal with the interface of the estimation loop."""
 
     def __init__(self, bench: GimbalBench) -> None:
         self._bench = bench
 
     def lock(self, seconds: float) -> SampleBlock:
-        """Hold the joints and take what the gyros show for their bias."""
+        """Hold the joints and take the gyros' mean output as their bias."""
         samples = self._bench.lock(seconds)
         self._bench.zero_bias(samples)
         return _gimbal_block(samples)

@@ -1,13 +1,13 @@
-"""How far bias instability widens an excitation's errors: the filter's gains driven by the bench's own noise.
+"""Increase of an excitation's errors by bias instability: the filter's gains driven by the bench's own noise.
 
-The filter stands in for flicker by one Gauss-Markov process per bias. Which error that leaves is linear algebra: with
-the gains K it computed, the error e of its estimate (true wander counted as 0) and the bank of processes β that really
-moves the biases obey
+The filter models flicker by one Gauss-Markov process per bias. The resulting error follows from linear algebra: with
+the filter's gains K, the error e of its estimate (true bias drift counted as 0) and the bank of processes β that
+really moves the biases obey
 
     e⁺ = (I − KH)(F e − [F_b; 0] β) + K H_b β⁺ + noise,      β⁺ = A β + ν,
 
 whose joint covariance is propagated here (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity
-of a suboptimal filter). Nothing is fitted to the study's errors.
+of a suboptimal filter). No quantity is fitted to the study's errors.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ from calstation.physics.strapdown import PARAMETER_START, STATES
 
 
 class MismatchedCovariance:
-    """Joint covariance of the filter's error and the true bias processes, advanced beside a filter's pass."""
+    """Joint covariance of the filter's error and the true bias processes, propagated along a pass of the filter."""
 
     def __init__(self, run: NavigationFilter, context: SolveContext) -> None:
         imu = context.imu
@@ -40,7 +40,7 @@ class MismatchedCovariance:
         self.P = block_diag(start, np.diag(variance))
 
     def advance(self, run: NavigationFilter) -> None:
-        """One group of observations, with the transition, gain and Jacobian that `run` has just used."""
+        """Propagate over one group of observations with the transition, gain and Jacobian just used by `run`."""
         kf = run.kf
         decay = np.exp(-len(kf.y) // 3 * run.stride * run.dt / self._times)
         size = len(kf.x)
@@ -64,9 +64,17 @@ class MismatchedCovariance:
 
 
 def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) -> FloatArray:
-    """Covariance of an excitation's error under the bench's noise, in units of the filter's sigmas, shape (30, 30).
+    """Covariance of an excitation's error under the bench's noise, in units of the filter's sigmas.
 
-    `prior` : mean at the true parameters, covariance of the prior
+    Parameters
+    ----------
+    block : samples of the stage
+    context : of the solver
+    prior : mean at the true parameters, covariance of the prior
+
+    Returns
+    -------
+    ndarray, shape (30, 30)
     """
     data: StageData = stage_data([block], context.imu)
     settled = solve_navigation("excitation", data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))

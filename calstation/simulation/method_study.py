@@ -1,4 +1,4 @@
-"""Monte Carlo of the methods that need no table: recordings of the bench solved and compared with their truth."""
+"""Monte Carlo study of the methods without a table: recordings of the bench are solved and compared with the truth."""
 
 import tempfile
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
 from calstation.results.resolve import resolve
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
 
-#: The recording that each method is tried on.
+#: Kind of recording for each method.
 KIND_OF: dict[str, Kind] = {"multi_position": "hand", "cross_calibration": "pair", "gimbal": "gimbal"}
 _BAND = (0.0005, 0.9995)
 
@@ -21,15 +21,28 @@ _BAND = (0.0005, 0.9995)
 def run_method_study(
     stage: str, grade: GradeName, seeds: int, progress: Callable[[int, int], None] | None = None
 ) -> dict[str, Any]:
-    """Errors over their sigmas by group, JSON-ready.
+    """Study one method.
 
-    Returns per group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band, the largest
-    error/sigma, and whether the rms is inside. Axes of a group see the same motion, so no more than three count.
+    Parameters
+    ----------
+    stage : name of the method
+    grade : of the units
+    seeds : number of units
+    progress : called with the number of units done and their total
 
-    Raises ConfigurationError for a method without a recording of its own.
+    Returns
+    -------
+    dict
+        JSON-ready; per group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band, the
+        largest error/sigma, and whether the rms is inside. Axes of a group share the motion, so at most three count.
+
+    Raises
+    ------
+    ConfigurationError
+        The method has no recording.
     """
     if stage not in KIND_OF:
-        raise ConfigurationError(f"--method '{stage}' is unknown; choose from {', '.join(KIND_OF)}")
+        raise ConfigurationError("study.unknown_method", method=stage, methods=list(KIND_OF))
     errors: dict[str, list[list[float]]] = {}
     sigmas: dict[str, list[float]] = {}
     nis: list[float] = []

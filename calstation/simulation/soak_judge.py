@@ -1,4 +1,4 @@
-"""Was a run of a soak right? Its verdict against the bench's truth, its records, how the table was left."""
+"""Judges a run of a soak: its verdict against the bench's truth, its records, and how the table was left."""
 
 import json
 import os
@@ -6,7 +6,7 @@ import time
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,41 +20,19 @@ from calstation.records.limits import Check
 from calstation.records.log import open_log
 from calstation.runs.incomplete import finish_incomplete
 from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
+from calstation.simulation.soak_plan import MILD, Planned
 
-if TYPE_CHECKING:
-    from calstation.simulation.soak import Planned
-
-#: A parameter further from the truth than so many of its own sigmas is wrong.
+#: A parameter further from the truth than this many of its sigmas is wrong.
 SIGMAS = 6.0
 
-#: Host time in which a bench says how it was left, s.
+#: Host time in which the bench writes its report, s.
 _REPORT_WITHIN = 10.0
 
-#: A gap of more samples than any run lasts in silence is a counter's jump.
+#: A larger gap is a jump of the counter, not a loss: no run survives such a long silence.
 _JUMP = 5_000
 
-#: Kinds under which a good unit is rightly outside its limits.
+#: Faults with which a good unit must fail.
 _MUST_FAIL = ("wrong_gravity",)
-
-#: Kinds with values that a run gets over: where a good unit has no others, no verdict is wrong.
-MILD: tuple[tuple[str, float | None], ...] = (
-    ("corrupt_frames", 3),
-    ("drop_frames", 3),
-    ("duplicate_frames", 2),
-    ("reorder_frames", 2),
-    ("noise_bytes", 4),
-    ("jump_counter", 65_500),
-    ("silence_imu", 0.4),
-    ("garble_imu", 0.3),
-    ("saturate_imu", 0.3),
-    ("invalid_imu", 0.3),
-    ("reset_imu", None),
-    ("mute_table", 2),
-    ("slow_table", 0.3),
-    ("slow_imu", 1.2),
-    ("garble_table", 1),
-    ("refuse_table", 6),
-)
 
 _OUTCOMES = ("passed", "failed", "stopped", "fault", "incomplete")
 _VERDICTS = ("passed", "failed")
@@ -62,18 +40,22 @@ _VERDICTS = ("passed", "failed")
 
 @dataclass(frozen=True)
 class Judged:
-    """A run of a soak as it really was.
+    """Judgement of one run.
 
     Attributes
     ----------
-    injected : kinds of faults that did happen
-    wrong : what is wrong with its verdict; lost : what of its records is missing
-    unsafe : the table was left moving, or with its axes on where it can switch them off without its engine
-    samples, samples_lost : in its log, and missing between them
-    engine_mb, parent_mb : peak of resident memory
+    planned : the plan of the run
+    outcome, error : as the result has them; outcome ``hung`` or ``lost`` without a result
+    injected : kinds of the faults that occurred
+    wrong : what is wrong with the verdict
+    lost : what is missing of the records
+    unsafe : whether the table was left moving, or enabled although it can switch off without the engine
+    samples, samples_lost : number of samples in the log, and missing between them
+    engine_mb, parent_mb : peaks of resident memory, MB
+    seconds : duration, host time
     """
 
-    planned: "Planned"
+    planned: Planned
     outcome: str
     error: str | None
     injected: tuple[str, ...]
@@ -88,21 +70,28 @@ class Judged:
 
     @property
     def recovered(self) -> bool:
-        """The right verdict in spite of faults."""
+        """Whether the verdict is right in spite of faults."""
         return bool(self.injected) and self.outcome in _VERDICTS and not self.wrong
 
     @property
     def stopped_safely(self) -> bool:
-        """No verdict because of faults, and the table at rest with its axes off."""
+        """Whether faults prevented a verdict and the table is at rest with its axes off."""
         return bool(self.injected) and self.outcome in _OUTCOMES and not (self.recovered or self.unsafe)
 
 
 def judge_run(
-    planned: "Planned", request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
+    planned: Planned, request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
 ) -> Judged:
-    """Look at what a run left behind. `report` : of the bench, missing where it died with its engine."""
-    from calstation.simulation.soak import resident_mb
+    """Judge a run by what it left behind.
 
+    Parameters
+    ----------
+    planned, request : of the run
+    hung : whether it did not end in time
+    engine_mb : peak memory of the engine, MB
+    seconds : duration, host time
+    report : file that the bench writes at its end; missing if it died with the engine
+    """
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench(report)
     died = bool(kinds) and "engine_killed" in kinds and not _ended(request)
@@ -135,7 +124,7 @@ def judge_run(
 
 
 def _set_up(kind: str, setup: ResolvedConfiguration) -> bool:
-    """Whether a kind made the bench another from the start: no device misses what it never had."""
+    """Whether a fault from the start had an effect on these devices."""
     if kind == "watchdog_off":
         return _watched(setup.table)
     if kind == "never_ready":
@@ -150,12 +139,12 @@ def _watched(table: TableProfile) -> bool:
 
 
 def _left_alone(table: TableProfile) -> bool:
-    """Whether the table has nothing that switches its axes off when its link is lost: it ends its move and rests."""
+    """Whether nothing switches the axes off when the link is lost: the table completes its move and rests."""
     return table.link_loss_stop_s is None and not _watched(table)
 
 
 def _records(request: RunRequest, died: bool) -> tuple[dict[str, Any], list[str]]:
-    """The run's result, and what is missing of its records."""
+    """The result of the run, and what is missing of its records."""
     logs = sorted(request.out.glob(f"{request.serial}_*.h5"))
     if not logs:
         return {}, ["no log"]
@@ -180,7 +169,7 @@ def _records(request: RunRequest, died: bool) -> tuple[dict[str, Any], list[str]
 
 
 def _wrong(
-    planned: "Planned", request: RunRequest, result: dict[str, Any], outcome: str, happened: Collection[str]
+    planned: Planned, request: RunRequest, result: dict[str, Any], outcome: str, happened: Collection[str]
 ) -> list[str]:
     if outcome == "hung":
         return ["it hung"]
@@ -203,7 +192,7 @@ def _wrong(
 
 
 def _near_limit(check: dict[str, Any], result: dict[str, Any], truth: np.ndarray) -> bool:
-    """Whether the truth is outside its limit, or so near that noise may take the estimate there."""
+    """Whether the truth is outside its limit, or so near that noise may move the estimate outside."""
     interval = _interval(check, result)
     if interval is None:
         return False
@@ -230,7 +219,7 @@ def _off(result: dict[str, Any], truth: np.ndarray) -> list[str]:
 
 
 def _outside(setup: ResolvedConfiguration, result: dict[str, Any], truth: np.ndarray) -> list[str]:
-    """Parameters that were found and judged inside their limits, and truly are not by more than their sigma allows."""
+    """Parameters judged inside their limits whose truth is outside by more than their sigma allows."""
     found = []
     for check in result["checks"]:
         interval = _interval(check, result)
@@ -242,7 +231,7 @@ def _outside(setup: ResolvedConfiguration, result: dict[str, Any], truth: np.nda
 
 
 def _bench(report: Path) -> dict[str, Any]:
-    """How the bench was left, once its watchdog has had its time; {} where it never says."""
+    """The bench's report, written after its watchdog's timeout; {} if it never comes."""
     deadline = time.monotonic() + _REPORT_WITHIN
     while not report.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -250,12 +239,12 @@ def _bench(report: Path) -> dict[str, Any]:
 
 
 def _ended(request: RunRequest) -> bool:
-    """Whether the run wrote its result itself."""
+    """Whether the run itself wrote its result."""
     return bool(list(request.out.glob(f"{request.serial}_*.json")))
 
 
 def _samples(result: dict[str, Any], jumped: bool) -> tuple[int, int]:
-    """Samples in a run's log, and those missing between them; what a counter on order `jumped` is no loss."""
+    """Number of samples in a run's log, and missing between them; a jump of the counter is not a loss."""
     if "log" not in result:
         return 0, 0
     count = missing = 0
@@ -278,3 +267,14 @@ def _read(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return content
+
+
+def resident_mb(pid: int | None) -> float:
+    """Peak resident memory of a process, MB; 0 if unknown."""
+    try:
+        text = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    except OSError:
+        return 0.0
+    return next(
+        (int(line.split()[1]) / 1024.0 for line in text.splitlines() if line.startswith("VmHWM")), 0.0
+    )

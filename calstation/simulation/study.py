@@ -1,8 +1,8 @@
-"""Monte Carlo against truth: many units and tables, simulator to solver, errors over sigmas and over the bound.
+"""Monte Carlo study against truth: errors over sigmas and over the bound, for many units and tables.
 
-The truth is the bench's own mathematics; priors and noise that the solvers are told are those it draws from. Each
-unit is mounted 0.1-0.3° askew on a table with 60″ of non-orthogonality, encoders good to 0.05°, on a base tilted by
-0.1°. What is tested, and where the bands come from, stands in `docs/explanation/study.md`.
+The truth is computed by the bench's own mathematics; the solvers get the priors and noise that the bench draws from.
+Each unit is mounted 0.1-0.3° askew on a table with 60″ of non-orthogonality and encoders accurate to 0.05°, on a base
+tilted by 0.1°. `docs/explanation/study.md` explains what is tested and where the bands come from.
 """
 
 from collections.abc import Callable, Iterator
@@ -31,20 +31,20 @@ from procedures import DEFAULT_STAGES, method
 SEEDS: dict[GradeName, int] = {"nav": 100, "tactical": 30, "mems": 30}
 SAMPLE_RATE = 100.0
 MOUNT = (np.deg2rad(0.1), np.deg2rad(0.3))
-#: Per axis, of a rotation uniform in size between the two about a random direction.
+#: Per axis, of a rotation about a random direction whose size is uniform between the two.
 MOUNT_SIGMA = float(np.sqrt((MOUNT[0] ** 2 + MOUNT[0] * MOUNT[1] + MOUNT[1] ** 2) / 3.0 / 3.0))
 BASE_TILT = np.deg2rad(0.1)
 AZIMUTH_SIGMA = np.deg2rad(0.1)
 ENCODER_SIGMA = np.deg2rad(0.05)
 NAVIGATION_STAGES = ("excitation", "azimuth_flip")
 
-#: Departures from the stages' own schedules, by stage.
+#: Changes of the stages' default schedules, by stage.
 Schedules = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One line of the study: which stages are solved, of a unit with or without outer lever and bias instability."""
+    """One case of the study: the solved stages, and whether units have an outer lever and bias instability."""
 
     name: str
     stages: tuple[str, ...]
@@ -116,7 +116,7 @@ def run_study(
 
 
 def _map(jobs: list[Any], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
-    """Results as they come; the workers end with the last of them, or with whatever ends the study."""
+    """Results in the order in which they are ready; the workers end with the iteration."""
     if workers == 1:
         yield from map(_unit, jobs)
         return
@@ -143,7 +143,7 @@ def _unit(
 def draw_unit(
     grade: GradeName, seed: int, outer_lever: str, instability: bool
 ) -> tuple[BenchTruth, SolveContext]:
-    """A bench of the study, and what its solvers are told."""
+    """Draw a bench of the study, and the context of its solvers."""
     truth = BenchTruth.draw(
         grade,
         seed,
@@ -191,7 +191,7 @@ def study_prior(grade: GradeName, outer_lever: str) -> Belief:
 def simulate_stages(
     truth: BenchTruth, seed: int, stages: list[str], schedules: Schedules
 ) -> dict[str, SampleBlock]:
-    """One block per stage, driven one after another."""
+    """Simulate the stages one after another; one block per stage."""
     simulator = Simulator(truth, seed + 10_000)
     blocks = {}
     for stage in stages:
@@ -214,7 +214,7 @@ def _solve(
     data: dict[str, SampleBlock],
     schedules: Schedules,
 ) -> UnitResult:
-    """Solve a case's chain as a run does, and beside it the bound: the same chain linearised at the truth."""
+    """Solve a case's chain as a run does, and its bound: the same chain linearised at the truth."""
     belief = study_prior(truth.grade, case.outer_lever)
     bound = Belief(truth.parameters, belief.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)

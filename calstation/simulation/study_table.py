@@ -1,4 +1,4 @@
-"""What a case's many units say: rms of error over sigma per group, NEES and bound ratio, each with its band."""
+"""Statistics of a case over its units: rms of error over sigma per group, NEES and bound ratio, with their bands."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,7 +10,7 @@ from calstation.physics.arrays import BoolArray, FloatArray
 from calstation.physics.parameters import GROUPS, NAMES, group_indices
 
 BAND = (0.0005, 0.9995)
-#: Largest rms of error over bound, pooled over all parameters; with few of them their own 99.9 % band if wider.
+#: Largest rms of error over bound, pooled over all parameters; with few parameters their 99.9 % band if wider.
 BOUND_RATIO_LIMIT = 1.1
 
 
@@ -32,7 +32,7 @@ class CaseData:
         bound: FloatArray,
         nis: dict[str, tuple[float, float, float]],
     ) -> None:
-        """One more unit."""
+        """Add one unit."""
         self.estimated = estimated
         self.errors.append(error)
         self.covariances.append(covariance)
@@ -58,8 +58,12 @@ def summary(
 ) -> dict[str, Any]:
     """One row of the study, JSON-ready.
 
-    `true_covariance_ratio` : where the noise is richer than the filter's model, the derived covariance of the error
-    in units of the filter's sigmas, shape (30, 30): its trace widens the bands. None where they are the same.
+    Parameters
+    ----------
+    grade, name : of the units and the case
+    data : results of all units
+    true_covariance_ratio : covariance of the error in units of the filter's sigmas, shape (30, 30), if the noise is
+        richer than the filter's model: its trace widens the bands; else None
     """
     assert data.estimated is not None
     estimated = np.flatnonzero(data.estimated)

@@ -18,5 +18,5 @@ def test_errors_agree_with_their_sigmas(stage: str) -> None:
 
 
 def test_an_unknown_method_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="choose from multi_position, cross_calibration, gimbal"):
+    with pytest.raises(ConfigurationError, match="Choose from: multi_position, cross_calibration, gimbal"):
         run_method_study("rate", "mems", 1)

@@ -11,8 +11,9 @@ import pytest
 from calstation.cli.app import run_app
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.simulation.fault_plan import KINDS
-from calstation.simulation.soak import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, Soak, _written, plans
+from calstation.simulation.soak import Soak
 from calstation.simulation.soak_judge import Judged, _left_alone, _set_up, _wrong
+from calstation.simulation.soak_plan import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, plans, write_request
 
 pytestmark = pytest.mark.long
 
@@ -60,11 +61,12 @@ def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
     from calstation.bench.config import BenchConfig
     from calstation.physics.parameters import INDEX
 
-    request = _written(GOOD, tmp_path, ("rate", "six_position"))
+    request = write_request(GOOD, tmp_path, ("rate", "six_position"))
     setup = resolve_configuration(request)
     truth = BenchConfig.model_validate(setup.bench_config()).truth().imu.parameters
     row = {"value": float(truth[INDEX["accel_bias_x"]]), "sigma": 1e-4}
-    check = {"name": "accel_bias_x within", "limit": [-0.0074, 0.0074], "passed": True}
+    check = {"name": "accel_bias_x within", "value": row["value"], "limit": [-0.0074, 0.0074], "unit": "m/s²"}
+    check["passed"] = True
     result: dict[str, Any] = {"parameters": {"accel_bias_x": row}, "checks": [check]}
     assert _wrong(GOOD, request, result, "passed", ()) == []
     row["value"] += 7e-4
@@ -85,7 +87,7 @@ def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
 
 
 def test_a_run_that_comes_to_no_verdict_needs_a_reason(tmp_path: Path) -> None:
-    request = _written(GOOD, tmp_path, ("rate",))
+    request = write_request(GOOD, tmp_path, ("rate",))
 
     def wrong(*faults: tuple[str, float | None], faulty: bool = False) -> list[str]:
         planned = replace(GOOD, faults=faults, faulty_unit=faulty)
@@ -114,7 +116,7 @@ def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfig
     """A run with every choice of devices."""
     return {
         name: resolve_configuration(
-            _written(replace(GOOD, devices=name), tmp_path_factory.mktemp(f"devices{k}"), ("rate",))
+            write_request(replace(GOOD, devices=name), tmp_path_factory.mktemp(f"devices{k}"), ("rate",))
         )
         for k, name in enumerate(DEVICES)
     }

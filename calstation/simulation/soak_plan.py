@@ -1,0 +1,194 @@
+"""What happens in each run of a soak: devices, unit, faults; and the files that make a run so."""
+
+import random
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.station import DEFAULT_PRODUCT, DEFAULT_STATION
+from calstation.schema import read_toml
+from calstation.simulation.fault_plan import CAPTURES
+
+STAGES = ("rate", "six_position")
+_QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
+_SHORT: dict[str, Any] = {
+    "warm_up": {"time_s": 0.0},
+    "schedule": {
+        "rate": {"turns": 1, "dwell_s": 2.0, **_QUICK},
+        "six_position": {"dwell_s": 6.0, **_QUICK},
+    },
+}
+_MEMS = {"bench_grade": "mems", "limits": "mems_c"}
+
+#: Devices of the station: weight in the draw, changes of the station file, changes of the product file.
+DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
+    "Modbus TCP, frames": (8, {}, {}),
+    "Modbus RTU": (1, {"bench": {"table_transport": "rtu"}}, {}),
+    "two drives": (1, {"table": {"profile": "cia402_drives"}}, {}),
+    "ATL": (1, {"table": {"profile": "aerosmith_atl"}}, {}),
+    "ACL": (1, {"table": {"profile": "acutronic_acl"}}, {}),
+    "MN": (1, {"table": {"profile": "mn_ascii"}}, {}),
+    "indexing unit": (1, {"table": {"profile": "indexing_unit"}}, {}),
+    "VN-100": (1, {}, {"imu": "vectornav_vn100", **_MEMS}),
+    "DSP by Modbus": (1, {}, {"imu": "dsp_modbus", **_MEMS}),
+}
+
+#: Faults (kind, value) that a run survives: a good unit with only these must get a verdict.
+MILD: tuple[tuple[str, float | None], ...] = (
+    ("corrupt_frames", 3),
+    ("drop_frames", 3),
+    ("duplicate_frames", 2),
+    ("reorder_frames", 2),
+    ("noise_bytes", 4),
+    ("jump_counter", 65_500),
+    ("silence_imu", 0.4),
+    ("garble_imu", 0.3),
+    ("saturate_imu", 0.3),
+    ("invalid_imu", 0.3),
+    ("reset_imu", None),
+    ("mute_table", 2),
+    ("slow_table", 0.3),
+    ("slow_imu", 1.2),
+    ("garble_table", 1),
+    ("refuse_table", 6),
+)
+
+#: Faults (kind, value) injected at a random time within a stage.
+STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
+    *MILD,
+    ("silence_imu", 600),
+    ("garble_imu", 600),
+    ("freeze_channel", 4),
+    ("hang_up_imu", None),
+    ("mute_table", 30),
+    ("refuse_table", 4),
+    ("interlock", 0),
+    ("drive_fault", None),
+    ("limit_fault", None),
+    ("stall", None),
+    ("trip_watchdog", None),
+    ("jam", None),
+    ("overshoot", 2),
+    ("never_settle", 600),
+    ("engine_killed", None),
+)
+
+#: Faults (kind, value) that exist from the start, wait for an event of their own, or come from the listener.
+OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
+    ("brown_out_write", 20),
+    ("brown_out_commit", 70),
+    ("brown_out_commit", 128),
+    ("wrong_unit", None),
+    ("mounted_otherwise", None),
+    ("wrong_latitude", 2.0),
+    ("wrong_gravity", None),
+    ("watchdog_off", None),
+    ("interlock_open", None),
+    ("never_ready", None),
+    ("operator_stop", None),
+    ("window_killed", None),
+)
+
+#: Kinds that are also injected during the captures around a register transfer.
+_IN_CAPTURES = ("reset_imu", "drop_frames")
+
+_FROM_LISTENER = ("operator_stop", "window_killed")
+#: Latest time of a fault in a stage or step, s of device time.
+_LATEST = 20.0
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One run of a soak.
+
+    Attributes
+    ----------
+    number : of the run, from 0
+    seed : of the bench
+    faulty_unit : whether the unit is outside its limits
+    faults : kinds with their values
+    devices : of the station, one of `DEVICES`
+    """
+
+    number: int
+    seed: int
+    faulty_unit: bool
+    faults: tuple[tuple[str, float | None], ...]
+    devices: str = "Modbus TCP, frames"
+
+
+def plans(runs: int, seed: int) -> Iterator[Planned]:
+    """Plan the runs; the same seed gives the same plan, and every fault occurs before any occurs again."""
+    drawn = random.Random(seed)
+    deck: list[tuple[str, float | None]] = []
+    for number in range(runs):
+        wanted = drawn.choices((0, 1, 2), (0.2, 0.65, 0.15))[0]
+        faults: list[tuple[str, float | None]] = []
+        for _ in range(wanted):
+            if not deck:
+                deck = [*STAGE_FAULTS, *OTHER_FAULTS]
+                drawn.shuffle(deck)
+            faults.append(deck.pop())
+        seed_of_run, faulty = drawn.randrange(2**31), drawn.random() < 0.1
+        (devices,) = drawn.choices(list(DEVICES), [often for often, _, _ in DEVICES.values()])
+        yield Planned(number, seed_of_run, faulty, tuple(faults), devices)
+
+
+def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> RunRequest:
+    """Write station, product and fault plan of a run; returns the request that uses them."""
+    drawn = random.Random(planned.seed)
+    (folder / "bench").mkdir(parents=True, exist_ok=True)
+    _, other_station, other_product = DEVICES[planned.devices]
+    station = read_toml(library.shipped_folder() / "stations" / f"{DEFAULT_STATION}.toml")
+    station |= {name: section for name, section in other_station.items() if name != "bench"}
+    station["bench"] = {
+        "seed": planned.seed,
+        "out_of_limits": planned.faulty_unit,
+        "flash_file": str(folder / "bench" / f"{planned.number}.flash"),
+        "report_file": str(folder / "bench" / f"{planned.number}.json"),
+        **other_station.get("bench", {}),
+    }
+    product = _product(DEFAULT_PRODUCT) | other_product
+    if other_product:
+        product["limits"] = _product(other_product["limits"])["limits"]
+    if stages:
+        limits = {name: {"within": limit["within"]} for name, limit in product["limits"].items()}
+        product |= {"name": "soak", **_SHORT, "limits": limits, "stages": list(stages)}
+    names = tuple(product["stages"])
+    faults = [
+        _fault(kind, value, names, drawn) for kind, value in planned.faults if kind not in _FROM_LISTENER
+    ]
+    _write(folder / "station.toml", station)
+    _write(folder / "product.toml", product)
+    _write(folder / "plan.toml", {"seed": planned.seed, "fault": faults})
+    return RunRequest(
+        serial=f"SN-{planned.number:06d}",
+        station=folder / "station.toml",
+        product=folder / "product.toml",
+        out=folder / "runs",
+        operator="soak",
+        faults=folder / "plan.toml",
+    )
+
+
+def _product(name: str) -> dict[str, Any]:
+    return read_toml(library.shipped_folder() / "products" / f"{name}.toml")
+
+
+def _fault(kind: str, value: float | None, stages: tuple[str, ...], drawn: random.Random) -> dict[str, Any]:
+    entry: dict[str, Any] = {"kind": kind} if value is None else {"kind": kind, "value": float(value)}
+    if (kind, value) in STAGE_FAULTS:
+        entry["stage"] = drawn.choice((*stages, *CAPTURES) if kind in _IN_CAPTURES else stages)
+        if entry["stage"] not in CAPTURES and drawn.random() < 0.5:
+            entry["step"] = drawn.randrange(6)
+        entry["time_s"] = drawn.uniform(0.0, _LATEST if "step" not in entry else 3.0)
+    return entry
+
+
+def _write(path: Path, content: Mapping[str, Any]) -> None:
+    path.write_text(tomli_w.dumps(dict(content)), encoding="utf-8")
