@@ -13,14 +13,14 @@ sys.path.append(str(Path(__file__).parent.parent / "estimation"))
 
 
 def pytest_runtest_setup(item):
-    """Leave out what only measures time, unless times are to be measured."""
+    """Skip pure timing tests unless benchmarks are enabled."""
     if "benchmark" in item.fixturenames and not item.config.getoption("benchmark_enable"):
         pytest.skip("a benchmark: pytest tests/benchmarks --benchmark-enable")
 
 
 @pytest.fixture
 def figures(benchmark, record_property):
-    """Takes what a benchmark found: into its record and onto the screen at the end."""
+    """Records the figures of a benchmark and prints them at the end."""
 
     def take(**found):
         benchmark.extra_info.update(found)
@@ -31,7 +31,7 @@ def figures(benchmark, record_property):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """What the benchmarks found, one line each."""
+    """Print the figures of the benchmarks, one line each."""
     for report in terminalreporter.stats.get("passed", []):
         if report.when == "call" and "benchmarks" in report.nodeid and report.user_properties:
             found = ", ".join(f"{name} {value}" for name, value in report.user_properties)

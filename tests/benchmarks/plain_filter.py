@@ -1,4 +1,4 @@
-"""The navigation filter once more, written plainly: numpy, one predict of all 39 states at every sample.
+"""A plain NumPy version of the navigation filter with one prediction of all 39 states per sample.
 
 States φ, δv, δp and the 30 parameters; first-order transition per sample; the velocity of the centre of rotation is
 observed every `interval` s and attitude and velocity are fed back. Written from the equations in CONTRACT.md and

@@ -1,4 +1,4 @@
-"""How long the window's one thread is busy at a stretch while a run streams in; what hours of it leave in memory."""
+"""Longest busy time of the window's thread during a run, and its memory over hours."""
 
 import os
 import time
@@ -89,7 +89,7 @@ def resident() -> int:
 
 
 @pytest.mark.timeout(900)
-def test_the_window_stays_awake_over_a_whole_run(window: MainWindow, benchmark, figures) -> None:
+def test_window_stays_responsive_over_a_whole_run(window: MainWindow, benchmark, figures) -> None:
     until(lambda: window.isVisible(), 10.0)
     button = window.findChild(QPushButton, "start_button")
 
@@ -116,7 +116,7 @@ def test_the_window_stays_awake_over_a_whole_run(window: MainWindow, benchmark, 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
 @pytest.mark.timeout(900)
-def test_hours_of_a_run_leave_memory_flat(window: MainWindow, benchmark, figures) -> None:
+def test_memory_does_not_grow_over_hours_of_a_run(window: MainWindow, benchmark, figures) -> None:
     until(lambda: window.isVisible(), 10.0)
     window.app.run._running_changed(True) if window.app.engine_link.request else None
     sizes: list[int] = []

@@ -1,4 +1,4 @@
-"""Stages of the bench as solvers take them, and what a station would tell the solver about that bench."""
+"""Simulated stages of the bench as solvers process them, with the context of a station."""
 
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ SCHEDULES = {
 
 
 def context_of(truth: BenchTruth) -> SolveContext:
-    """What a station knows of the bench: nominal axes, told azimuth, noise of the grade."""
+    """Context of a station: nominal axes, known azimuth, noise of the grade."""
     imu, table = truth.imu, truth.table
     return SolveContext(
         Site(table.latitude, 0.0, table.height, truth.azimuth, table.gravity),
@@ -43,7 +43,7 @@ def context_of(truth: BenchTruth) -> SolveContext:
 
 
 def prior_of(truth: BenchTruth, factor: float = 2.0) -> Belief:
-    """Zero mean and `factor` of the grade's sigmas; an outer lever fixed at zero is known."""
+    """Prior with zero mean and `factor` times the grade's sigmas; a fixed outer lever is known."""
     sigma = factor * np.array([GRADES[truth.grade].sigma[p.group] for p in PARAMETERS])
     if truth.outer_lever == "fixed":
         sigma[[p.group == "outer_lever" for p in PARAMETERS]] = 0.0
@@ -51,12 +51,12 @@ def prior_of(truth: BenchTruth, factor: float = 2.0) -> Belief:
 
 
 def geometry_of(truth: BenchTruth) -> TableGeometry:
-    """The table as the station knows it."""
+    """Nominal geometry of the table."""
     return TableGeometry(truth.table.outer_axis, truth.table.inner_axis)
 
 
 def block_of(samples: Simulated, keep: np.ndarray | None = None) -> SampleBlock:
-    """The samples as one block, those of `keep` alone where given."""
+    """The samples, or those of `keep`, as one block."""
     keep = np.ones(len(samples.seq), dtype=bool) if keep is None else keep
     return SampleBlock(
         samples.stage,
@@ -84,7 +84,7 @@ def cut(block: SampleBlock, places: list[int]) -> list[SampleBlock]:
 
 
 def solver_of(truth: BenchTruth, prior: Belief, stage: str, context: SolveContext | None = None):
-    """A fresh solver of a stage."""
+    """A new solver of a stage."""
     chosen = method(stage)
     return chosen.solver(context or context_of(truth), prior, chosen.schedule(**SCHEDULES[stage]))
 

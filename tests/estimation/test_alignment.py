@@ -1,4 +1,4 @@
-"""Where a stage starts: the prior's sigmas, levelling and gyrocompassing on a body at rest."""
+"""Start attitude of a stage: prior sigmas, levelling and gyrocompassing of a body at rest."""
 
 from dataclasses import replace
 
@@ -56,7 +56,7 @@ NOMINAL = TableGeometry().body_to_level(*ANGLES, 0.8)
 TURNED = rotation_matrix(np.array([0.01, -0.015, 0.02])) @ NOMINAL
 
 
-def test_encoders_and_azimuth_give_the_prior_and_the_table_its_sigmas():
+def test_prior_attitude_comes_from_encoders_and_azimuth_with_the_tables_sigmas():
     (start,) = starts(at_rest(TURNED, angles=ANGLES), CONTEXT, belief())
     assert start.prior == pytest.approx(NOMINAL, abs=1e-12)
     mount, tilt, encoder, azimuth = np.deg2rad([1.0, 0.2, 0.05, 0.5])
@@ -67,14 +67,14 @@ def test_encoders_and_azimuth_give_the_prior_and_the_table_its_sigmas():
     assert (start.begin, start.end) == (0, 1000)
 
 
-def test_the_point_to_linearise_about_is_levelled_and_keeps_the_priors_heading():
+def test_linearisation_point_is_levelled_and_keeps_the_prior_heading():
     (start,) = starts(at_rest(TURNED, angles=ANGLES), CONTEXT, belief())
     up_b = TURNED.T @ [0.0, 0.0, 1.0]
     assert start.attitude @ up_b == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
     assert abs(rotation_vector(start.attitude @ start.prior.T)[2]) < 1e-4
 
 
-def test_without_azimuth_the_heading_is_gyrocompassed_and_its_prior_free():
+def test_unknown_azimuth_is_gyrocompassed_with_a_free_prior():
     (start,) = starts(at_rest(TURNED, angles=ANGLES), without_azimuth(), belief())
     assert rotation_vector(start.attitude @ TURNED.T) == pytest.approx(np.zeros(3), abs=0.02)
     assert start.attitude @ (TURNED.T @ [0.0, 0.0, 1.0]) == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
@@ -94,14 +94,14 @@ def test_without_encoders_any_attitude_is_found_from_gravity_and_earth_rate(vect
     assert start.azimuth_sigma == pytest.approx(BIAS_SIGMA / (RATE * np.cos(LATITUDE)))
 
 
-def test_a_known_bias_is_taken_off_before_gyrocompassing():
+def test_known_gyro_bias_is_removed_before_gyrocompassing():
     attitude = axis_rotation((0.0, 0.0, 1.0), 1.0)
     bias = np.array([3e-5, -2e-5, 1e-5])
     (start,) = starts(at_rest(attitude, bias=bias), without_azimuth(), belief(bias))
     assert rotation_vector(start.attitude @ attitude.T) == pytest.approx(np.zeros(3), abs=1e-6)
 
 
-def test_an_east_gyro_bias_turns_the_heading_by_its_share_of_the_earth():
+def test_east_gyro_bias_turns_the_heading_by_its_ratio_to_earth_rate():
     attitude = np.eye(3)
     level_rate, up = rotation_rate(LATITUDE), np.array([0.0, 0.0, 9.8])
     north = RATE * np.cos(LATITUDE)
@@ -110,18 +110,18 @@ def test_an_east_gyro_bias_turns_the_heading_by_its_share_of_the_earth():
     assert sigma == pytest.approx(1e-6 / north)
 
 
-def test_at_the_pole_the_heading_is_said_to_be_hopeless():
+def test_heading_is_ambiguous_at_the_pole():
     _, sigma = gyrocompass(np.array([0.0, 0.0, RATE]), np.array([0.0, 0.0, 9.8]), np.pi / 2, belief())
     assert sigma > 1e3
 
 
-def test_every_segment_long_enough_starts_on_its_own_a_sample_clear_of_each_gap():
+def test_every_long_segment_is_aligned_one_sample_away_from_each_gap():
     data = at_rest(TURNED, angles=ANGLES, segments=((0, 400), (400, 420), (420, 1000)))
     found = starts(data, CONTEXT, belief())
     assert [(s.begin, s.end) for s in found] == [(0, 399), (421, 1000)]
 
 
-def test_nothing_starts_where_nothing_rests():
+def test_segments_without_rest_are_not_aligned():
     data = at_rest(TURNED, angles=ANGLES)
     spinning = replace(data, gyro=data.gyro + 0.3)
     assert starts(spinning, CONTEXT, belief()) == []

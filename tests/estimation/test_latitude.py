@@ -1,4 +1,4 @@
-"""The latitude that a unit sees: right within its sigma over many units, and None where the rests do not tell it."""
+"""Latitude from gyros: agrees with its sigma over many units, and None if the rests do not determine it."""
 
 from dataclasses import replace
 from functools import cache
@@ -32,7 +32,7 @@ def six_positions(grade: str, seed: int) -> tuple[BenchTruth, SampleBlock]:
 
 
 @pytest.mark.parametrize("grade", ["nav", "tactical"])
-def test_it_is_right_within_its_sigma(grade: str) -> None:
+def test_latitude_agrees_with_its_sigma(grade: str) -> None:
     off = []
     for seed in range(UNITS):
         truth, block = six_positions(grade, seed)
@@ -45,12 +45,12 @@ def test_it_is_right_within_its_sigma(grade: str) -> None:
 
 
 def replace_gyros(truth: BenchTruth) -> Belief:
-    """The parameters known, as after a whole calibration."""
+    """Parameters known as after a whole calibration."""
     return Belief(truth.imu.parameters, prior_of(truth).covariance * 1e-6)
 
 
 @pytest.mark.parametrize("grade", ["nav", "tactical"])
-def test_before_the_matrix_of_the_gyros_is_known_the_sigma_says_so(grade: str) -> None:
+def test_uncertain_gyro_matrix_enlarges_the_sigma(grade: str) -> None:
     for seed in range(UNITS):
         truth, block = six_positions(grade, seed)
         seen, known = see(truth, [block]), see(truth, [block], replace_gyros(truth))
@@ -60,7 +60,7 @@ def test_before_the_matrix_of_the_gyros_is_known_the_sigma_says_so(grade: str) -
         assert seen.sigma > known.sigma
 
 
-def test_it_is_the_same_however_the_samples_came_in_blocks() -> None:
+def test_latitude_does_not_depend_on_the_blocks() -> None:
     truth, block = six_positions("nav", 0)
     whole = see(truth, [block])
     assert whole is not None
@@ -68,7 +68,7 @@ def test_it_is_the_same_however_the_samples_came_in_blocks() -> None:
         assert see(truth, cut(block, places)) == whole
 
 
-def test_spoilt_and_missing_samples_take_their_second_with_them() -> None:
+def test_seconds_with_spoilt_or_missing_samples_are_left_out() -> None:
     truth, block = six_positions("nav", 1)
     counts, valid = block.counts.copy(), block.valid.copy()
     counts[1000:1010] *= 50.0
@@ -81,13 +81,13 @@ def test_spoilt_and_missing_samples_take_their_second_with_them() -> None:
         assert abs(seen.value - truth.table.latitude) < 4.0 * seen.sigma
 
 
-def test_without_turning_the_unit_over_there_is_none() -> None:
+def test_no_latitude_without_turning_the_unit_over() -> None:
     truth = BenchTruth.draw("nav", 3, sample_rate=100.0)
     assert see(truth, [block_of(simulate(Simulator(truth, 3), truth, "azimuth_flip"))]) is None
     assert see(truth, []) is None
 
 
-def test_a_table_that_shakes_widens_the_sigma() -> None:
+def test_vibration_enlarges_the_sigma() -> None:
     truth, block = six_positions("nav", 4)
     calm = see(truth, [block], replace_gyros(truth))
     shaken = block.counts.copy()
@@ -105,7 +105,7 @@ def test_a_table_that_shakes_widens_the_sigma() -> None:
     assert rough is None or rough.sigma > 5.0 * calm.sigma
 
 
-def test_who_feels_the_earth_turn() -> None:
+def test_which_gyros_resolve_earth_rate() -> None:
     felt = {
         g: resolves_earth_rate(context_of(BenchTruth.draw(g, 1)).imu) for g in ("nav", "tactical", "mems")
     }

@@ -61,7 +61,7 @@ def test_chi2_is_the_innovations_squared_over_their_covariance(seed):
     assert result.residual == pytest.approx(observed - posterior, abs=1e-9)
 
 
-def test_what_the_prior_knows_exactly_stays_and_takes_no_part():
+def test_exactly_known_parameters_do_not_change():
     model, arguments, *_ = linear_case(5)
     observed, noise, prior, nuisance, nuisance_sigma = arguments
     covariance = prior.covariance.copy()
@@ -76,7 +76,7 @@ def test_what_the_prior_knows_exactly_stays_and_takes_no_part():
         assert result.belief.covariance[known] == pytest.approx(np.zeros(COUNT), abs=1e-12)
 
 
-def test_a_curved_model_is_solved_at_its_own_point():
+def test_nonlinear_model_is_relinearised_at_its_solution():
     prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, np.full(COUNT - 1, 1e-12)]))
     result = gauss_newton(
         "test",
@@ -94,7 +94,7 @@ def test_a_curved_model_is_solved_at_its_own_point():
     assert result.belief.sigma[0] == pytest.approx(1e-4 / np.e, rel=1e-3)
 
 
-def test_parameters_not_estimated_are_not_linearised_about_new_values():
+def test_consider_parameters_are_not_relinearised():
     seen = []
 
     def model(p, n):
@@ -129,7 +129,7 @@ def schmidt(prior, H, noise, observed, estimated):
 
 
 @given(SEEDS, st.integers(1, COUNT - 1))
-def test_a_consider_posterior_is_schmidts_and_keeps_what_was_not_estimated(seed, count):
+def test_consider_posterior_equals_schmidts_update(seed, count):
     random = np.random.default_rng(seed)
     estimated = np.zeros(COUNT, dtype=bool)
     estimated[random.choice(COUNT, count, replace=False)] = True
@@ -149,7 +149,7 @@ def test_a_consider_posterior_is_schmidts_and_keeps_what_was_not_estimated(seed,
     assert np.array_equal(found.covariance, found.covariance.T)
 
 
-def test_considering_everything_learns_nothing_and_considering_nothing_learns_all():
+def test_limits_of_the_consider_posterior():
     model, arguments, *_ = linear_case(8)
     prior = arguments[2]
     full = gauss_newton("test", model, *arguments, ALL).belief
@@ -177,7 +177,7 @@ def test_a_fit_above_its_band_fails_and_one_below_it_warns():
     assert not right.warning
 
 
-def test_what_does_not_settle_is_said():
+def test_divergence_is_reported():
     jump = iter(range(10_000))
     prior = Belief(np.zeros(COUNT), np.eye(COUNT))
     result = gauss_newton(

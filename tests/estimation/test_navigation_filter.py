@@ -32,7 +32,7 @@ def begun(stage, data, prior=None):
     return run, start
 
 
-def test_a_group_of_one_is_the_textbook_predict_and_update(nav_stage, data):
+def test_group_of_one_equals_textbook_predict_and_update(nav_stage, data):
     run, start = begun(nav_stage, data)
     stride = run.stride
     for k in range(start.begin, start.begin + 60 * stride, stride):
@@ -52,7 +52,7 @@ def test_a_group_of_one_is_the_textbook_predict_and_update(nav_stage, data):
 
 
 @pytest.mark.parametrize("together", [0.4, 1.1])
-def test_observations_in_groups_tell_what_they_tell_one_by_one(nav_stage, data, monkeypatch, together):
+def test_grouped_observations_equal_single_ones(nav_stage, data, monkeypatch, together):
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
     noisy = replace(nav_stage.context.imu, gyro_arw=1e-4, accel_vrw=1e-3)
     runs = []
@@ -101,7 +101,7 @@ def test_process_noise_is_van_loans_for_a_resting_body(nav_stage, data):
     assert np.diag(run.kf.Q)[:9] == pytest.approx(np.diag(exact), rel=0.02)
 
 
-def test_a_bias_wanders_about_a_constant_that_stays_known(nav_stage, data):
+def test_bias_drifts_about_a_constant_that_stays_known(nav_stage, data):
     imu = replace(nav_stage.context.imu, gyro_bias_instability=1e-7, accel_bias_instability=1e-4)
     run = NavigationFilter(replace(nav_stage.context, imu=imu), nav_stage.prior, nav_stage.prior.mean)
     assert np.diag(run.kf.P)[39:] == pytest.approx(run.noise.bias_drift**2)
@@ -114,7 +114,7 @@ def test_a_bias_wanders_about_a_constant_that_stays_known(nav_stage, data):
     assert decayed + np.diag(run.kf.Q)[39:] == pytest.approx(run.noise.bias_drift**2)
 
 
-def test_innovations_at_the_truth_are_as_large_as_said(nav_stage, data):
+def test_innovations_at_the_truth_agree_with_their_sigmas(nav_stage, data):
     known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     run = NavigationFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
@@ -125,7 +125,7 @@ def test_innovations_at_the_truth_are_as_large_as_said(nav_stage, data):
     assert not consistency.warning
 
 
-def test_innovations_betray_a_wrong_velocity_noise(nav_stage, data):
+def test_innovations_reveal_a_wrong_velocity_noise(nav_stage, data):
     known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     table = replace(nav_stage.context.table, velocity_sigma=0.7e-3)
     run = NavigationFilter(replace(nav_stage.context, table=table), known, known.mean)
@@ -134,7 +134,7 @@ def test_innovations_betray_a_wrong_velocity_noise(nav_stage, data):
     assert not nis_consistency(sum(run.history.nis), len(run.history.nis), 3).passed
 
 
-def test_a_pass_keeps_the_attitude_to_what_its_sigma_says(nav_stage, data):
+def test_attitude_error_of_a_pass_agrees_with_its_sigma(nav_stage, data):
     known = Belief(nav_stage.truth.parameters, np.diag((1e-3 * nav_stage.prior.sigma) ** 2))
     run = NavigationFilter(nav_stage.context, known, known.mean)
     (start,) = starts(data, nav_stage.context, known)
@@ -147,7 +147,7 @@ def test_a_pass_keeps_the_attitude_to_what_its_sigma_says(nav_stage, data):
     assert run.kf.P[0, 0] ** 0.5 < 1e-4
 
 
-def test_after_a_gap_navigation_starts_again_and_parameters_carry_on(nav_stage):
+def test_navigation_restarts_after_a_gap_and_parameters_continue(nav_stage):
     keep = np.ones(len(nav_stage.block), dtype=bool)
     turning = np.flatnonzero(nav_stage.block.step == 9)
     keep[turning[100] : turning[100] + 400] = False

@@ -1,4 +1,4 @@
-"""A whole excitation solved: truth, the same bits however it came, live sigmas, what cannot be known."""
+"""Solution of a whole excitation: truth, bit-identical for any blocks, live sigmas, unobservable parameters."""
 
 import json
 from dataclasses import replace
@@ -21,7 +21,7 @@ def solution(nav_stage):
     return solved(nav_stage.truth, nav_stage.prior, [nav_stage.block])
 
 
-def test_every_parameter_comes_within_its_sigma_of_the_truth(nav_stage, solution):
+def test_every_parameter_agrees_with_the_truth_within_its_sigma(nav_stage, solution):
     errors = errors_in_sigma(solution.belief, nav_stage.truth)
     assert np.abs(errors).max() < 4.0
     assert 0.5 < np.sqrt(np.mean(errors**2)) < 1.5
@@ -30,12 +30,12 @@ def test_every_parameter_comes_within_its_sigma_of_the_truth(nav_stage, solution
     assert solution.estimated == NAMES
 
 
-def test_everything_is_known_far_better_than_before(nav_stage, solution):
+def test_every_sigma_is_much_smaller_than_before(nav_stage, solution):
     assert np.all(solution.belief.sigma < 0.1 * nav_stage.prior.sigma)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_how_the_samples_were_cut_changes_no_bit(nav_stage, solution, seed):
+def test_solution_is_bit_identical_for_any_blocks(nav_stage, solution, seed):
     random = np.random.default_rng(seed)
     places = sorted(random.choice(len(nav_stage.block), 300, replace=False).tolist())
     solver = solver_of(nav_stage.truth, nav_stage.prior, "excitation")
@@ -49,7 +49,7 @@ def test_how_the_samples_were_cut_changes_no_bit(nav_stage, solution, seed):
     assert json.dumps(again.observability) == json.dumps(solution.observability)
 
 
-def test_live_sigmas_fall_to_the_final_ones(nav_stage, solution):
+def test_live_sigmas_converge_to_the_final_ones(nav_stage, solution):
     solver = solver_of(nav_stage.truth, nav_stage.prior, "excitation")
     shown = [solver.sigma()]
     assert np.array_equal(shown[0], nav_stage.prior.sigma)
@@ -75,7 +75,7 @@ def test_live_sigmas_survive_a_gap(nav_stage):
     assert shown[-1] == pytest.approx(final, rel=0.1)
 
 
-def test_a_lever_fixed_at_zero_stays_there_and_costs_nothing():
+def test_fixed_lever_stays_zero_without_loss_of_accuracy():
     truth = BenchTruth.draw("nav", 5, sample_rate=100.0, instability=False, outer_lever="fixed")
     prior = prior_of(truth)
     stage = block_of(simulate(Simulator(truth, 5), truth, "excitation"))
@@ -97,7 +97,7 @@ def static():
     return truth, prior, solved(truth, prior, [block_of(samples)])
 
 
-def test_at_rest_only_what_gravity_and_earth_show_is_found(static):
+def test_rest_determines_only_what_gravity_and_earth_rate_observe(static):
     _, prior, result = static
     ratio = dict(zip(NAMES, result.belief.sigma / prior.sigma, strict=True))
     hidden = {n for n, r in ratio.items() if r > 0.9}
@@ -110,13 +110,13 @@ def test_at_rest_only_what_gravity_and_earth_show_is_found(static):
     assert ratio["gyro_bias_y"] < 0.5
 
 
-def test_what_rest_does_not_show_keeps_its_prior(static):
+def test_unobservable_parameters_keep_their_prior(static):
     truth, prior, result = static
     assert np.all(result.belief.sigma <= prior.sigma * (1.0 + 1e-4))
     assert np.abs(errors_in_sigma(result.belief, truth)).max() < 4.0
 
 
-def test_with_nothing_at_rest_it_says_what_is_missing(nav_stage):
+def test_stage_without_rest_is_refused(nav_stage):
     turning = np.flatnonzero(nav_stage.block.step == 8)[:120]
     keep = np.zeros(len(nav_stage.block), dtype=bool)
     keep[turning] = True
@@ -125,7 +125,7 @@ def test_with_nothing_at_rest_it_says_what_is_missing(nav_stage):
     assert caught.value.values["seconds"] == pytest.approx(1.2)
 
 
-def test_with_no_samples_at_all_it_says_so_too(nav_stage):
+def test_stage_without_samples_is_refused(nav_stage):
     with raises_code(InsufficientDataError, "solve.no_rest_to_align") as caught:
         solver_of(nav_stage.truth, nav_stage.prior, "excitation").finish()
     assert caught.value.values["seconds"] == 0.0
@@ -134,7 +134,7 @@ def test_with_no_samples_at_all_it_says_so_too(nav_stage):
 @pytest.mark.parametrize(
     ("azimuth", "angles"), [(False, True), (False, False)], ids=["no azimuth", "no encoders"]
 )
-def test_the_start_is_found_from_the_data_where_it_is_not_told(nav_stage, azimuth, angles, solution):
+def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angles, solution):
     context = context_of(nav_stage.truth)
     context = replace(context, site=replace(context.site, azimuth=None))
     block = (

@@ -1,4 +1,4 @@
-"""Noise as the filters use it, against its definitions and against what the bench really does."""
+"""Noise model of the filters against its definitions and against the bench."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def test_white_noise_is_the_profiles():
     assert noise.interval == 0.1
 
 
-def test_a_count_adds_a_uniform_error_per_sample_or_per_observation():
+def test_quantisation_adds_a_uniform_error_per_sample_or_observation():
     coarse = {"gyro_arw": 1e-12, "accel_vrw": 1e-12}
     increment = filter_noise(with_imu(**coarse))
     # one count of angle per 0.1 s
@@ -41,7 +41,7 @@ def test_a_count_adds_a_uniform_error_per_sample_or_per_observation():
     assert rate.force == pytest.approx((1e-6 / 200.0) ** 2 / 12.0 * 200.0, rel=1e-3)
 
 
-def test_biases_wander_as_unstable_as_their_floor_says():
+def test_bias_drift_has_the_allan_floor_of_the_profile():
     bias_drift = filter_noise(with_imu(gyro_bias_instability=1e-7, accel_bias_instability=1e-5)).bias_drift
     assert bias_drift == pytest.approx([bias_drift[0]] * 3 + [100.0 * bias_drift[0]] * 3)
     # Allan variance of a Gauss-Markov process (IEEE Std 952, C.1.8) at half its correlation time
@@ -59,7 +59,7 @@ def scatter(accel, count, stride):
 
 
 @pytest.mark.parametrize("velocity_sigma", [1e-6, 1e-3])
-def test_the_mean_of_a_rest_scatters_as_said(velocity_sigma):
+def test_mean_of_a_rest_has_the_predicted_variance(velocity_sigma):
     random = np.random.default_rng(2)
     context = SolveContext(
         CONTEXT.site,
@@ -73,7 +73,7 @@ def test_the_mean_of_a_rest_scatters_as_said(velocity_sigma):
     assert low < found / rest_mean_variance(context, 20.0) < high
 
 
-def test_a_rest_on_the_shaking_bench_scatters_as_said():
+def test_mean_of_a_rest_on_a_vibrating_base_has_the_predicted_variance():
     truth = BenchTruth.draw("nav", 4, sample_rate=100.0, instability=False)
     samples = Simulator(truth, 4).run([Dwell(2000.0)], "six_position")
     context = context_of(truth)

@@ -1,4 +1,4 @@
-"""PWCS observability: ranks that theory demands, each state seen in the turn that shows it."""
+"""Piece-wise constant observability: ranks from theory, and the turn that makes each state observable."""
 
 import json
 from itertools import pairwise
@@ -36,7 +36,7 @@ def passed(nav_stage):
 
 @pytest.fixture(scope="module")
 def labels(nav_stage):
-    """What each step of the stage did, by its number."""
+    """Labels of the stage's steps by number."""
     excitation = method("excitation")
     schedule = excitation.schedule(**SCHEDULES["excitation"])
     last = int(nav_stage.block.step[-1])
@@ -49,13 +49,13 @@ def first_turn_about(labels, axis):
     return min(number for number, label in labels.items() if label[:2] == ("turn_about", axis))
 
 
-def test_at_rest_eight_directions_are_seen(passed):
+def test_rest_observes_eight_directions(passed):
     _, _, found = passed
     # velocity (3), force against tilt and bias (3), rate across gravity (2); a bias and a tilt only as their sum
     assert found["segments"][0]["rank"] == 8
 
 
-def test_each_turn_adds_to_the_rank_and_none_takes_away(passed):
+def test_rank_grows_with_the_turns_and_never_falls(passed):
     _, _, found = passed
     ranks = [segment["rank"] for segment in found["segments"]]
     assert ranks == sorted(ranks)
@@ -75,7 +75,7 @@ def test_segments_are_the_steps_in_order(passed, labels):
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-def test_a_gyro_scale_factor_is_seen_in_a_turn_about_its_axis_and_not_before(passed, labels, axis):
+def test_gyro_scale_factor_becomes_observable_in_a_turn_about_its_axis(passed, labels, axis):
     _, _, found = passed
     # the inner axis also turns, about z, to bring x and y into place
     turns = [n for n, label in labels.items() if label[0] == "into_place" and axis == "z"]
@@ -83,7 +83,7 @@ def test_a_gyro_scale_factor_is_seen_in_a_turn_about_its_axis_and_not_before(pas
     assert min([first, *turns]) <= found["states"][f"gyro_scale_{axis}"]["step"] <= first
 
 
-def test_what_a_turn_tells_is_carried_from_rest_to_rest(passed, nav_stage):
+def test_information_of_a_turn_is_carried_between_rests(passed, nav_stage):
     _, _, found = passed
     gained = nav_stage.prior.sigma / solved(nav_stage.truth, nav_stage.prior, [nav_stage.block]).belief.sigma
     for name, gain in zip(NAMES, gained, strict=True):
@@ -91,7 +91,7 @@ def test_what_a_turn_tells_is_carried_from_rest_to_rest(passed, nav_stage):
             assert found["states"][name]["strength"] > 0.3 * gain, name
 
 
-def test_what_gravity_shows_at_rest_is_seen_in_the_first_step(passed):
+def test_gravity_parameters_are_observable_in_the_first_step(passed):
     _, _, found = passed
     states = found["states"]
     assert all(states[f"velocity_error_{a}"]["step"] == 1 for a in ("east", "north", "up"))
@@ -100,12 +100,12 @@ def test_what_gravity_shows_at_rest_is_seen_in_the_first_step(passed):
     assert all(states[f"outer_lever_{a}"]["step"] > 1 for a in "xyz")
 
 
-def test_position_is_never_seen_for_nothing_observes_it(passed):
+def test_position_is_unobservable(passed):
     _, _, found = passed
     assert all(found["states"][f"position_error_{a}"]["step"] is None for a in ("east", "north", "up"))
 
 
-def test_every_parameter_of_a_full_excitation_is_seen(passed):
+def test_every_parameter_is_observable_in_a_full_excitation(passed):
     _, _, found = passed
     assert all(found["states"][name]["step"] is not None for name in NAMES)
     assert all(found["states"][name]["strength"] > 1.0 for name in NAMES)
@@ -131,6 +131,6 @@ def test_pieces_cover_every_observation_and_turn_no_more_than_five_degrees(passe
         assert turned <= LARGEST_TURN + 1e-6 or rate[a:b].max() <= np.deg2rad(0.5)
 
 
-def test_the_stages_own_answer_is_ready_for_json(nav_stage):
+def test_observability_of_a_solution_is_json_ready(nav_stage):
     found = solved(nav_stage.truth, nav_stage.prior, [nav_stage.block]).observability
     assert json.loads(json.dumps(found, allow_nan=False)) == found

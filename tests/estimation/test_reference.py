@@ -1,4 +1,4 @@
-"""The smoothed trajectory that later passes linearise about: a rotation everywhere, and near the truth."""
+"""The smoothed trajectory of later passes is a rotation everywhere and close to the truth."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def reference(truth, data, attitude, tilt_sigma=0.02):
     )
 
 
-def test_it_follows_what_the_gyro_noise_did(motion):
+def test_reference_follows_the_effect_of_gyro_noise(motion):
     truth, data, attitudes = motion
     found = reference(truth, data, attitudes[0])
     errors = Rotation.from_matrix(found.attitude @ attitudes.transpose(0, 2, 1)).as_rotvec()
@@ -58,7 +58,7 @@ def test_it_follows_what_the_gyro_noise_did(motion):
     assert np.abs(errors[:, 2]).max() < 4.0 * walked
 
 
-def test_it_corrects_a_wrong_start_and_does_not_jump(motion):
+def test_reference_corrects_a_wrong_start_without_jumps(motion):
     truth, data, attitudes = motion
     tilted = Rotation.from_rotvec([0.01, -0.02, 0.0]).as_matrix() @ attitudes[0]
     found = reference(truth, data, tilted)
@@ -68,7 +68,7 @@ def test_it_corrects_a_wrong_start_and_does_not_jump(motion):
 
 
 @pytest.mark.parametrize("tilt", [0.02, 0.3])
-def test_it_is_a_rotation_however_wrong_the_start(motion, tilt):
+def test_reference_is_a_rotation_for_any_start(motion, tilt):
     truth, data, attitudes = motion
     tilted = Rotation.from_rotvec([tilt, -tilt, 0.0]).as_matrix() @ attitudes[0]
     found = reference(truth, data, tilted, tilt_sigma=0.2).attitude

@@ -1,4 +1,4 @@
-"""What is left at the rests: noise alone with the right answer, and a wrong answer stands out where it should."""
+"""Residuals at rests: only noise with the true parameters; a wrong parameter shows at the affected rests."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from calstation.physics.parameters import INDEX
 
 @pytest.fixture(scope="module")
 def six():
-    """Six positions of a navigation unit, and what is known of it."""
+    """Six positions of a navigation-grade unit with context and prior."""
     truth = BenchTruth.draw("nav", 3, sample_rate=100.0, instability=False)
     context = context_of(truth)
     block = block_of(simulate(Simulator(truth, 3), truth, "six_position", dwell_s=20.0))
@@ -26,7 +26,7 @@ def six():
     )
 
 
-def test_the_truth_leaves_noise_only(six):
+def test_true_parameters_leave_only_noise(six):
     _, context, data, answer = six
     left = rest_residuals(data, context, answer)
     assert len(left) == 6
@@ -40,7 +40,7 @@ def test_the_truth_leaves_noise_only(six):
     assert np.isfinite(left.angles).all()
 
 
-def test_a_wrong_bias_stands_at_the_faces_it_acts_on(six):
+def test_wrong_bias_shows_at_the_affected_faces(six):
     truth, context, data, answer = six
     wrong = truth.parameters.copy()
     wrong[INDEX["accel_bias_y"]] += 1e-3

@@ -1,4 +1,4 @@
-"""Samples put aside come back as they were, and memory does not grow with them."""
+"""Stored samples are read back unchanged, and memory does not grow with them."""
 
 import tracemalloc
 
@@ -25,7 +25,7 @@ def block(count, first=0):
 
 
 @pytest.mark.parametrize("sizes", [[], [1], [10, 0, 3], [70_000, 1, 70_000]])
-def test_what_was_put_aside_comes_back(sizes):
+def test_stored_samples_are_read_back_unchanged(sizes):
     spool = Spool()
     parts = []
     for size in sizes:
@@ -41,7 +41,7 @@ def test_what_was_put_aside_comes_back(sizes):
             )
 
 
-def test_samples_may_follow_after_a_look():
+def test_samples_may_be_stored_after_reading():
     spool = Spool()
     spool.append(block(5))
     assert sum(len(b) for b in spool.blocks()) == 5
@@ -49,7 +49,7 @@ def test_samples_may_follow_after_a_look():
     assert [s for b in spool.blocks() for s in b.seq] == list(range(10))
 
 
-def test_memory_does_not_grow_with_what_is_put_aside():
+def test_memory_does_not_grow_with_stored_samples():
     spool, part = Spool(), block(2000)
     spool.append(part)
     tracemalloc.start()

@@ -1,4 +1,4 @@
-"""Samples of a stage: scaling, where segments are cut, where the unit rests."""
+"""Samples of a stage: scaling, segments and rests."""
 
 import numpy as np
 import pytest
@@ -59,20 +59,20 @@ def test_a_missing_sample_cuts_the_stage():
     assert data.gaps == 1
 
 
-def test_a_jump_in_time_cuts_it_though_the_count_goes_on():
+def test_jump_in_time_cuts_the_stage_without_a_gap_of_the_counter():
     data = stage_data([block(30), block(20, first=30, time_shift=0.4)], RATE_IMU)
     assert data.segments == ((0, 30), (30, 50))
     assert data.gaps == 1
 
 
-def test_spoilt_samples_are_left_out_and_cut_it():
+def test_spoilt_samples_are_left_out_and_cut_the_stage():
     data = stage_data([block(50, spoilt=range(20, 25))], RATE_IMU)
     assert data.segments == ((0, 20), (20, 45))
     assert data.gaps == 1
     assert data.seq[20] == 25
 
 
-def test_every_gap_counts_and_no_block_is_no_data():
+def test_every_gap_is_counted_and_no_blocks_give_no_data():
     data = stage_data([block(10), block(10, first=12), block(10, first=40, spoilt=[5])], RATE_IMU)
     assert data.segments == ((0, 10), (10, 20), (20, 25), (25, 29))
     assert data.gaps == 3
@@ -96,25 +96,25 @@ def assert_rests(found, true, shortest=100):
         assert d - shortest <= b <= d
 
 
-def test_rests_lie_between_the_turns_and_hold_nothing_of_them():
+def test_rests_lie_between_the_turns():
     data = stage_data([block(1200, gyro=moving(1200, (300, 500), (800, 900)))], RATE_IMU)
     assert_rests(find_rests(data, (0, 1200), RATE_IMU, NO_BIAS, 0.0), [(0, 300), (500, 800), (900, 1200)])
 
 
-def test_a_rest_at_the_border_of_a_segment_reaches_it():
+def test_rest_reaches_the_border_of_its_segment():
     data = stage_data([block(1200, gyro=moving(1200, (300, 500)))], RATE_IMU)
     found = find_rests(data, (0, 1200), RATE_IMU, NO_BIAS, 0.0)
     assert (found[0][0], found[-1][1]) == (0, 1200)
 
 
-def test_rests_are_looked_for_in_their_own_segment():
+def test_rests_are_found_within_their_segment():
     data = stage_data([block(1200, gyro=moving(1200, (300, 500)))], RATE_IMU)
     assert_rests(find_rests(data, (100, 400), RATE_IMU, NO_BIAS, 0.0), [(100, 300)])
     assert find_rests(data, (310, 490), RATE_IMU, NO_BIAS, 0.0) == []
     assert find_rests(data, (0, 20), RATE_IMU, NO_BIAS, 0.0) == []
 
 
-def test_a_large_bias_hides_rests_only_where_it_was_not_expected():
+def test_only_an_unexpectedly_large_bias_hides_rests():
     bias = np.deg2rad(0.8)
     data = stage_data([block(1200, gyro=moving(1200, (300, 500)) + bias)], RATE_IMU)
     true = [(0, 300), (500, 1200)]
@@ -123,7 +123,7 @@ def test_a_large_bias_hides_rests_only_where_it_was_not_expected():
     assert find_rests(data, (0, 1200), RATE_IMU, NO_BIAS, 0.0) == []
 
 
-def test_a_table_that_still_creeps_does_not_rest():
+def test_creeping_table_is_not_at_rest():
     gyro = moving(2000, (300, 500))
     gyro[500:900, 0] = np.deg2rad(0.08)
     data = stage_data([block(2000, gyro=gyro)], RATE_IMU)
@@ -179,7 +179,7 @@ def test_snapped_angles_survive_a_file_in_degrees(angle):
 
 
 @pytest.mark.parametrize(("seq", "left"), [(0, 50), (7, 43), (30, 20), (45, 5), (50, 0)])
-def test_since_keeps_what_is_not_yet_consumed(seq, left):
+def test_since_keeps_unconsumed_blocks(seq, left):
     kept = since([block(30), block(20, first=30)], seq)
     assert sum(len(b) for b in kept) == left
     assert left == 0 or kept[0].seq[0] == seq

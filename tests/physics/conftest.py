@@ -1,4 +1,4 @@
-"""Property tests without a deadline: the first call of a compiled function takes as long as it takes."""
+"""Property tests without a deadline, because the first call of a compiled function is slow."""
 
 from hypothesis import settings
 

@@ -1,4 +1,4 @@
-"""Compensation undoes the contract's error model, written out here by hand."""
+"""Compensation inverts the contract's error model, which is written out here."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The error model's table against the contract's names, order, units and places."""
+"""Parameters of the error model against the contract's names, order, units and matrix elements."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_names_order_and_units_are_the_contracts():
     assert tuple(dict.fromkeys(group for group, _, _ in rows)) == GROUPS
 
 
-def test_each_name_tells_its_row_and_column():
+def test_names_contain_row_and_column():
     for group, axis, _ in contract_rows():
         parameter = PARAMETERS[INDEX[f"{group}_{axis}"]]
         assert parameter.row == "xyz".index(axis[0])
@@ -80,9 +80,9 @@ def test_vectors_and_indices_of_groups_cover_every_parameter_once():
         ("outer_lever_z", -0.1, -100.0, "mm"),
     ],
 )
-def test_people_read_the_units_of_the_trade(name, value, shown, unit):
+def test_displayed_units(name, value, shown, unit):
     assert display(name, value) == (pytest.approx(shown, rel=1e-12), unit)
 
 
-def test_every_group_has_a_unit_to_be_shown_in():
+def test_every_group_has_a_displayed_unit():
     assert set(DISPLAY) >= set(GROUPS)

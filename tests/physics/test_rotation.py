@@ -22,14 +22,14 @@ SMALL_TO_LARGE = st.floats(-9.0, 0.0).map(lambda e: np.pi * 10.0**e)
 
 
 @given(DIRECTIONS, SMALL_TO_LARGE)
-def test_a_rotation_vector_survives_the_matrix_and_back(axis, angle):
+def test_rotation_vector_round_trip(axis, angle):
     assume(angle < np.pi - 1e-6)
     vector = axis * angle
     assert rotation_vector(rotation_matrix(vector)) == pytest.approx(vector, abs=1e-9, rel=1e-9)
 
 
 @given(DIRECTIONS, st.floats(0.0, 1e-7))
-def test_a_half_turn_survives_too(axis, short_of_half):
+def test_rotation_vector_round_trip_near_a_half_turn(axis, short_of_half):
     matrix = rotation_matrix(axis * (np.pi - short_of_half))
     assert rotation_matrix(rotation_vector(matrix)) == pytest.approx(matrix, abs=5e-7)
 
@@ -48,7 +48,7 @@ def test_skew_is_the_cross_product(a, b):
 
 
 @given(DIRECTIONS, VECTORS, st.floats(-3.1, 3.1))
-def test_angle_about_finds_the_turn_that_was_made(axis, start, angle):
+def test_angle_about_recovers_the_rotation(axis, start, angle):
     assume(np.linalg.norm(np.cross(axis, start)) > 1e-2)
     assert angle_about(axis, start, axis_rotation(axis, angle) @ start) == pytest.approx(angle, abs=1e-8)
 

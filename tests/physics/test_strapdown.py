@@ -22,7 +22,7 @@ PERFECT = compensation(np.zeros(COUNT))
 def navigate(
     constants, gyro, accel, dt, attitude, velocity=(0.0, 0.0, 0.0), earth=NO_EARTH, gravity=G, span=None
 ):
-    """The kernel's work after one interval over `span` of the samples, all of them by default."""
+    """Output of the kernel after one interval over `span` of the samples, by default all of them."""
     work = interval_work()
     work.attitude[:] = attitude
     work.velocity[:] = velocity
@@ -47,7 +47,7 @@ def test_a_body_at_rest_on_the_turning_earth_stays_where_it_is():
     assert work.force == pytest.approx([0.0, 0.0, G], abs=1e-9)
 
 
-def test_a_free_fall_gathers_gravity_and_coriolis():
+def test_free_fall_has_gravity_and_coriolis_acceleration():
     earth, seconds, dt = rotation_rate(0.6), 2.0, 0.005
     gyro, accel = still(400, earth, (0.0, 0.0, 0.0))
     work = navigate(PERFECT, gyro, accel, dt, np.eye(3), earth=earth)
@@ -73,7 +73,7 @@ def turning(omega, dt, count, attitude):
 
 
 @pytest.mark.parametrize("degrees_per_second", [20.0, 200.0])
-def test_a_steady_turn_under_gravity_keeps_its_axis_and_stands_still(degrees_per_second):
+def test_steady_turn_under_gravity_has_no_velocity_and_keeps_its_axis(degrees_per_second):
     omega = np.deg2rad(degrees_per_second) * np.array([0.6, 0.0, 0.8])
     attitude, seconds = axis_rotation((1.0, 0.0, 0.0), 0.4), 8.0
     drifts = []
@@ -106,7 +106,7 @@ def coned(angle, phase):
     return rotation_matrix(angle * np.array([0.0, np.cos(phase), np.sin(phase)]))
 
 
-def test_coning_leaves_the_drift_that_its_correction_must_leave():
+def test_coning_drift_is_that_of_the_correction():
     angle, frequency, dt, count = np.deg2rad(2.0), 2.0 * np.pi * 5.0, 0.005, 2000
     gyro = coning(angle, frequency, dt, count)
     accel = np.zeros((count, 3))
@@ -124,7 +124,7 @@ def test_coning_leaves_the_drift_that_its_correction_must_leave():
 
 @pytest.fixture(scope="module")
 def motion():
-    """Noise-free samples of a true unit on a turning table, and what is true at their ends."""
+    """Noise-free samples of a unit on a turning table, and the truth at their ends."""
     truth = BenchTruth.draw("mems", 11, azimuth=0.7)
     perfect = {"gyro_arw": 0.0, "accel_vrw": 0.0, "gyro_bias_instability": 0.0, "accel_bias_instability": 0.0}
     imu = replace(truth.imu, **perfect, gyro_lsb=1e-13, accel_lsb=1e-12)
@@ -138,7 +138,7 @@ def motion():
     return truth, table, np.ascontiguousarray(gyro), np.ascontiguousarray(accel), states
 
 
-def test_a_true_motion_is_followed_with_the_true_parameters(motion):
+def test_true_parameters_reproduce_the_true_motion(motion):
     truth, table, gyro, accel, states = motion
     earth, gravity = rotation_rate(table.latitude), normal_gravity(table.latitude, table.height)
     constants = compensation(truth.parameters)
@@ -168,7 +168,7 @@ INTERVALS = {
 
 
 def difference(one, other):
-    """What turns the computed navigation `one` into the true `other`: φ and δv, shape (6,)."""
+    """Errors φ and δv of the computed navigation `one` relative to the true `other`, shape (6,)."""
     return np.concatenate([rotation_vector(other.attitude @ one.attitude.T), other.velocity - one.velocity])
 
 

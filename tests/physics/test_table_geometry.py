@@ -1,4 +1,4 @@
-"""Two-axis geometry: the contract's closed forms, and what any pair of axes must do within its limits."""
+"""Two-axis geometry: the contract's closed forms, and properties of any pair of axes within its limits."""
 
 import re
 
@@ -41,7 +41,7 @@ def tables(draw):
 
 @st.composite
 def travels(draw):
-    """Limits that hold the home position and at least a whole turn of both joints."""
+    """Limits that contain the home position and at least a whole turn of both joints."""
     low = tuple(-draw(st.floats(np.pi, 8.0)) for _ in range(2))
     high = tuple(draw(st.floats(np.pi, 8.0)) for _ in range(2))
     return JointLimits(low=low, high=high)
@@ -69,13 +69,13 @@ def test_azimuth_is_the_heading_of_y_clockwise_from_north():
         ((-1, 0, 0), (np.pi / 2, -np.pi / 2)),
     ],
 )
-def test_faces_of_the_default_table_lie_where_one_would_put_them(direction, pose):
+def test_faces_of_the_default_table(direction, pose):
     found = TableGeometry().pose_up(np.array(direction, dtype=float), pose)
     assert found == pytest.approx(pose, abs=1e-9)
 
 
 @given(tables(), DIRECTIONS, ANGLES, ANGLES)
-def test_pose_up_points_up_or_says_that_no_pose_does(table, direction, near_outer, near_inner):
+def test_pose_up_points_up_or_is_refused(table, direction, near_outer, near_inner):
     try:
         outer, inner = table.pose_up(direction, (near_outer, near_inner))
     except ConfigurationError:
@@ -154,7 +154,7 @@ def test_nearest_is_the_closest_whole_turn_inside_the_travel(limits, joint, angl
     assert abs(found - near) <= min(abs(o - near) for o in allowed) + 1e-9
 
 
-def test_nearest_finds_the_travel_however_far_away_near_is():
+def test_nearest_finds_the_travel_from_any_distance():
     table = TableGeometry(limits=JointLimits((-3.5, -3.5), (3.5, 3.5)))
     assert table.nearest(OUTER, 1.0, 100.0) == pytest.approx(1.0)
 
@@ -170,7 +170,7 @@ def test_an_angle_outside_the_travel_is_refused_in_degrees():
 
 
 @given(tables(), DIRECTIONS)
-def test_poses_stay_within_limits_where_there_are_any(table, direction):
+def test_poses_stay_within_limits(table, direction):
     limits = JointLimits((-np.pi, -np.pi), (np.pi, np.pi))
     bounded = TableGeometry(table.outer_axis, table.inner_axis, limits)
     try:

@@ -46,5 +46,5 @@ def nav_chain(solve_chain):
 
 @pytest.fixture(scope="session", params=["nav", "tactical", "mems"])
 def chain(request, solve_chain):
-    """A unit of each grade, bias instability and all."""
+    """A unit of each grade with bias instability."""
     return solve_chain(request.param, 31)

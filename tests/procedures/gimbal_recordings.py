@@ -24,7 +24,7 @@ def unit(seed: int, grade: str = "mems") -> ImuTruth:
 
 
 class Bench:
-    """The bench's gimbal behind the loop's words; `corrected` : it uses the K it is given."""
+    """Adapter of the bench's gimbal to the loop; `corrected`: whether it uses the correction K."""
 
     def __init__(self, imu: ImuTruth, seed: int, order: str, corrected: bool) -> None:
         self._bench = GimbalBench(imu, seed, order=order, encoder_sigma=ENCODER)
@@ -81,7 +81,7 @@ def block_of(parts: list[GimbalSamples]) -> SampleBlock:
 
 
 def context_of(imu: ImuTruth) -> SolveContext:
-    """Profile of the unit, encoders of the gimbal."""
+    """Context with the unit's profile and the gimbal's encoders."""
     profile = ImuModel(
         "G",
         imu.sample_rate,

@@ -1,4 +1,4 @@
-"""Recordings of the bench's manual rig as solvers take them, and what a user would tell of the unit."""
+"""Recordings of the bench's manual rig, with context and prior of the unit."""
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def block_of(samples: Simulated) -> SampleBlock:
 
 
 def recording(imu: ImuTruth, seed: int, rig: ManualRig = QUICK, step: float = STEP) -> SampleBlock:
-    """The unit carried once through all positions."""
+    """Recording of a unit moved once through all positions."""
     return block_of(record(imu, rig, around(step), seed)[0])
 
 

@@ -1,4 +1,4 @@
-"""Recordings of the bench's IMUs on one body, and what a user would tell of them."""
+"""Recordings of the bench's IMUs on one body, with their context."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ RIG = ManualRig(initial_rest=6.0, rest=2.0, speed=np.deg2rad(120.0))
 
 
 def unit(grade: str, seed: int, **options: object) -> ImuTruth:
-    """One unit whose accelerometers sit together and are straight: a pair has one lever and no second order."""
+    """A unit without inner lever arms and second-order terms, because a pair has one lever arm."""
     imu = draw_imu(grade, np.random.default_rng(seed), sample_rate=RATE, **options)
     parameters = imu.parameters.copy()
     for group in ("inner_lever", "outer_lever", "accel_quadratic"):
@@ -53,7 +53,7 @@ def model(imu: ImuTruth, serial: str = "P") -> ImuModel:
 
 
 def pair(seed: int, grade: str = "mems", **options: object) -> tuple[ImuTruth, SecondaryTruth]:
-    """A primary, and a secondary askew by a few degrees, a few centimetres away, its clock up to 30 ms off."""
+    """A primary, and a secondary misaligned by a few degrees and displaced, with a clock offset up to 30 ms."""
     random = np.random.default_rng([seed, 1])
     place = Place(rotation(random.standard_normal(3) * 0.03), random.uniform(-0.1, 0.1, 3))
     offset = float(random.uniform(-0.03, 0.03))
@@ -69,7 +69,7 @@ def recording(
     rig: ManualRig = RIG,
     step: float = np.deg2rad(60.0),
 ) -> SampleBlock:
-    """All of them carried through the rig's positions."""
+    """Recording of all units moved through the rig's positions."""
     motion, duration = push(rig, around(step), np.random.default_rng([seed, 2]))
     counts, others = record_pair(primary, secondaries, motion, duration, rig.field, seed)
     seq = np.arange(len(counts))
@@ -89,7 +89,7 @@ def recording(
 def context_of(
     primary: ImuTruth, secondaries: list[SecondaryTruth], stored: dict[int, StoredPair] | None = None
 ) -> SolveContext:
-    """Site and profiles, and what is stored of the secondaries so far."""
+    """Context with site, profiles and stored calibrations of the secondaries."""
     further = tuple(
         Secondary(number, model(s.imu, f"S{number}"), (stored or {}).get(number, StoredPair()))
         for number, s in enumerate(secondaries, 2)
@@ -104,7 +104,7 @@ def known(primary: ImuTruth) -> Belief:
 
 
 def truth_of(primary: ImuTruth, secondary: SecondaryTruth) -> np.ndarray:
-    """The pair parameters that are to be found, shape (28,)."""
+    """True pair parameters, shape (28,)."""
     t = pair_truth(primary, secondary)
     parts = [
         t["gyro_bias"],
@@ -130,7 +130,7 @@ def solved(block: SampleBlock, context: SolveContext, prior: Belief, **schedule:
 
 
 def vector(solution: Solution, key: str = "value") -> np.ndarray:
-    """Values or sigmas found of the second IMU, shape (28,), neutral or 0 where nothing was."""
+    """Values or sigmas of the second IMU, shape (28,), neutral or 0 for parameters not fitted."""
     return np.array(
         [
             getattr(solution.found[p.name], key) if p.name in solution.found else p.neutral * (key == "value")

@@ -1,4 +1,4 @@
-"""Recordings made by others, as the contract's CSV beside its TOML: what a user would write once to solve them here."""
+"""Recordings of other authors converted to the contract's CSV and TOML."""
 
 import gzip
 from pathlib import Path
@@ -63,7 +63,7 @@ def imu_tk(folder: Path) -> Path:
 
 
 def imu_tk_published() -> dict[str, np.ndarray]:
-    """The authors' answer in the contract's model: M and b of accelerometers and gyros.
+    """The authors' solution in the contract's model: M and b of accelerometers and gyros.
 
     They give a = T K (raw − b) with an upper triangular T for the accelerometers; the contract's body frame is the one
     in which it is lower triangular, which the authors' numbers give too. The rotation between the two turns the gyro's

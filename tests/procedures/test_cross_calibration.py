@@ -1,4 +1,4 @@
-"""Cross-calibration: secondaries against a primary, honest sigmas, triggers, and bad recordings named."""
+"""Cross-calibration: secondaries against a primary, consistent sigmas, triggers, and unusable recordings."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -45,7 +45,7 @@ def mems():
     return primary, secondary, recording(primary, [secondary], 1)
 
 
-def test_errors_over_many_bodies_agree_with_their_sigmas():
+def test_errors_of_many_pairs_agree_with_their_sigmas():
     errors = []
     for seed in range(9):
         primary, secondary = pair(100 + seed)
@@ -78,7 +78,7 @@ def test_a_unit_mounted_upside_down_is_no_error():
 
 
 @pytest.mark.parametrize("what", ["bias", "scale"])
-def test_less_than_the_full_matrix_is_fitted_where_asked_for(what):
+def test_partial_models_are_fitted(what):
     primary, secondary = pair(5)
     straight = primary.parameters.copy()
     matrix = [*group_indices("gyro_misalign"), *group_indices("accel_misalign")]
@@ -154,7 +154,7 @@ def run(watch, block, size=100):
     ]
 
 
-def test_a_secondary_that_is_off_is_calibrated_from_the_motion_that_follows(mems):
+def test_secondary_out_of_tolerance_is_calibrated_from_the_next_motion(mems):
     primary, secondary, block = mems
     kept: dict[int, StoredPair] = {}
     watch = watch_of(primary, [secondary], kept)
@@ -172,7 +172,7 @@ def test_a_secondary_that_is_off_is_calibrated_from_the_motion_that_follows(mems
     assert again.stored[2] is kept[2]
 
 
-def test_the_period_and_a_command_trigger_too(mems):
+def test_period_and_command_trigger_a_check(mems):
     primary, secondary, block = mems
     quiet = {"secondary_gyro": LOOSE, "secondary_accel": LOOSE}
     watch = watch_of(primary, [secondary], trigger="period", period_s=20.0, static_s=1.0, **quiet)
@@ -187,7 +187,7 @@ def test_the_period_and_a_command_trigger_too(mems):
     assert [e.kind for e in run(silent, block.part(half, len(block)))][:2] == ["triggered", "checked"]
 
 
-def test_a_primary_that_is_off_calibrates_nothing(mems):
+def test_primary_out_of_tolerance_calibrates_nothing(mems):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_accel={"fixed": 1e-6})
     assert [e.kind for e in run(watch, block)] == ["triggered", "checked", "primary_off"]
@@ -202,7 +202,7 @@ def test_a_primary_that_is_off_calibrates_nothing(mems):
         assert fitted[12:24].all()
 
 
-def test_only_what_triggered_is_calibrated_where_so_configured(mems):
+def test_only_triggering_sensors_are_calibrated_if_configured(mems):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary], sensors="triggering", secondary_accel=LOOSE)
     run(watch, block)
@@ -211,7 +211,7 @@ def test_only_what_triggered_is_calibrated_where_so_configured(mems):
     }
 
 
-def test_without_motion_calibration_is_given_up(mems):
+def test_calibration_without_motion_is_abandoned(mems):
     primary, secondary, block = mems
     still = block.part(0, 550)
     watch = watch_of(primary, [secondary])
@@ -221,7 +221,7 @@ def test_without_motion_calibration_is_given_up(mems):
     assert (why.code, why.values["wanted"]) == ("solve.too_little_motion", 10.0)
 
 
-def test_answers_do_not_depend_on_how_blocks_were_cut(mems):
+def test_solution_does_not_depend_on_the_blocks(mems):
     primary, secondary, block = mems
     context, prior = context_of(primary, [secondary]), known(primary)
     for trigger in ("command", "start_up"):
@@ -235,7 +235,7 @@ def test_answers_do_not_depend_on_how_blocks_were_cut(mems):
         assert np.array_equal(answers[0], answers[2])
 
 
-def test_what_is_within_its_threshold_stays_as_it_is(mems):
+def test_secondary_within_tolerance_is_not_changed(mems):
     primary, secondary, block = mems
     found = solved(
         block,
@@ -288,14 +288,14 @@ def turn_gyro(counts):
         (turn_gyro, "pair_sensors_apart", "gyro and accelerometer of imu2 are 90° apart"),
     ],
 )
-def test_a_bad_recording_is_refused_with_its_fault(mems, change, code, words):
+def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words):
     primary, secondary, block = mems
     with raises_code(InputError, f"recording.{code}") as caught:
         solved(altered(block, change), context_of(primary, [secondary]), known(primary))
     assert words in str(caught.value)
 
 
-def test_too_little_motion_is_named(mems):
+def test_too_little_motion_is_refused(mems):
     primary, secondary, block = mems
     context, prior = context_of(primary, [secondary]), known(primary)
     with raises_code(InsufficientDataError, "recording.no_turning"):

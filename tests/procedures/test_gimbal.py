@@ -1,4 +1,4 @@
-"""Gimbal: the joints' drifts give the gyro misalignment, as fast and as far as the gain allows, with honest sigmas."""
+"""Gimbal: the joints' drifts give the gyro misalignment with consistent sigmas and the convergence of the gain."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def loop():
 
 
 @pytest.mark.parametrize(("grade", "seeds"), [("mems", 10), ("tactical", 6), ("nav", 6)])
-def test_errors_over_many_gimbals_agree_with_their_sigmas(grade, seeds):
+def test_errors_of_many_gimbals_agree_with_their_sigmas(grade, seeds):
     iterated, at_once = [], []
     for seed in range(seeds):
         imu = unit(50 + seed, grade)
@@ -57,7 +57,7 @@ def test_a_recording_replays_to_the_corrections_that_were_used(loop):
     assert found.messages == ()
 
 
-def test_drifts_shrink_as_predicted_and_the_answer_is_that_of_least_squares(loop):
+def test_drifts_shrink_as_predicted_and_the_solution_agrees_with_least_squares(loop):
     imu, _, block = loop
     found = solved(block, imu)
     for axis in found.details["axes"]:
@@ -98,7 +98,7 @@ def test_the_bench_converges_within_the_range_and_diverges_beyond(share, converg
     assert (factor < 1.0) == converges
 
 
-def test_a_gain_beyond_the_range_is_told(loop):
+def test_unstable_gain_is_reported(loop):
     imu = unit(13, "tactical")
     _, block = recorded(imu, 13, gain=3.0, iterations=4)
     found = solved(block, imu, "tactical", gain=3.0, iterations=4)
@@ -135,7 +135,7 @@ def altered(block, **columns):
     return replace(block, **columns)
 
 
-def test_bad_recordings_are_named_instead_of_answered(loop):
+def test_unusable_recordings_are_refused_with_their_fault(loop):
     imu, _, block = loop
     joints = block.joints
     with raises_code(InputError, "recording.no_joint_angles"):
@@ -160,14 +160,14 @@ def test_bad_recordings_are_named_instead_of_answered(loop):
         solved(block.part(0, 900), imu)
 
 
-def test_rates_that_were_not_corrected_are_told():
+def test_uncorrected_rates_are_refused():
     imu = unit(14)
     _, block = recorded(imu, 14, corrected=False, iterations=5)
     with raises_code(InputError, "recording.rates_not_corrected"):
         solved(block, imu, iterations=5)
 
 
-def test_polled_joints_do_as_well(loop):
+def test_polled_joints_are_sufficient(loop):
     imu, _, block = loop
     polled = block.joints.copy()
     polled[np.arange(len(polled)) % 5 > 0] = np.nan

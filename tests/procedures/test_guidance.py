@@ -1,4 +1,4 @@
-"""The operator is told still, moving, enough and repeat as the hands do it, and the solver agrees."""
+"""Guidance reports still, moving, enough and repeat as the operator moves the unit, and the solver agrees."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def followed(block, imu, wanted=1.0, size=17):
     return guide, told
 
 
-def test_every_position_that_was_rested_at_is_told_and_so_is_the_way(mems):
+def test_every_rest_and_every_motion_is_reported(mems):
     imu, block = mems
     guide, told = followed(block, imu)
     found = solved(block, context_of(imu), prior_of("mems"))
@@ -40,7 +40,7 @@ def test_every_position_that_was_rested_at_is_told_and_so_is_the_way(mems):
     assert np.abs(guide.now.positions[: len(ups)] - ups).max() < 0.05
 
 
-def test_who_moves_too_soon_is_asked_to_repeat(mems):
+def test_moving_too_soon_asks_for_a_repetition(mems):
     imu, block = mems
     guide, told = followed(block, imu, wanted=8.0)
     assert told.count("repeat") > 5
@@ -48,7 +48,7 @@ def test_who_moves_too_soon_is_asked_to_repeat(mems):
     assert guide.now.wanted > 8.0
 
 
-def test_blocks_of_any_size_are_guided_alike(mems):
+def test_guidance_does_not_depend_on_the_blocks(mems):
     imu, block = mems
     a, b = (followed(block, imu, size=size)[0].now for size in (7, 1000))
     assert np.array_equal(a.positions, b.positions)
@@ -66,7 +66,7 @@ def test_a_result_applied_to_data_brings_force_to_gravity(mems):
     assert np.abs(shown.rate_before.mean(axis=0)).max() > 5e-4
 
 
-def test_a_knock_makes_no_position_and_neither_does_a_pause_in_the_data(mems):
+def test_neither_a_knock_nor_a_gap_counts_as_a_position(mems):
     imu, block = mems
     guide, _ = followed(block.part(0, 800), imu)
     (first,) = guide.now.positions
@@ -83,7 +83,7 @@ def test_a_knock_makes_no_position_and_neither_does_a_pause_in_the_data(mems):
     assert np.array_equal(guide.now.positions[0], first)
 
 
-def test_positions_suffice_once_they_lie_all_around_and_every_axis_was_turned_about(mems):
+def test_positions_suffice_when_well_spread_and_turned_about_every_axis(mems):
     imu, block = mems
     guide = PositionGuide(context_of(imu).imu, 1.0)
     begun = []

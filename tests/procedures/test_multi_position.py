@@ -1,4 +1,4 @@
-"""Multi-position: recordings made by hand give matrices and biases with honest sigmas, and bad ones are named."""
+"""Multi-position: recordings by hand give matrices and biases with consistent sigmas; unusable ones are refused."""
 
 import itertools
 from dataclasses import replace
@@ -35,7 +35,7 @@ def mems():
 
 
 @pytest.mark.parametrize(("grade", "seeds"), [("mems", 8), ("tactical", 4), ("nav", 4)])
-def test_errors_over_many_hands_agree_with_their_sigmas(grade, seeds):
+def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
     errors, nees = [], []
     for seed in range(seeds):
         imu = unit(grade, 100 + seed)
@@ -52,7 +52,7 @@ def test_errors_over_many_hands_agree_with_their_sigmas(grade, seeds):
     assert low < np.sum(nees) < high
 
 
-def test_every_parameter_is_known_far_better_than_before(mems):
+def test_every_sigma_is_much_smaller_than_the_prior(mems):
     imu, block = mems
     prior = prior_of("mems")
     found = solved(block, context_of(imu), prior)
@@ -76,7 +76,7 @@ def test_a_stream_before_any_calibration_may_have_large_biases(mems):
     assert np.abs((found.mean - far) / found.sigma)[MASK].max() < 4.5
 
 
-def test_a_place_noisier_than_the_profile_says_widens_the_sigmas(mems):
+def test_noise_beyond_the_profile_enlarges_the_sigmas(mems):
     imu, _ = mems
     rough = replace(QUICK, velocity_sigma=8e-3)
     context = context_of(imu)
@@ -142,7 +142,7 @@ def test_a_manual_rig_moves_nothing_by_itself():
         assert max(abs(after.outer - before.outer), abs(after.inner - before.inner)) > 0.1
 
 
-def test_the_plan_stays_within_the_travel_or_says_what_is_missing():
+def test_plan_stays_within_the_travel_or_is_refused():
     chosen = method("multi_position")
     short = JointLimits(low=(-1.7, -3.2), high=(1.7, 3.2))
     poses = [s for s in chosen.plan(TableGeometry(limits=short), chosen.schedule()) if isinstance(s, Move)]
@@ -184,7 +184,7 @@ def freeze(column: int, first: int, last: int):
 
 
 def deaf(counts):
-    """Gyros that show their noise at rest all the time."""
+    """Gyros whose output is noise at rest throughout."""
     counts[:, :3] = np.resize(counts[:800, :3], counts[:, :3].shape)
     return counts
 
@@ -205,14 +205,14 @@ def deaf(counts):
         (deaf, "gyros_see_no_motion", "The gyros do not see the motions"),
     ],
 )
-def test_a_bad_recording_is_refused_with_its_fault(mems, change, code, words):
+def test_unusable_recording_is_refused_with_its_fault(mems, change, code, words):
     imu, block = mems
     with raises_code(InputError, f"recording.{code}") as caught:
         solved(altered(block, change), context_of(imu), prior_of("mems"))
     assert words in str(caught.value)
 
 
-def test_a_motion_that_contradicts_gravity_is_left_out_and_told(mems):
+def test_motion_that_contradicts_gravity_is_left_out_and_reported(mems):
     imu, block = mems
     found = solved(block, context_of(imu), prior_of("mems"))
     motion = found.details["motions"][7]
@@ -227,7 +227,7 @@ def test_a_motion_that_contradicts_gravity_is_left_out_and_told(mems):
     assert np.abs((after.belief.mean - imu.parameters) / after.belief.sigma)[MASK].max() < 4.5
 
 
-def test_no_rest_and_no_motion_are_named(mems):
+def test_recordings_without_rest_or_motion_are_refused(mems):
     imu, block = mems
     context, prior = context_of(imu), prior_of("mems")
     with raises_code(InsufficientDataError, "recording.one_position"):
@@ -237,7 +237,7 @@ def test_no_rest_and_no_motion_are_named(mems):
         solved(recording(imu, 9, moving, step=np.deg2rad(120.0)), context, prior)
 
 
-def test_a_recording_cut_together_takes_nothing_from_its_cuts(mems):
+def test_motions_across_cuts_are_not_used(mems):
     imu, block = mems
     found = solved(block, context_of(imu), prior_of("mems"))
     positions = found.details["positions"]

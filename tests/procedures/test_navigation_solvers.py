@@ -1,4 +1,4 @@
-"""Excitation and azimuth flips on simulated units: truth, what flips may and may not change, gyro z."""
+"""Excitation and azimuth flips of simulated units: truth, effect of the flips, gyro z."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ Z = NAMES.index("gyro_bias_z")
 
 
 @pytest.mark.parametrize("stage", ["excitation", "azimuth_flip"])
-def test_every_parameter_of_every_grade_comes_within_its_sigma(chain, stage):
+def test_every_parameter_of_every_grade_agrees_with_its_sigma(chain, stage):
     errors = errors_in_sigma(chain.solutions[stage].belief, chain.truth)
     assert np.abs(errors).max() < 4.0
     assert chain.solutions[stage].consistency.passed
@@ -22,7 +22,7 @@ def test_every_parameter_of_every_grade_comes_within_its_sigma(chain, stage):
     assert chain.solutions[stage].gaps == 0
 
 
-def test_an_excitation_of_a_few_minutes_comes_near_what_such_a_stage_can_do(nav_chain):
+def test_short_excitation_approaches_the_accuracy_of_a_long_one(nav_chain):
     found = dict(zip(NAMES, nav_chain.solutions["excitation"].belief.sigma, strict=True))
     # FACTS.md tells 0.4 ppm, 0.3″, 0.6 µg, 0.4 ppm, 0.2″, 0.15 mm of 11 to 14 min; this stage has 5.4 min of it
     assert 0.2e-6 < found["gyro_scale_x"] < 2e-6
@@ -43,24 +43,24 @@ def test_flips_never_make_a_bias_worse(chain):
     assert np.all(after[BIASES] <= before[BIASES] * (1.0 + 1e-9))
 
 
-def test_flips_tell_most_of_the_horizontal_gyros(nav_chain):
+def test_flips_determine_mostly_the_horizontal_gyros(nav_chain):
     before, after = (nav_chain.solutions[s].belief.sigma for s in ("excitation", "azimuth_flip"))
     # the horizontal gyros gain by far the most
     assert np.all(after[:2] < 0.6 * before[:2])
 
 
-def test_gyro_z_keeps_the_excitations_answer(chain):
+def test_gyro_z_keeps_the_value_of_the_excitation(chain):
     before, after = (chain.solutions[s].belief for s in ("excitation", "azimuth_flip"))
     assert abs(after.mean[Z] - before.mean[Z]) < before.sigma[Z]
 
 
-def test_flips_alone_know_gyro_z_far_worse_than_after_an_excitation(nav_chain):
+def test_flips_alone_determine_gyro_z_poorly(nav_chain):
     alone = solved(nav_chain.truth, prior_of(nav_chain.truth), [block_of(nav_chain.samples["azimuth_flip"])])
     assert np.abs(errors_in_sigma(alone.belief, nav_chain.truth)).max() < 4.0
     assert alone.belief.sigma[Z] > 10.0 * nav_chain.solutions["azimuth_flip"].belief.sigma[Z]
 
 
-def test_flips_consider_all_else_and_keep_it(chain):
+def test_flips_keep_all_consider_parameters(chain):
     before, after = (chain.solutions[s].belief for s in ("excitation", "azimuth_flip"))
     assert np.array_equal(after.mean[OTHERS], before.mean[OTHERS])
     assert after.sigma[OTHERS] == pytest.approx(before.sigma[OTHERS], rel=1e-12)
@@ -68,13 +68,13 @@ def test_flips_consider_all_else_and_keep_it(chain):
     assert np.linalg.eigvalsh(correlation).min() > -1e-9
 
 
-def test_what_is_considered_stays_correlated_with_the_biases(nav_chain):
+def test_consider_parameters_stay_correlated_with_the_biases(nav_chain):
     after = nav_chain.solutions["azimuth_flip"].belief
     correlation = after.covariance / np.outer(after.sigma, after.sigma)
     assert np.abs(correlation[np.ix_(BIASES, OTHERS)]).max() > 0.1
 
 
-def test_taking_the_other_parameters_for_exact_would_make_the_biases_overconfident(nav_chain):
+def test_ignoring_consider_parameters_would_make_the_biases_overconfident(nav_chain):
     fixed = nav_chain.priors["azimuth_flip"].covariance.copy()
     fixed[OTHERS, :] = fixed[:, OTHERS] = 0.0
     sure = solved(

@@ -1,4 +1,4 @@
-"""Plans as geometry sees them: faces up, turns about the right axis the right way, inside the table's limits."""
+"""Geometry of plans: faces up, turns about the right axis in the right direction, within the table's limits."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -67,7 +67,7 @@ def test_every_file_is_a_method_of_its_own_name():
     assert all(method(name).name == name for name in names)
 
 
-def test_an_unknown_stage_is_refused_with_those_there_are():
+def test_unknown_stage_is_refused_with_the_known_ones():
     with raises_code(ConfigurationError, "plan.no_such_stage") as caught:
         method("rates")
     assert caught.value.values["stage"] == "rates"
@@ -85,7 +85,7 @@ def test_a_schedule_refuses_unknown_keys_and_senseless_values(stage):
 
 
 @pytest.mark.parametrize("stage", DEFAULT_STAGES)
-def test_every_move_is_followed_by_the_rest_asked_for(stage):
+def test_every_move_is_followed_by_its_rest(stage):
     steps = [s for s in steps_of(stage, TableGeometry(), 1, dwell_s=7.0) if not isinstance(s, RoundEnd)]
     pairs = list(zip(steps[::2], steps[1::2], strict=True))
     assert all(isinstance(a, Move) and isinstance(b, Dwell) for a, b in pairs)
@@ -108,7 +108,7 @@ def test_six_positions_stay_within_any_travel_of_half_a_turn_either_way(travel):
     assert_within(travel, steps_of("six_position", TableGeometry(limits=travel)))
 
 
-def test_an_outer_axis_that_stands_upright_cannot_show_the_faces():
+def test_vertical_outer_axis_cannot_reach_the_faces():
     with raises_code(ConfigurationError, "plan.direction_not_upward"):
         steps_of("six_position", TableGeometry((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
 
@@ -125,7 +125,7 @@ def test_excitation_turns_y_x_z_z_x_y_once_round_always_the_same_way(table):
     assert not any(move.label[0] == "unwind" for move in found)
 
 
-def test_excitation_turns_the_inner_axis_while_gravity_lies_across_it():
+def test_excitation_turns_the_inner_axis_horizontally():
     for before, after in pairwise(moves_of(steps_of("excitation", TableGeometry(), 1))):
         if after.label[:2] == ("turn_about", "z"):
             z_n = TableGeometry().body_to_home(before.outer, before.inner)[:, 2]
@@ -133,7 +133,7 @@ def test_excitation_turns_the_inner_axis_while_gravity_lies_across_it():
 
 
 @given(limits())
-def test_excitation_unwinds_only_where_the_travel_demands_it(travel):
+def test_excitation_unwinds_only_if_the_travel_requires_it(travel):
     table = TableGeometry(limits=travel)
     steps = steps_of("excitation", table, 2)
     assert_within(travel, steps)
@@ -162,7 +162,7 @@ def test_whole_turns_stay_within_the_travel_or_are_refused(travel, turns):
         assert_within(travel, steps_of("rate", table, turns=turns))
 
 
-def test_whole_turns_start_where_a_short_travel_has_room_for_them():
+def test_whole_turns_start_within_a_short_travel():
     table = TableGeometry(limits=JointLimits(np.deg2rad([-200.0, -200.0]), np.deg2rad([200.0, 200.0])))
     ends = {move.label[1]: [] for move in moves_of(steps_of("rate", table, turns=1))}
     for move in moves_of(steps_of("rate", table, turns=1)):

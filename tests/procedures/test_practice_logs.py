@@ -1,4 +1,4 @@
-"""The practice logs, simulated by mathematics written apart from the project, solve to their truth."""
+"""The practice logs, simulated by independent code, solve to their truth."""
 
 import json
 from dataclasses import replace
@@ -52,7 +52,7 @@ def worst(log, chain):
 
 
 @pytest.mark.parametrize("name", ["nav", "mems"])
-def test_every_parameter_comes_within_four_sigma_of_its_truth(name, request):
+def test_every_parameter_is_within_four_sigma_of_its_truth(name, request):
     log = request.getfixturevalue(name)
     chain = solve(lambda: log.blocks, log.meta)
     assert [s.stage for s in chain.solutions] == ["rate", "six_position", "excitation", "azimuth_flip"]
@@ -61,7 +61,7 @@ def test_every_parameter_comes_within_four_sigma_of_its_truth(name, request):
     assert all(s.gaps == 0 for s in chain.solutions)
 
 
-def test_without_azimuth_and_encoders_it_solves_just_as_well(nav):
+def test_solution_without_azimuth_and_encoders_is_as_accurate(nav):
     log = blind(nav)
     chain = solve(lambda: log.blocks, log.meta)
     assert worst(log, chain) < (4.0, "")
@@ -69,7 +69,7 @@ def test_without_azimuth_and_encoders_it_solves_just_as_well(nav):
     assert said == {"turns_assumed_whole", "azimuth_from_data"}
 
 
-def test_it_solves_from_any_attitude_with_a_heading_it_cannot_gyrocompass(nav):
+def test_solution_from_any_attitude_with_an_ambiguous_heading(nav):
     # on its side, from the middle of the excitation, nothing known of a bias a hundred times the earth's rate
     log = blind(nav, lambda block: block.stage == "excitation")
     first = int(log.blocks[0].step[0]) + 18

@@ -1,4 +1,4 @@
-"""The rate stage: scale factors within their sigma, of the size the encoder dictates, or what is missing."""
+"""The rate stage: scale factors agree with their sigma, which follows from the encoder; missing turns are named."""
 
 from dataclasses import replace
 
@@ -24,13 +24,13 @@ def without(chain, *steps):
     return block_of(samples, ~np.isin(samples.step, steps))
 
 
-def test_scale_factors_come_within_their_sigma(chain):
+def test_scale_factors_agree_with_their_sigma(chain):
     errors = errors_in_sigma(chain.solutions["rate"].belief, chain.truth)
     assert np.abs(errors).max() < 4.0
     assert chain.solutions["rate"].consistency.passed
 
 
-def test_sigma_is_the_encoders_over_the_angle(nav_chain):
+def test_sigma_is_that_of_the_encoder_over_the_angle(nav_chain):
     encoder, angle = np.deg2rad(0.05), 2.0 * np.pi * SCHEDULES["rate"]["turns"]
     # from rests 0, 1, 2: ((e1 − e0) − (e2 − e1)) over both ways' angle
     by_encoder = np.sqrt(6.0) * encoder / (2.0 * angle)
@@ -39,7 +39,7 @@ def test_sigma_is_the_encoders_over_the_angle(nav_chain):
     assert nav_chain.solutions["rate"].belief.sigma[SCALE] == pytest.approx(expected, rel=0.1)
 
 
-def test_a_better_encoder_makes_a_better_scale_factor(nav_chain):
+def test_better_encoder_gives_a_better_scale_factor(nav_chain):
     context = context_of(nav_chain.truth)
     fine = replace(context, table=replace(context.table, encoder_sigma=np.deg2rad(0.005)))
     block = block_of(nav_chain.samples["rate"])
@@ -47,7 +47,7 @@ def test_a_better_encoder_makes_a_better_scale_factor(nav_chain):
     assert better == pytest.approx(nav_chain.solutions["rate"].belief.sigma[SCALE] / 10.0, rel=0.3)
 
 
-def test_all_else_is_considered_and_kept(chain):
+def test_all_other_parameters_are_consider_parameters(chain):
     others = [i for i, name in enumerate(NAMES) if i not in SCALE]
     found = chain.solutions["rate"]
     assert np.array_equal(found.belief.mean[others], chain.prior.mean[others])
@@ -65,7 +65,7 @@ def test_six_turns_are_found_each_with_its_joint_and_angle(nav_chain):
     assert np.rad2deg([turn["angle"] for turn in turns]) == pytest.approx([360.0, -360.0] * 3, abs=0.3)
 
 
-def test_without_encoders_turns_are_taken_for_whole_and_it_is_said(nav_chain):
+def test_without_encoders_turns_are_assumed_whole_and_reported(nav_chain):
     block = block_of(nav_chain.samples["rate"])
     blind = replace(block, angles=np.full_like(block.angles, np.nan))
     found = solved(nav_chain.truth, nav_chain.prior, [blind])
@@ -77,14 +77,14 @@ def test_without_encoders_turns_are_taken_for_whole_and_it_is_said(nav_chain):
 
 
 @pytest.mark.parametrize(("lost", "missing"), [((1,), ["+x", "-x"]), ((5,), ["-y"]), ((7, 8), ["+z", "-z"])])
-def test_a_missing_way_is_named_and_a_missing_rest_costs_the_ways_on_both_its_sides(nav_chain, lost, missing):
+def test_missing_turn_is_named_and_a_missing_rest_invalidates_both_its_turns(nav_chain, lost, missing):
     steps = [moves(nav_chain)[i] for i in lost]
     with raises_code(InsufficientDataError, "solve.no_whole_turn") as caught:
         solved(nav_chain.truth, nav_chain.prior, [without(nav_chain, *steps)])
     assert caught.value.values["missing"] == missing
 
 
-def test_no_samples_miss_every_way(nav_chain):
+def test_stage_without_samples_lacks_every_turn(nav_chain):
     with raises_code(InsufficientDataError, "solve.no_whole_turn") as caught:
         solved(nav_chain.truth, nav_chain.prior, [without(nav_chain, *moves(nav_chain), 0)])
     assert caught.value.values["missing"] == ["+x", "-x", "+y", "-y", "+z", "-z"]

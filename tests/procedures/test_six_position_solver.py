@@ -25,19 +25,19 @@ def without_face(chain, place):
     return block_of(samples, samples.step != step)
 
 
-def test_scale_and_bias_come_within_their_sigma(chain):
+def test_scale_and_bias_agree_with_their_sigma(chain):
     errors = errors_in_sigma(chain.solutions["six_position"].belief, chain.truth)
     assert np.abs(errors).max() < 4.0
     assert chain.solutions["six_position"].consistency.passed
 
 
-def test_scale_and_bias_are_known_far_better_than_before(chain):
+def test_scale_and_bias_have_much_smaller_sigmas_than_before(chain):
     before, after = (chain.priors["six_position"].sigma, chain.solutions["six_position"].belief.sigma)
     assert np.all(after[SCALE] < 0.05 * before[SCALE])
     assert np.all(after[BIAS] < 0.5 * before[BIAS])
 
 
-def test_bias_keeps_the_doubt_of_the_second_order_term(nav_chain):
+def test_bias_keeps_the_uncertainty_of_the_second_order_term(nav_chain):
     # up and down, K2 g² is the same as a bias
     found, gravity = nav_chain.solutions["six_position"].belief, 9.797
     prior = nav_chain.priors["six_position"]
@@ -54,7 +54,7 @@ def test_bias_keeps_the_doubt_of_the_second_order_term(nav_chain):
     assert np.abs(errors_in_sigma(certain.belief, nav_chain.truth)[BIAS]).max() < 4.0
 
 
-def test_a_mount_off_by_a_degree_does_not_show_in_the_scale(solve_chain):
+def test_mount_error_of_a_degree_does_not_affect_the_scale(solve_chain):
     tilted = solve_chain("nav", 33, instability=False, mount=(np.deg2rad(0.99), np.deg2rad(1.0)))
     errors = errors_in_sigma(tilted.solutions["six_position"].belief, tilted.truth)
     assert np.abs(errors[SCALE]).max() < 4.0
@@ -70,7 +70,7 @@ def test_it_works_without_encoder_angles(nav_chain):
     assert np.all(found.belief.sigma[SCALE] < 0.1 * nav_chain.prior.sigma[SCALE])
 
 
-def test_a_wrong_gravity_goes_one_to_one_into_the_scale(nav_chain):
+def test_wrong_gravity_enters_the_scale_one_to_one(nav_chain):
     context, block = context_of(nav_chain.truth), block_of(nav_chain.samples["six_position"])
     heavy = replace(context, site=replace(context.site, gravity=9.8))
     light = replace(context, site=replace(context.site, gravity=9.8 * (1.0 - 1e-4)))
@@ -80,7 +80,7 @@ def test_a_wrong_gravity_goes_one_to_one_into_the_scale(nav_chain):
     assert (b.mean - a.mean)[SCALE] == pytest.approx(1e-4, rel=0.02)
 
 
-def test_all_else_is_considered_and_kept(chain):
+def test_all_other_parameters_are_consider_parameters(chain):
     others = [i for i in range(30) if i not in SCALE + BIAS]
     before, found = chain.priors["six_position"], chain.solutions["six_position"]
     assert np.array_equal(found.belief.mean[others], before.mean[others])
@@ -114,7 +114,7 @@ def recording():
     ],
     ids=["by modulus", "faces assumed exact"],
 )
-def test_a_recording_turned_by_hand_gives_its_authors_answer(recording, scale, bias):
+def test_recording_by_hand_agrees_with_its_authors(recording, scale, bias):
     assert recording.mean[SCALE] == pytest.approx(scale, abs=5e-4)
     assert recording.mean[BIAS] == pytest.approx(bias, abs=5e-3)
 

@@ -12,7 +12,7 @@ P. G. Savage, *Strapdown Analytics*, 2nd ed., ch. 15 (closed-loop error resets).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
@@ -48,35 +48,22 @@ START_VELOCITY_SIGMA = 1.0
 GROUP_TIME = 0.5
 
 
-@dataclass
+@dataclass(frozen=True)
 class History:
-    """Observations of a pass, in groups: for consistency, observability, residuals and plots."""
+    """m observations of a pass: for consistency, observability, residuals and plots.
 
-    indices: list[IntArray] = field(default_factory=list)
-    attitudes: list[FloatArray] = field(default_factory=list)
-    rates: list[FloatArray] = field(default_factory=list)
-    innovations: list[FloatArray] = field(default_factory=list)
+    Attributes
+    ----------
+    index : samples before each observation, shape (m,)
+    attitude : C_bn of the linearisation, shape (m, 3, 3)
+    rate : angular rate, rad/s, shape (m, 3)
+    innovation : decorrelated innovations in units of their sigmas, shape (m, 3)
+    """
 
-    @property
-    def index(self) -> IntArray:
-        """Samples before each observation, shape (m,)."""
-        index: IntArray = np.concatenate([np.empty(0, np.int64), *self.indices])
-        return index
-
-    @property
-    def attitude(self) -> FloatArray:
-        """C_bn of the linearisation, shape (m, 3, 3)."""
-        return np.concatenate([np.empty((0, 3, 3)), *self.attitudes])
-
-    @property
-    def rate(self) -> FloatArray:
-        """Angular rate, rad/s, shape (m, 3)."""
-        return np.concatenate([np.empty((0, 3)), *self.rates])
-
-    @property
-    def innovation(self) -> FloatArray:
-        """Decorrelated innovations in units of their sigmas, shape (m, 3)."""
-        return np.concatenate([np.empty((0, 3)), *self.innovations])
+    index: IntArray
+    attitude: FloatArray
+    rate: FloatArray
+    innovation: FloatArray
 
     @property
     def nis(self) -> FloatArray:
@@ -116,7 +103,9 @@ class NavigationFilter:
         self.point = point
         self.constants = compensation(point)
         self.work = interval_work()
-        self.history = History()
+        self._history: list[tuple[FloatArray | IntArray, ...]] = [
+            (np.empty(0, np.int64), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)))
+        ]
         #: Observations in a group.
         self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
         self._groups: dict[int, VelocityGroup] = {}
@@ -145,6 +134,11 @@ class NavigationFilter:
         """Posterior of the parameters so far."""
         s = slice(PARAMETER_START, STATES)
         return Belief(self.point + self.kf.x[s], self.kf.P[s, s].copy())
+
+    @property
+    def history(self) -> History:
+        """All observations so far."""
+        return History(*(np.concatenate(columns) for columns in zip(*self._history, strict=True)))
 
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
         """Start (again) at rest: reset the navigation states, keep the parameters.
@@ -204,11 +198,9 @@ class NavigationFilter:
             kf.x[:PARAMETER_START] += group.shift
         kf.update_correlated(group.z, kf.R, kf.H)
         make_symmetric(kf.P)
-        history = self.history
-        history.indices.append(start + self.stride * np.arange(1, count + 1))
-        history.attitudes.append(group.attitude.copy())
-        history.rates.append(group.rate.copy())
-        history.innovations.append(whitened(kf.S, kf.y).reshape(count, 3))
+        index = start + self.stride * np.arange(1, count + 1)
+        innovation = whitened(kf.S, kf.y).reshape(count, 3)
+        self._history.append((index, group.attitude.copy(), group.rate.copy(), innovation))
         if follow is None:
             self._feed_back()
 

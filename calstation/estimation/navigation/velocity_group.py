@@ -97,7 +97,7 @@ def velocity_group(count: int, size: int) -> VelocityGroup:
 
 
 @nb.njit(cache=True)
-def inverse(S: FloatArray) -> FloatArray:
+def _inverse(S: FloatArray) -> FloatArray:
     """Inverse of a 3×3 matrix by its adjugate."""
     A = np.empty((3, 3))
     for i in range(3):
@@ -109,7 +109,7 @@ def inverse(S: FloatArray) -> FloatArray:
 
 
 @nb.njit(cache=True)
-def cholesky(S: FloatArray) -> FloatArray:
+def _cholesky(S: FloatArray) -> FloatArray:
     """Lower factor of a positive definite matrix, shape (n, n)."""
     n = S.shape[0]
     L = np.zeros((n, n))
@@ -126,7 +126,7 @@ def cholesky(S: FloatArray) -> FloatArray:
 def inverse_of_positive(S: FloatArray) -> FloatArray:
     """Inverse of a positive definite matrix by its Cholesky factor, shape (n, n)."""
     n = S.shape[0]
-    L = cholesky(S)
+    L = _cholesky(S)
     U = np.zeros((n, n))  # L⁻¹
     for j in range(n):
         U[j, j] = 1.0 / L[j, j]
@@ -149,7 +149,7 @@ def inverse_of_positive(S: FloatArray) -> FloatArray:
 @nb.njit(cache=True)
 def whitened(S: FloatArray, y: FloatArray) -> FloatArray:
     """L⁻¹ y with S = L Lᵀ: innovations of unit variance, as if processed one by one, shape (n,)."""
-    L = cholesky(S)
+    L = _cholesky(S)
     n = len(y)
     white = np.empty(n)
     for i in range(n):
@@ -170,16 +170,8 @@ def make_symmetric(P: FloatArray) -> None:
 
 
 @nb.njit(cache=True)
-def process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
-    """Write the covariance of white rate and force noise over an interval (Groves 14.80).
-
-    Parameters
-    ----------
-    force : constant specific force in n, m/s², shape (3,)
-    rate_q, force_q : spectral densities, rad²/s and (m/s)²/s
-    T : length of the interval, s
-    Q : covariance, shape (9, 9)
-    """
+def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
+    """Write the covariance of white rate and force noise in n over T s (Groves 14.80) into Q, shape (9, 9)."""
     fx, fy, fz = force[0], force[1], force[2]
     A = np.zeros((3, 3))
     A[0, 1], A[0, 2], A[1, 2] = fz, -fy, fx
@@ -251,7 +243,7 @@ def _carried_noise(
     N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray
 ) -> None:
     """W += N Q Nᵀ: the noise of one interval at the group's end."""
-    process_noise(force, s.rate_noise, s.force_noise, T, Q)
+    _process_noise(force, s.rate_noise, s.force_noise, T, Q)
     row = np.empty(NAVIGATION)
     for i in range(NAVIGATION):
         row[:] = 0.0
@@ -268,7 +260,7 @@ def _carried_noise(
 @nb.njit(cache=True)
 def _back_from_end(N: FloatArray) -> FloatArray:
     """Inverse of the φ, δv block of a transition, shape (6, 6): [[a, 0], [s, e]]."""
-    a, e = inverse(N[:3, :3]), inverse(N[3:6, 3:6])
+    a, e = _inverse(N[:3, :3]), _inverse(N[3:6, 3:6])
     back = np.zeros((OBSERVED, OBSERVED))
     for i in range(3):
         for j in range(3):
