@@ -29,6 +29,11 @@ class CalstationError(Exception):
         return self.render().line if self.code else str(self.args[0])
 
     @property
+    def family(self) -> str:
+        """Family of its code, such as ``motion``; "" without one."""
+        return self.code.partition(".")[0]
+
+    @property
     def as_text(self) -> Text:
         """Code and values, to stand inside another message or to travel."""
         return Text(self.code, self.values)

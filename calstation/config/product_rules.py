@@ -9,7 +9,7 @@ from calstation.devices.profiles.registers import RegisterEntry
 from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.records.limits import Limit
 from calstation.schema import EntryError
-from calstation.sequencer.stop_rule import named
+from calstation.sequencer.plan import named
 
 #: Standard deviation of rounding to a step of 1.
 _ROUNDING = 12.0**-0.5

@@ -48,10 +48,8 @@ from calstation.records.meta import (
     prior_from_meta,
 )
 from calstation.schema import EntryError, validate
-from calstation.sequencer.acquisition import StatusMasks
-from calstation.sequencer.preflight import PreflightLimits
-from calstation.sequencer.stop_rule import StopRule
-from calstation.sequencer.task import Output, StagePlan, Task
+from calstation.sequencer.plan import StagePlan, StopRule
+from calstation.sequencer.task import Output, PreflightLimits, StatusMasks, Task, UnitTask
 from procedures import method
 
 #: Registers further from zero than this many prior sigmas hold no calibration of the unit.
@@ -264,41 +262,44 @@ class ResolvedConfiguration:
             settings["speed"] = self.request.speed
         return settings
 
-    def task(self, meta: LogMeta | None = None) -> Task:
-        """Build the sequencer's task. `meta` is the log's configuration, the one without registers if not given."""
+    def task(self) -> Task:
+        """Build the table's task."""
+        load = self.product.load_angle
+        return Task(
+            stages=tuple(
+                StagePlan(stage, partial(self._plan, stage), _stop_rule(schedule))
+                for stage, schedule in self.schedules.items()
+            ),
+            geometry=self.table.geometry(),
+            by_hand=self.by_hand,
+            latency=self.table.accuracy.poll_latency_s,
+            settle=self.table.settle_s,
+            load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
+        )
+
+    def unit_task(self, meta: LogMeta | None = None) -> UnitTask:
+        """Build the unit's task. `meta` is the log's configuration, the one without registers if not given."""
         meta = meta or self.log_meta()
         context = context_from_meta(meta)
-        geometry = self.table.geometry()
-        gravity = context.site.gravity or normal_gravity(context.site.latitude, context.site.height)
         prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
         span_rate = BIAS_SIGMAS * prior.sigma[biases] + SLOWEST
-        warm_up, load, status = self.product.warm_up, self.product.load_angle, self.imu.status
-        stages = (
-            StagePlan(stage, partial(self._plan, stage), _stop_rule(schedule))
-            for stage, schedule in self.schedules.items()
-        )
-        return Task(
-            stages=tuple(stages),
+        warm_up, status = self.product.warm_up, self.imu.status
+        return UnitTask(
+            serial=self.request.serial,
+            model=context.imu,
             preflight=PreflightLimits(
-                serial=self.request.serial,
                 serial_pattern=self.product.serial_pattern,
-                gravity=gravity,
+                gravity=context.site.gravity or normal_gravity(context.site.latitude, context.site.height),
                 rate_low=prior.mean[biases] - span_rate,
                 rate_high=prior.mean[biases] + span_rate,
                 warm_up=warm_up.time_s,
                 warm_up_slope=warm_up.slope_c_per_min,
                 warm_up_timeout=warm_up.timeout_s,
-                by_hand=self.by_hand,
             ),
-            geometry=geometry,
-            imu=context.imu,
             masks=StatusMasks(status.ready, status.saturated, status.failed),
             span=span(self.imu.frame),
             wrap=self.imu.frame.counter_period,
             corrected=self.corrected,
-            latency=self.table.accuracy.poll_latency_s,
-            settle=self.table.settle_s,
-            load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
         )
 
     def _plan(self, stage: str) -> Iterator[Step]:

@@ -19,7 +19,7 @@ from calstation.config.station import in_file
 from calstation.config.versions import Version
 from calstation.jobs.queue import ProgressCallback
 from calstation.schema import EntryError
-from calstation.sequencer.stop_rule import named
+from calstation.sequencer.plan import named
 from procedures import DEFAULT_STAGES, method
 
 #: Serial number of a virtual unit whose bench gives none.

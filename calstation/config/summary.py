@@ -13,7 +13,7 @@ from calstation.physics.motion import Carry
 from calstation.physics.parameters import GROUPS, NAMES, group_indices
 from calstation.physics.table import TableGeometry
 from calstation.sequencer.capture import DURATION
-from calstation.sequencer.preview import plan_time
+from calstation.sequencer.plan import plan_time
 from procedures import method
 
 

@@ -24,7 +24,7 @@ from calstation.devices.table.register_table import RegisterTable
 from calstation.devices.table.shared_table import SharedTable
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.sequencer.ports import Clock
+from calstation.sequencer.context import Clock
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from calstation.jobs.queue import ProgressCallback
 from calstation.physics.arrays import FloatArray
 from calstation.sequencer.acquisition import to_si
 from calstation.sequencer.capture import REST, VerificationData, mean_at_rest
+from calstation.sequencer.context import Clock
 from calstation.sequencer.control_loop import NO_DATA
-from calstation.sequencer.ports import Clock
 from calstation.sequencer.task import Output
 
 #: Told when the link is open, and the unit named.

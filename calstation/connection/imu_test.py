@@ -25,7 +25,7 @@ from calstation.jobs.queue import ProgressCallback
 from calstation.messages.finding import Finding, Value
 from calstation.physics.earth import normal_gravity
 from calstation.sequencer.acquisition import to_si
-from calstation.sequencer.preflight import PreflightLimits
+from calstation.sequencer.task import PreflightLimits
 
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 #: Station time that a unit has to say that it is ready, s.

@@ -16,10 +16,10 @@ from calstation.registers.journal import Transfer, journal_folder
 from calstation.registers.preconditions import check_register_map, check_unit_model
 from calstation.registers.verification import finish_verification
 from calstation.sequencer.capture import VerificationData
+from calstation.sequencer.context import Clock, Emit
 from calstation.sequencer.driving import RunInBackground
 from calstation.sequencer.events import Message
 from calstation.sequencer.guard import check_power
-from calstation.sequencer.ports import Clock, Emit
 
 Decision = Literal["finish", "restore"]
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from calstation.config.request import OR_AT_REST, RegisterOperation
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
-from calstation.connection.devices import connected
+from calstation.connection.devices import Devices, connected
 from calstation.connection.imu_session import capture_rest, open_imu_session
 from calstation.devices.imu.transfer import (
     Closing,
@@ -39,15 +39,15 @@ from calstation.registers.verification import (
     verification_step,
 )
 from calstation.sequencer.capture import VerificationData
-from calstation.sequencer.control import Control, StopRequested
+from calstation.sequencer.context import Emit, RunContext, Slot
+from calstation.sequencer.control import Control, State, StopRequested
 from calstation.sequencer.driving import Driving, RunInBackground
 from calstation.sequencer.events import Message, Settled, StateChanged
-from calstation.sequencer.ports import Emit
-from calstation.sequencer.states import State
-from calstation.sequencer.task import Output, Task
+from calstation.sequencer.task import Output
 
 #: Beginnings of what is told of a table, and of moves that it cannot make.
 _OF_TABLES = ("table:", "schedule:")
+_TABLE_FAMILIES = ("table", "motion")
 
 #: Takes the operator's commands; raises StopRequested.
 CheckCancelled = Callable[[], None]
@@ -248,7 +248,7 @@ def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) 
             return untouched
         imu.start()
         imu.read()  # what came before belongs to nothing
-        drive = Driving(_task(work.setup), devices.table, imu, devices.clock, control, work.emit)
+        drive = Driving(_context(work, devices, control))
 
         def write_and_turn() -> State:
             nonlocal settled
@@ -276,11 +276,15 @@ def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) 
     return settled or work.stopped
 
 
-def _task(setup: ResolvedConfiguration) -> Task:
-    """A run without stages; registers that may be wrong are not judged before they are mended."""
-    task = setup.task()
-    preflight = replace(task.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
-    return replace(task, stages=(), preflight=preflight)
+def _context(work: _Work, devices: Devices, control: Control) -> RunContext:
+    """A run without stages, log and solvers; the output of registers that may be wrong is not checked before."""
+    setup = work.setup
+    unit = setup.unit_task()
+    preflight = replace(unit.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
+    slot = Slot(devices.imu, replace(unit, preflight=preflight))
+    return RunContext(
+        replace(setup.task(), stages=()), devices.table, (slot,), devices.clock, work.emit, control
+    )
 
 
 def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> Transfer:
@@ -303,7 +307,7 @@ def _or_at_rest() -> Iterator[None]:
     try:
         yield
     except CalstationError as error:
-        if not str(error).startswith(_OF_TABLES):
+        if error.family not in _TABLE_FAMILIES and not str(error).startswith(_OF_TABLES):
             raise
         kind = DeviceFaultError if isinstance(error, DeviceFaultError) else ConfigurationError
         raise kind(f"{error}{OR_AT_REST}") from error

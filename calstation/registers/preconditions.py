@@ -10,8 +10,8 @@ from calstation.devices.imu.registers import RegisterMap
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.registers import journal as register_journal
 from calstation.registers.journal import Transfer, journal_folder, map_digest
+from calstation.sequencer.context import Emit
 from calstation.sequencer.events import Message
-from calstation.sequencer.ports import Emit
 
 #: Share of the cycles from which on it is told.
 _NEAR = 0.9

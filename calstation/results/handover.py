@@ -21,8 +21,8 @@ from calstation.records.atomic import sync_folder, write_atomic
 from calstation.records.locked import locked
 from calstation.records.raw_log import SUFFIX
 from calstation.results.result import Result
+from calstation.sequencer.context import Emit
 from calstation.sequencer.events import Message
-from calstation.sequencer.ports import Emit
 
 CSV_NAME = "handover.csv"
 

@@ -85,7 +85,7 @@ class Ending:
     first_seq, last_seq : range solved; None for all of the log
     registers : as in the result JSON
     stop_reason : who or what stopped a stopped run
-    advice : what to do next, see `calstation.runs.advice`
+    advice : what to do next, see `calstation.runs.verdict`
     finished_stages : of an incomplete run, those that were solved before it died
     """
 

@@ -21,9 +21,7 @@ from calstation.physics.parameters import INDEX, NAMES, PARAMETERS
 from calstation.records.meta import context_from_meta
 from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.sequencer.guard import JOINTS, check_limits
-from calstation.sequencer.preview import move_time, planned, step_time
-from calstation.sequencer.stop_rule import named
-from calstation.sequencer.task import StagePlan
+from calstation.sequencer.plan import StagePlan, move_time, named, planned, step_time
 from procedures import method
 
 #: Rounds after which a stage that only its targets end is given up.
@@ -143,7 +141,7 @@ class _Foretelling:
         self._tell = tell
         self._setup = setup
         meta = setup.log_meta()
-        self._plans = setup.task(meta).stages
+        self._plans = setup.task().stages
         self._geometry = setup.table.geometry()
         self._context = context_from_meta(meta)
         self._chain = StageChain(meta)
@@ -255,7 +253,7 @@ class _Foretelling:
         """Why a repeated plan ends after this round; None to go on."""
         rule = plan.rule
         sigma = self._chain.sigma() if solve and rule.targets else None
-        reason = rule.reason(rounds, elapsed, sigma, word=False)
+        reason = rule.reason(rounds, elapsed, sigma, enough=False)
         if reason is not None:
             return reason
         endless = rule.rounds is None and rule.duration is None

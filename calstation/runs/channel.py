@@ -1,4 +1,4 @@
-"""The engine's end of the pipe to its listener: events and heartbeats out, commands in, a word when nobody listens."""
+"""The engine's end of the pipe to its listener: events and heartbeats out, commands in, a call when nobody listens."""
 
 import threading
 import time
@@ -10,7 +10,7 @@ from typing import Any
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import LOSSY, Event, to_json
 
-#: What goes over the pipe to say that an end is alive; the listener answers each with the same word.
+#: Heartbeat over the pipe; the listener answers each with the same.
 BEAT = "beat"
 
 #: Host time between two heartbeats, s.
@@ -19,16 +19,16 @@ BEAT_EVERY = 0.25
 #: Host time without an answer to a heartbeat after which the listener counts as frozen, s.
 LISTENER_SILENT_AFTER = 10.0
 
-_WAITING_AT_MOST = 10_000
-_LAST_WORDS_WITHIN = 5.0
+_MAX_WAITING = 10_000
+_FLUSH_WITHIN = 5.0
 
 
 class Channel:
     """Sends events without ever making the engine wait, and hands commands to `on_command`.
 
     Heartbeats go out while `alive()` says that the engine's thread is not stuck. A listener that hangs up, dies
-    or talks nonsense is lost: `on_lost` is called once. One that leaves heartbeats unanswered is frozen:
-    `on_silent` is called each time, and the channel stays open should it come back.
+    or sends nonsense is lost: `on_lost` is called once. One that leaves heartbeats unanswered is frozen:
+    `on_silent` is called each time, and the channel stays open in case it comes back.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Channel:
         self._on_silent = on_silent
         self._alive = alive
         self._silent_after = silent_after
-        self._queue: Queue[dict[str, Any] | None] = Queue(_WAITING_AT_MOST)
+        self._queue: Queue[dict[str, Any] | None] = Queue(_MAX_WAITING)
         self._unanswered: float | None = None
         self._lost = threading.Event()
         self._closing = False
@@ -56,7 +56,7 @@ class Channel:
         self._receiver.start()
 
     def emit(self, event: Event) -> None:
-        """Send an event; one that only refreshes a display is dropped where the listener is slow."""
+        """Send an event; one that only refreshes a display is dropped if the listener is slow."""
         if self._lost.is_set() or (isinstance(event, LOSSY) and self._queue.qsize() > 100):
             return
         try:
@@ -69,7 +69,7 @@ class Channel:
         self._closing = True
         if not self._lost.is_set():
             self._queue.put(None)
-            self._sender.join(_LAST_WORDS_WITHIN)
+            self._sender.join(_FLUSH_WITHIN)
         self._connection.close()
 
     def _send(self) -> None:
@@ -87,7 +87,7 @@ class Channel:
                 if message is None:
                     return
                 self._connection.send(message)
-        except Exception:  # noqa: BLE001 - whatever ends the sending, nobody hears the run any more
+        except Exception:  # noqa: BLE001 - whatever ends the sending, the listener is lost
             self._lose()
 
     def _beat(self, now: float) -> None:
@@ -100,18 +100,18 @@ class Channel:
         while True:
             try:
                 if not self._connection.poll(BEAT_EVERY):
-                    self._look_for_silence()
+                    self._check_silence()
                     continue
-                word = self._connection.recv()
-                if word != BEAT:
-                    self._on_command(Command(word))
-            except Exception:  # noqa: BLE001 - end of the pipe, or words that no listener of ours would send
+                text = self._connection.recv()
+                if text != BEAT:
+                    self._on_command(Command(text))
+            except Exception:  # noqa: BLE001 - end of the pipe, or nonsense
                 self._lose()
                 return
             self._unanswered = None
 
-    def _look_for_silence(self) -> None:
-        """Called only when nothing waits to be read, so that an engine that was late itself accuses nobody."""
+    def _check_silence(self) -> None:
+        """Called only when nothing waits to be read, so that a late engine blames nobody else."""
         since = self._unanswered
         if since is not None and time.monotonic() - since > self._silent_after:
             self._unanswered = None

@@ -1,5 +1,6 @@
-"""The engine's one entry: a run, or an errand, in a process of its own that hears commands and tells events."""
+"""Runs and register operations in a process of their own, which takes commands and sends events."""
 
+import logging
 import multiprocessing
 import signal
 import sys
@@ -13,11 +14,12 @@ from queue import Empty
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from calstation import __version__, applog
 from calstation.config.request import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.jobs.process import PipeReader, spawn_process
 from calstation.runs.channel import BEAT, Channel
-from calstation.sequencer.control import Command, Control
+from calstation.sequencer.control import Command, Control, StopReason
 from calstation.sequencer.events import Event, Fault, Settled, Verdict, from_json
 
 if TYPE_CHECKING:
@@ -29,36 +31,31 @@ _SLICE = 0.2
 #: Host time without a sign of life, while somebody listened, after which the engine counts as frozen, s.
 FROZEN_AFTER = 2.0
 
-#: The same for `events`, which has nobody beside it to judge and gives the run up, s.
+#: The same for `events`, whose caller cannot judge and gives the run up, s.
 _FROZEN_UNSEEN_AFTER = 30.0
 
-#: The same until its first event: a computer just switched on reads hundreds of megabytes of libraries, s.
+#: The same until its first event: a computer just switched on loads hundreds of megabytes of libraries, s.
 _BEGINS_WITHIN = 60.0
 
 #: Host time after which a sequencer that takes no commands lets the heartbeat stop, s: three lost answers of a
 #: slow table and a slow disk are shorter.
 STUCK_AFTER = 10.0
 
-#: What `close` gives to an engine for its safe stop and its result, s.
+#: Time that `close` allows an engine for its safe stop and its result, s.
 _CLOSES_WITHIN = 60.0
 
 _KILLED_WITHIN = 5.0
 
-#: What to do about an engine that has died or is frozen.
-MEND = (
-    "the table's watchdog stops the table and stays latched, where it has one: look at the table, reset its fault"
-    " ('Reset the fault' in the window, or calstation table reset), then start again or resume the run at its last"
-    " finished stage"
-)
-
 #: Kind of a `Fault` that is a mistake of the program; its text is the traceback.
 INTERNAL = "internal"
+
+logger = logging.getLogger(__name__)
 
 
 class Engine:
     """A running engine as its listener sees it: by `poll` from a timer, or by `events` in a loop.
 
-    A listener must look at least every few seconds: one that does not counts as frozen and its run is stopped
+    A listener must read at least every few seconds; one that does not counts as frozen, and its run is stopped
     safely.
     """
 
@@ -67,11 +64,11 @@ class Engine:
         self._connection = connection
         self._pipe_reader = PipeReader(connection)
         self._begun = False
-        self._told_end = False
+        self._has_ending = False
         self._ended = False
         self._frozen = False
         self._silence = 0.0
-        self._looked = time.monotonic()
+        self._polled = time.monotonic()
 
     @classmethod
     def start(
@@ -96,23 +93,23 @@ class Engine:
         return self._ended
 
     def poll(self) -> list[Event]:
-        """Everything told since the last call, possibly nothing. Never waits.
+        """All events since the last call, possibly none. Never waits.
 
-        An engine that ended without a word, or has been silent for `FROZEN_AFTER` s, is told as one `Fault`
-        of kind DeviceFaultError. A frozen engine may come back: its events are then told on.
+        An engine that ended without an ending event, or has been silent for `FROZEN_AFTER` s, gives one `Fault`
+        of kind DeviceFaultError. A frozen engine may come back; its events then follow.
         """
         return self._read(FROZEN_AFTER)
 
     def events(self, timeout: float | None = None) -> Iterator[Event]:
         """Events as they come, until the engine has ended or `timeout` s pass without one.
 
-        Raises DeviceFaultError where the engine dies without a word or stays frozen.
+        Raises DeviceFaultError if the engine dies without an ending event or stays frozen.
         """
         last = time.monotonic()
         while not self._ended:
             for event in self._read(_FROZEN_UNSEEN_AFTER, _SLICE):
-                if isinstance(event, Fault) and not self._told_end:
-                    raise DeviceFaultError(event.text)
+                if isinstance(event, Fault) and not self._has_ending:
+                    raise DeviceFaultError(event.code, **event.values)
                 yield event
                 last = time.monotonic()
             if timeout is not None and time.monotonic() - last > timeout:
@@ -120,13 +117,13 @@ class Engine:
         self.process.join(_CLOSES_WITHIN)
 
     def send(self, command: Command) -> None:
-        """Ask for something; an engine that has ended does not mind."""
-        self._say(str(command))
+        """Send a command; ignored if the engine has ended."""
+        self._send(str(command))
 
     def hang_up(self) -> None:
-        """Listen no longer: a run that is still going stops safely by itself, a frozen engine is killed.
+        """Stop listening: a run that is still going stops safely by itself, a frozen engine is killed.
 
-        Never waits; `alive` tells when the process is gone.
+        Never waits; `alive` becomes false when the process is gone.
         """
         self._ended = True
         self._pipe_reader.close()
@@ -150,59 +147,60 @@ class Engine:
         self.close()
 
     def _read(self, frozen_after: float, wait: float = 0.0) -> list[Event]:
-        """What has come whole, waiting at most `wait` s for the first: a slice, so that Ctrl-C is heard everywhere."""
+        """Complete messages, waiting at most `wait` s for the first, so that Ctrl-C always takes effect."""
         events: list[Event] = []
-        heard = False
+        received = False
         while not self._ended:
             try:
-                message = self._pipe_reader.take(0.0 if heard else wait)
+                message = self._pipe_reader.take(0.0 if received else wait)
             except Empty:
                 break
             except EOFError:
                 self._ended = True
-                if not self._told_end:
-                    events.append(self._fault(f"its process ended unexpectedly{self._exit_code()}"))
+                if not self._has_ending:
+                    events.append(self._fault("run.engine_ended", exit_code=self._exit_code()))
                 break
-            heard = True
+            received = True
             if message == BEAT:
-                self._say(BEAT)
+                self._send(BEAT)
             else:
                 events.append(self._take(message))
-        if not self._ended and self._falls_silent(heard, frozen_after):
-            events.append(self._fault("it gives no sign of life any more"))
+        if not self._ended and self._becomes_frozen(received, frozen_after):
+            events.append(self._fault("run.engine_silent"))
         return events
 
-    def _say(self, word: str) -> None:
+    def _send(self, text: str) -> None:
         if not self._ended:
             with suppress(OSError):
-                self._connection.send(word)
+                self._connection.send(text)
 
     def _take(self, message: dict[str, Any]) -> Event:
         event = from_json(message)
         self._begun = True
-        self._told_end = self._told_end or isinstance(event, Verdict | Settled | Fault)
+        self._has_ending = self._has_ending or isinstance(event, Verdict | Settled | Fault)
         return event
 
-    def _falls_silent(self, heard: bool, frozen_after: float) -> bool:
-        """Whether the engine has just become frozen; only time in which this listener looked itself counts."""
+    def _becomes_frozen(self, received: bool, frozen_after: float) -> bool:
+        """Whether the engine has just become frozen; only time in which this listener polled counts."""
         now = time.monotonic()
-        if heard:
+        if received:
             self._silence, self._frozen = 0.0, False
         else:
-            self._silence += min(now - self._looked, _SLICE)
-        self._looked = now
+            self._silence += min(now - self._polled, _SLICE)
+        self._polled = now
         if self._frozen or self._silence <= (frozen_after if self._begun else _BEGINS_WITHIN):
             return False
         self._frozen = True
         return True
 
-    def _exit_code(self) -> str:
+    def _exit_code(self) -> int | None:
         self.process.join(0.02)
-        code = self.process.exitcode
-        return "" if code is None else f" (exit code {code})"
+        return self.process.exitcode
 
-    def _fault(self, what: str) -> Fault:
-        return Fault(DeviceFaultError.__name__, f"engine: {what}; {MEND}", DeviceFaultError.exit_code)
+    def _fault(self, code: str, **values: Any) -> Fault:
+        fault = Fault.of(DeviceFaultError(code, **values))
+        logger.error("%s", fault.text)
+        return fault
 
 
 def _engine(
@@ -210,19 +208,24 @@ def _engine(
     request: RunRequest | RegisterOperation,
     hooks: "type[RunHooks] | None",
 ) -> None:
-    """Entry of the engine's process: no signal that it can hear ends it without a safe stop."""
+    """Entry of the engine's process: no signal that it can handle ends it without a safe stop."""
+    applog.configure("engine")
+    logger.info("engine begins, calstation %s", __version__)
     control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda number, frame: control.send(Command.STOP, "signal"))
-    if sys.platform != "win32":
-        signal.signal(
-            signal.SIGHUP, signal.SIG_IGN
-        )  # a closed terminal ends the listener, and that is a stop
+    signal.signal(signal.SIGTERM, lambda number, frame: control.send(Command.STOP, StopReason.SIGNAL))
+    if sys.platform != "win32":  # a closed terminal ends the listener, and that is a stop
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+    def send(command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
+        logger.info("command %s (%s)", command, reason)
+        control.send(command, reason)
+
     channel = Channel(
         connection,
-        control.send,
-        lambda: control.send(Command.STOP, "listener_lost"),
-        lambda: control.send(Command.STOP, "listener_silent"),
+        send,
+        lambda: send(Command.STOP, StopReason.LISTENER_LOST),
+        lambda: send(Command.STOP, StopReason.LISTENER_SILENT),
         lambda: not control.stuck(STUCK_AFTER),
     )
     try:
@@ -236,8 +239,12 @@ def _engine(
 
             run_operation(request, channel.emit, control)
     except CalstationError as error:
+        logger.error("fault %s: %s", error.code, error)
         channel.emit(Fault.of(error))
-    except Exception:  # noqa: BLE001 - told to the listener, whose process this is not
-        channel.emit(Fault(INTERNAL, traceback.format_exc(), 3))
+    except Exception as mistake:
+        logger.exception("the engine ended by a mistake of the program")
+        values = {"detail": f"{type(mistake).__name__}: {mistake}"}
+        channel.emit(Fault(INTERNAL, traceback.format_exc(), 3, "program.internal", values))
     finally:
         channel.close()
+        logger.info("engine ends")

@@ -1,12 +1,10 @@
-"""The end of a run: limits, transfer of the registers with its journal, proof on the restarted unit's data."""
+"""Decides on a run: limits after each stage and at the end, transfer of the registers, and their verification."""
 
+import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
 
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.site_check import latitude_untold
+from calstation.config.site_check import check_seen_latitude, latitude_untold
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import Entry, Transferred, flash_registers, transfer
 from calstation.devices.interfaces import Imu
@@ -14,8 +12,7 @@ from calstation.estimation.method import Solution
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 from calstation.records.limits import estimated_stage
-from calstation.records.meta import LogMeta, context_from_meta
-from calstation.records.raw_log import RawLogWriter
+from calstation.records.meta import context_from_meta
 from calstation.registers import journal as register_journal
 from calstation.registers.journal import UnitType, journal_folder
 from calstation.registers.unit_registers import compose
@@ -29,140 +26,165 @@ from calstation.registers.verification import (
     without_register,
 )
 from calstation.results.judge import is_partial, judge
-from calstation.results.merge_previous import (
-    PreviousValue,
-    VerifiedRegister,
-    better_previous_values,
-    condition_on,
-)
-from calstation.results.solver_chain import StageChain
+from calstation.results.merge_previous import PreviousValue, better_previous_values, condition_on
+from calstation.runs.prepare import OpenRun
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.control import StopRequested
 from calstation.sequencer.driving import RunInBackground
-from calstation.sequencer.events import Event, Message
-from calstation.sequencer.sequencer import Look
+from calstation.sequencer.events import Message
+from calstation.sequencer.sequencer import CaptureReference
 from calstation.sequencer.task import Finalized
 
+logger = logging.getLogger(__name__)
 
-@dataclass
+
 class Finalization:
-    """What a run does with its answer.
+    """The evaluation of a run, see `calstation.sequencer.sequencer.Evaluation`."""
 
-    Attributes
-    ----------
-    tell : takes messages for listener and log
-    registers : filled with what the result says of them, {} where nothing was written
-    hear : takes the operator's commands, raises StopRequested
-    in_force : registers of the unit as earlier runs wrote and proved them
-    """
+    def __init__(self, run: OpenRun, imu: Imu) -> None:
+        self._run = run
+        self._setup = run.setup
+        self._imu = imu
+        self._entries = RegisterMap(tuple(run.setup.imu.registers))
+        self._earlier = run.prepared.history.verified_registers(run.serial)
+        self._done: Transferred | None = None
+        self._covariance: FloatArray | None = None
 
-    setup: ResolvedConfiguration
-    meta: LogMeta
-    log: RawLogWriter
-    chain: StageChain
-    imu: Imu
-    tell: Callable[[Event], None]
-    registers: dict[str, Any]
-    check_cancelled: Callable[[], None]
-    in_force: Mapping[str, VerifiedRegister] = field(default_factory=dict)
-    _done: Transferred | None = None
-    _covariance: FloatArray | None = None
+    def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
+        """Verifies a transfer that was finished before the run; None if there is none."""
+        unverified = self._run.unverified
+        return None if unverified is None else unverified.verify_output
+
+    def stage_passed(self, solution: Solution) -> bool:
+        """Whether to go on after a stage: not if the product ends early and a limit is missed.
+
+        Raises ConfigurationError if the station cannot be where its file says.
+        """
+        run, solutions = self._run, tuple(self._run.chain.solutions)
+        check_seen_latitude(run.meta, solutions)
+        if not self._setup.product.end_on_failure or judge(run.meta, run.chain.prior, solutions).passed:
+            return True
+        run.emit(Message("stopped_early", {"stage": solution.stage}))
+        return False
 
     def finalize(
-        self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, look: Look
+        self,
+        solutions: tuple[Solution, ...],
+        run_in_background: RunInBackground,
+        capture_reference: CaptureReference,
     ) -> Finalized:
-        """Check the limits; write the registers of a unit inside them, after a look at it as it is.
+        """Check the limits; write the registers of a unit inside them, after a capture of its output.
 
-        A stop before the first register is a stop at once; one that comes later waits until the transfer is done.
-        Raises DeviceFaultError, StopRequested.
+        A stop before the first register takes effect at once; a later one waits until the transfer is done.
+
+        Parameters
+        ----------
+        solutions : of all stages
+        run_in_background : runs what talks to the unit
+        capture_reference : captures the unit's output before the transfer
+
+        Raises
+        ------
+        DeviceFaultError, StopRequested
         """
-        if not judge(self.meta, self.chain.prior, solutions).passed:
-            self.tell(Message("registers_kept"))
-            untold = latitude_untold(self.meta, solutions)
+        run = self._run
+        if not judge(run.meta, run.chain.prior, solutions).passed:
+            run.emit(Message("registers_kept"))
+            untold = latitude_untold(run.meta, solutions)
             if untold is not None:
-                self.tell(Message("latitude_untold", untold))
+                run.emit(Message("latitude_untold", untold))
             return Finalized(passed=False, written=False)
-        entries = RegisterMap(tuple(self.setup.imu.registers))
-        if not entries.parameters:
+        if not self._entries.parameters:
             return Finalized(passed=True, written=False)
-        # The log belongs to this thread, so what the unit holds is read and kept before the transfer begins.
-        old = run_in_background(lambda: flash_registers(self.imu))
-        self._keep(old, run_in_background)
+        # The log belongs to this thread, so the registers are read and logged before the transfer begins.
+        old = run_in_background(lambda: flash_registers(self._imu))
+        self._log_old(old, run_in_background)
         wanted = self._wanted(solutions, old)
-        self.tell(Message("reference"))
-        look()
-        self.check_cancelled()
-        self.tell(Message("registers_transfer"))
-        serial = self.meta.imu.serial
-        self._done = run_in_background(lambda: transfer(self.imu, entries, serial, wanted, self._begin, old))
-        self.registers["new"] = dict(self._done.found)
+        check_cancelled = run.prepared.control.check_cancelled
+        run.emit(Message("reference"))
+        capture_reference()
+        check_cancelled()
+        run.emit(Message("registers_transfer"))
+        logger.info("transfer of %d registers begins", len(wanted))
+        self._done = done = run_in_background(
+            lambda: transfer(self._imu, self._entries, run.serial, wanted, self._begin, old)
+        )
+        run.registers["new"] = dict(done.found)
         try:
-            self.check_cancelled()
+            check_cancelled()
         except StopRequested:
-            self.tell(Message("transfer_finished"))
-            self.tell(Message("transfer_unproved"))
+            run.emit(Message("transfer_finished"))
+            run.emit(Message("transfer_unproved"))
             raise
         return Finalized(passed=True, written=True)
 
-    def verify_output(self, fresh: VerificationData, run_in_background: RunInBackground) -> None:
-        """Judge the restarted unit's data; one whose corrected output is wrong gets its old registers back.
+    def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
+        """Verify the restarted unit's output; if it is wrong, the old registers are restored.
 
         Raises DeviceFaultError.
         """
-        assert self._done is not None
-        assert self._covariance is not None
-        entry, entries = self._done.entry, RegisterMap(tuple(self.setup.imu.registers))
-        before = entry.old if self.setup.after_registers else None
+        if self._done is None or self._covariance is None:
+            raise RuntimeError("nothing was transferred")
+        run, entry = self._run, self._done.entry
         checks = verify_output(
-            fresh,
-            AppliedRegisters(entry.new, before),
+            data,
+            AppliedRegisters(entry.new, entry.old if self._setup.after_registers else None),
             self._covariance,
-            context_from_meta(self.meta),
-            self.setup.repeatability,
+            context_from_meta(run.meta),
+            self._setup.repeatability,
         )
-        self.registers["proof"] = [check.to_json() for check in checks]
+        run.registers["proof"] = [check.to_json() for check in checks]
         wrong = [check for check in checks if not check.passed]
         if wrong:
-            self.registers["new"] = run_in_background(lambda: restore_refuted(self.imu, entries, entry))
+            run.registers["new"] = run_in_background(lambda: restore_refuted(self._imu, self._entries, entry))
             raise output_error(wrong[0], "its old registers were put back")
-        run_in_background(lambda: close_verified(entry, fresh))
-        seen = verified_on(fresh)
+        run_in_background(lambda: close_verified(entry, data))
         written = datetime.now(UTC).isoformat(timespec="seconds")
-        self.registers |= {"verified": True, "proved_on": seen, "written_utc": written}
-        told = "registers_written" if fresh.corrected else "registers_read_back"
-        self.tell(Message(told, {"count": len(self._done.found)}))
+        run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
+        message = "registers_written" if data.corrected else "registers_read_back"
+        run.emit(Message(message, {"count": len(self._done.found)}))
 
     def _wanted(self, solutions: tuple[Solution, ...], old: Mapping[str, float]) -> dict[str, float]:
-        """What the registers are to hold; part of a calibration leaves better ones alone."""
+        """Registers to write; a partial calibration keeps better ones."""
+        run, after_registers = self._run, self._setup.after_registers
         belief, estimated = solutions[-1].belief, estimated_stage(solutions)
-        behind = self.setup.after_registers
         better: tuple[PreviousValue, ...] = ()
-        if is_partial(self.meta):
-            better = better_previous_values(old, belief, estimated, self.in_force, after_registers=behind)
+        if is_partial(run.meta):
+            better = better_previous_values(
+                old, belief, estimated, self._earlier, after_registers=after_registers
+            )
         kept = [parameter for parameter in better if not parameter.contradicted]
         for parameter in better:
-            self.tell(
-                Message("better_changed" if parameter.contradicted else "better_kept", parameter.values())
-            )
+            message = "better_changed" if parameter.contradicted else "better_kept"
+            run.emit(Message(message, parameter.values()))
         if kept:
-            self.registers["kept"] = {parameter.name: parameter.to_json() for parameter in kept}
-        belief = condition_on(belief, kept, old, after_registers=behind)
+            run.registers["kept"] = {parameter.name: parameter.to_json() for parameter in kept}
+        belief = condition_on(belief, kept, old, after_registers=after_registers)
         self._covariance = without_register(belief, old)
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
-        wanted = compose(self.meta.registers, found) if behind else {name: found[name] for name in estimated}
+        answer = {name: found[name] for name in estimated}
+        wanted = compose(run.meta.registers, found) if after_registers else answer
         return wanted | {parameter.name: old[parameter.name] for parameter in kept}
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
-        log, serial = self.log.path, self.meta.imu.serial
-        by, site = self.setup.request.operator, journal_folder(self.setup.station)
-        sort = UnitType.of(self.setup, self.imu.identify().model)
+        """Enter the transfer in the unit's journal."""
+        log = self._run.log.path
         return register_journal.begin(
-            log.parent, serial, old, new, by=by, why="run", source=log.name, site=site, sort=sort
+            log.parent,
+            self._run.serial,
+            old,
+            new,
+            by=self._setup.request.operator,
+            why="run",
+            source=log.name,
+            site=journal_folder(self._setup.station),
+            sort=UnitType.of(self._setup, self._imu.identify().model),
         )
 
-    def _keep(self, old: Mapping[str, float], run_in_background: RunInBackground) -> None:
-        """The unit's registers as they were go to the log before anything is written."""
-        self.registers |= {"old": dict(old), "new": None, "verified": False}
-        self.log.event({"event": "OldRegisters", "registers": dict(old)})
-        run_in_background(self.log.begin_sync().result)
-        self.log.service()
+    def _log_old(self, old: Mapping[str, float], run_in_background: RunInBackground) -> None:
+        """Write the unit's registers to the log, and the log to the disk, before anything is written to the unit."""
+        run = self._run
+        run.registers |= {"old": dict(old), "new": None, "verified": False}
+        run.log.event({"event": "OldRegisters", "registers": dict(old)})
+        run_in_background(run.log.begin_sync().result)
+        run.log.service()

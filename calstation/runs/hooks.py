@@ -9,7 +9,7 @@ if TYPE_CHECKING:  # the window names hooks, but has no use for devices and logs
     from calstation.config.resolved import ResolvedConfiguration
     from calstation.connection.devices import Devices
     from calstation.records.raw_log import RawLogWriter
-    from calstation.sequencer.ports import Emit
+    from calstation.sequencer.context import Emit
 
 
 class RunHooks:

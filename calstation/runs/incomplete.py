@@ -1,16 +1,19 @@
-"""Gives runs that died the result that they could not write themselves, and closes those that nobody will resume."""
+"""Incomplete runs: those whose process died get a result, and those that nobody will resume are closed."""
 
 import json
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
+from calstation.jobs.queue import ProgressCallback
 from calstation.records.log import Log, open_log
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import being_written, solved_stages
-from calstation.results.handover import register_pending
+from calstation.results.handover import Delivery, deliver_pending, register_pending
+from calstation.results.history import History
 from calstation.results.judge import Ending, build_result, judge
 from calstation.results.result import write_json
 from calstation.results.solver_chain import StageChain
@@ -19,8 +22,8 @@ from calstation.results.solver_chain import StageChain
 def finish_incomplete(folder: Path) -> list[Path]:
     """Write the result ``incomplete`` beside every log in `folder` whose run died; returns those logs.
 
-    Their results wait for the next hand-over, and their runs can still be resumed. A log that cannot be read at
-    all is left as it is.
+    Their results wait for the next hand-over, and their runs can still be resumed. A log that cannot be read is
+    ignored.
     """
     found = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
@@ -31,7 +34,7 @@ def finish_incomplete(folder: Path) -> list[Path]:
                 continue
             log = open_log(path)
             if log.outcome is None:
-                _settle(log)
+                _write_result(log)
                 found.append(path)
         except InputError:
             continue
@@ -41,27 +44,27 @@ def finish_incomplete(folder: Path) -> list[Path]:
 def close_incomplete(path: Path, operator: str | None = None) -> Path:
     """Decide that a run is not to be resumed; returns its result file, which says who and when.
 
-    Raises ConfigurationError where the run is still going, or the place cannot be written, InputError where the
-    log cannot be read.
+    Raises ConfigurationError if the run is still going or the folder cannot be written, InputError if the log
+    cannot be read.
     """
     if not path.with_suffix(".json").exists() and being_written(path):
-        raise ConfigurationError(f"{path}: its run is still going; stop it first")
+        raise ConfigurationError("run.still_running", path=path)
     log = open_log(path)
     beside = path.with_suffix(".json")
     if not beside.exists():
         if log.outcome is None:
-            _settle(log)
+            _write_result(log)
         elif log.results:
             write_json(beside, log.results[-1])
         else:
-            raise InputError(f"{path}: no run that could be resumed")
+            raise InputError("run.not_resumable", path=path)
     result: dict[str, Any] = json.loads(beside.read_text(encoding="utf-8"))
     closed = {"closed_utc": datetime.now(UTC).isoformat(timespec="seconds"), "closed_by": operator}
     write_json(beside, {**result, **closed})
     return beside
 
 
-def _settle(log: Log) -> None:
+def _write_result(log: Log) -> None:
     prior = StageChain(log.meta).prior
     facts = log.facts()
     finished = solved_stages(log.events)
@@ -73,6 +76,36 @@ def _settle(log: Log) -> None:
         finished_stages=finished,
     )
     result = build_result(log.meta, prior, (), judge(log.meta, prior, ()), ending)
-    with suppress(OSError):  # the result is there all the same
+    with suppress(OSError):  # the result is written all the same
         register_pending(log.path.parent, log.path.stem)
     write_json(log.path.with_suffix(".json"), result.to_json())
+
+
+def close_incomplete_job(tell: ProgressCallback, log: Path, operator: str | None) -> Path:
+    """Job: close a run that is not to be resumed; returns its result file."""
+    result = close_incomplete(log, operator)
+    tell(1.0)
+    return result
+
+
+@dataclass(frozen=True)
+class StartupRecovery:
+    """Logs of runs whose process had died, and the result of the hand-over."""
+
+    incomplete: tuple[Path, ...]
+    delivery: Delivery
+
+
+def recover_startup(tell: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
+    """Job: finish incomplete runs, refresh the history, hand over what waits.
+
+    Parameters
+    ----------
+    tell : takes the progress
+    runs : folder of the runs
+    station : file that says where to hand over
+    """
+    incomplete = finish_incomplete(runs) if runs.is_dir() else []
+    tell(0.3)
+    History(runs).refresh(lambda fraction: tell(0.3 + 0.4 * fraction))
+    return StartupRecovery(tuple(incomplete), deliver_pending(tell, runs, station))

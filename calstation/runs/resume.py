@@ -1,8 +1,7 @@
-"""Carries a run on behind its last finished stage: in a new log that holds all that is needed to solve it again.
+"""Resumes a run after its last finished stage, in a new log that holds all that is needed to solve it again.
 
-The finished stages' samples are copied and solved again by the same chain, which gives the same bits; that they are
-the same is checked against what the run itself had told. So a belief needs no storage of its own, and the new log
-needs no other file.
+The finished stages' samples are copied and solved again by the same chain, which gives the same bits; this is checked
+against what the run itself had found. So a posterior needs no storage of its own, and the new log no other file.
 """
 
 import tomllib
@@ -27,18 +26,15 @@ from calstation.records.raw_read import being_written, solved_stages
 from calstation.records.run_index import RunRecord
 from calstation.results.history import History
 from calstation.results.solver_chain import StageChain
-from calstation.sequencer.acquisition import LastSample
-from calstation.sequencer.events import to_json
-from calstation.sequencer.ports import Journal
-from calstation.sequencer.solved import told
+from calstation.sequencer.context import Journal
+from calstation.sequencer.events import solution_events, to_json
+from calstation.sequencer.task import LastSample
 from procedures import method
 
 #: Runs offered at most, the latest.
-_OFFERED = 20
+_MAX_OFFERED = 20
 
 _ENDED = ("passed", "failed")
-
-_NEW_RUN = "start a new run"
 
 
 @dataclass(frozen=True)
@@ -47,8 +43,8 @@ class Resumable:
 
     Attributes
     ----------
-    stages : all that it was to do; finished : those that it need not do again
-    outcome : stopped, fault or incomplete (it died); why : stop reason or error, "" where it died
+    stages : all that were requested; finished : those that need not be repeated
+    outcome : stopped, fault or incomplete (its process died); why : stop reason or error, "" if it died
     """
 
     serial: str
@@ -65,7 +61,7 @@ class Resumable:
 
 
 def resumable(folder: Path) -> list[Resumable]:
-    """Runs in a folder that can be resumed, the latest first: at most one per unit, none behind a verdict."""
+    """Runs in a folder that can be resumed, the latest first: at most one per unit, none after a verdict."""
     history = History(folder)
     history.refresh()
     found: list[Resumable] = []
@@ -77,13 +73,13 @@ def resumable(folder: Path) -> list[Resumable]:
         best = _best(history.of(record.serial))
         if best is not None:
             found += _offer(best)
-        if len(found) == _OFFERED:
+        if len(found) == _MAX_OFFERED:
             break
     return found
 
 
 def find_resumable(tell: ProgressCallback, folder: Path) -> list[Resumable]:
-    """Work for the workshop: see `resumable`."""
+    """Job: see `resumable`."""
     return resumable(folder)
 
 
@@ -93,7 +89,7 @@ def _stopped_short(history: History) -> list[RunRecord]:
 
 
 def _best(runs: list[RunRecord]) -> RunRecord | None:
-    """Of a unit's runs since its last verdict, that with most finished stages, the latest of these."""
+    """The run with most finished stages since the unit's last verdict, the latest of these."""
     best: RunRecord | None = None
     for run in runs:
         if run.outcome in _ENDED or run.closed:
@@ -111,7 +107,7 @@ def _offer(record: RunRecord) -> list[Resumable]:
         return []  # a log that cannot be used cannot be resumed
     result = log.results[-1] if log.results else {}
     if (result.get("registers") or {}).get("new") is not None:
-        return []  # the unit is another one now: its transfer is to be finished or taken back instead
+        return []  # its registers have changed: the transfer is to be finished or restored instead
     if any(check["name"] == LATITUDE and not check["passed"] for check in result.get("checks", ())):
         return []  # it was solved for another place
     return [
@@ -136,21 +132,21 @@ def _wanted(log: Log) -> tuple[str, ...]:
 
 
 def _finished(log: Log) -> tuple[str, ...]:
-    """Stages that need not be done again. Raises ConfigurationError where the run cannot be resumed."""
+    """Stages that need not be repeated. Raises ConfigurationError if the run cannot be resumed."""
     finished, wanted = solved_stages(log.events), _wanted(log)
     if log.outcome in (*_ENDED, "imported"):
-        raise ConfigurationError(f"{log.path}: has reached its end; {_NEW_RUN}")
+        raise ConfigurationError("run.ended", path=log.path)
     if not finished:
-        raise ConfigurationError(f"{log.path}: no stage was finished; {_NEW_RUN}")
+        raise ConfigurationError("run.no_stage_finished", path=log.path)
     if finished != wanted[: len(finished)]:
-        raise ConfigurationError(f"{log.path}: its stages are not in order; {_NEW_RUN}")
+        raise ConfigurationError("run.stages_out_of_order", path=log.path)
     return finished
 
 
 def filled(request: RunRequest) -> RunRequest:
-    """The request with all that the run which it resumes was asked for; as it is where it resumes none.
+    """The request, completed from the run that it resumes if it resumes one.
 
-    Raises ConfigurationError, InputError where that run cannot be resumed.
+    Raises ConfigurationError, InputError if that run cannot be resumed.
     """
     return request if request.resume is None else Continuation.of(request, request.resume).request
 
@@ -162,7 +158,7 @@ def serial_of(path: Path) -> str:
 
 @dataclass(frozen=True)
 class Continuation:
-    """What a resumed run begins with: its request, the log that it carries on, and the stages finished there."""
+    """What a resumed run begins with: its request, the log that it continues, and the stages finished there."""
 
     request: RunRequest
     log: Log
@@ -170,17 +166,17 @@ class Continuation:
 
     @classmethod
     def of(cls, request: RunRequest, path: Path) -> "Continuation":
-        """Read the log that `request` wants carried on. Raises ConfigurationError, InputError."""
+        """Read the log of the run to resume. Raises ConfigurationError, InputError."""
         if path.suffix != SUFFIX:
-            raise ConfigurationError(f"{path}: only a run's own log ({SUFFIX}) can be resumed")
+            raise ConfigurationError("run.not_own_log", path=path, suffix=SUFFIX)
         log = open_log(path)
         if being_written(path):
-            raise ConfigurationError(f"{path}: its run is still going; stop it first")
+            raise ConfigurationError("run.still_running", path=path)
         finished = _finished(log)
-        _check_carried_on(log)
+        _check_not_continued(log)
         if log.meta.imu.serial != request.serial:
             raise ConfigurationError(
-                f"{path}: is a run of unit '{log.meta.imu.serial}', not '{request.serial}'; choose its own log"
+                "run.other_unit", path=path, found=log.meta.imu.serial, serial=request.serial
             )
         _check_station(log, load_station(request.station)[1])
         filled = replace(
@@ -195,24 +191,28 @@ class Continuation:
     def meta(
         self, setup: ResolvedConfiguration, started: datetime, registers: dict[str, float] | None
     ) -> LogMeta:
-        """The new log's configuration: the old one's, for the finished stages' sake.
+        """The new log's configuration: that of the old one, so that the finished stages stay valid.
 
-        registers : of the unit now, None where it could not be asked
+        Parameters
+        ----------
+        setup : configuration of the new run
+        started : its begin
+        registers : of the unit now, None if they could not be read
 
-        Raises ConfigurationError or DeviceFaultError where site, table, unit or product have changed.
+        Raises
+        ------
+        ConfigurationError, DeviceFaultError
+            Site, table, unit or product have changed.
         """
         old, path = self.log.meta, self.log.path
-        assert old.run is not None
-        new = setup.log_meta(started, old.run.attempt, registers)
+        attempt = old.run.attempt if old.run is not None else 1
+        new = setup.log_meta(started, attempt, registers)
         for name in ("site", "imu", "table", "product", "schedule"):
             if not _same(getattr(new, name), getattr(old, name)):
-                raise ConfigurationError(f"{path}: [{name}] has changed since the run began; {_NEW_RUN}")
+                raise ConfigurationError("run.section_changed", path=path, section=name)
         if registers is not None and (new.registers, new.prior) != (old.registers, old.prior):
-            raise DeviceFaultError(
-                f"IMU: the unit's registers or their priors have changed since {path.name} began; {_NEW_RUN}"
-            )
-        assert new.run is not None
-        run = new.run.model_copy(update={"resumed_from": path.name})
+            raise DeviceFaultError("run.registers_changed", log=path.name)
+        run = new.run.model_copy(update={"resumed_from": path.name}) if new.run is not None else None
         return new.model_copy(update={"prior": old.prior, "registers": old.registers, "run": run})
 
     def copy(
@@ -222,11 +222,24 @@ class Continuation:
         on_block: Callable[[], None],
         on_solved: Callable[[Solution], None],
     ) -> LastSample:
-        """Copy the finished stages into the new log and solve them again; returns where they end.
+        """Copy the finished stages into the new log and solve them again.
 
-        on_block : called from time to time, may raise; on_solved : told each solution
+        Parameters
+        ----------
+        journal : the new log
+        chain : solves the stages
+        on_block : called from time to time, may raise
+        on_solved : called with each solution
 
-        Raises InputError where a stage does not come out as the run itself had solved it.
+        Returns
+        -------
+        LastSample
+            The last one copied.
+
+        Raises
+        ------
+        InputError
+            A stage does not solve to what the run itself had found.
         """
         last: SampleBlock | None = None
         for stage, block in self._blocks():
@@ -242,7 +255,8 @@ class Continuation:
                 solution = chain.finish()
                 self._compare(solution)
                 on_solved(solution)
-        assert last is not None
+        if last is None:
+            raise InputError("run.samples_missing", path=self.log.path, stage=self.finished[0])
         return LastSample(int(last.seq[-1]), float(last.time[-1]), int(last.step[-1]))
 
     def _blocks(self) -> Iterator[tuple[str, SampleBlock | None]]:
@@ -262,24 +276,21 @@ class Continuation:
             yield stage, None
             left.remove(stage)
         if left:
-            raise InputError(f"{self.log.path}: samples of stage '{left[0]}' are missing; {_NEW_RUN}")
+            raise InputError("run.samples_missing", path=self.log.path, stage=left[0])
 
     def _compare(self, solution: Solution) -> None:
-        solved = to_json(told(solution)[0])
+        solved = to_json(solution_events(solution)[0])
         recorded = next(
             event
             for event in self.log.events
             if event.get("event") == "StageSolved" and event["stage"] == solution.stage
         )
         if solved["parameters"] != recorded["parameters"]:
-            raise InputError(
-                f"{self.log.path}: stage '{solution.stage}' does not solve to what the run had found; was the"
-                f" program or the log changed? {_NEW_RUN}"
-            )
+            raise InputError("run.solved_differently", path=self.log.path, stage=solution.stage)
 
 
-def _check_carried_on(log: Log) -> None:
-    """Raises ConfigurationError where another run has brought this one to its end: the unit is not as it was."""
+def _check_not_continued(log: Log) -> None:
+    """Raise ConfigurationError if another run has already completed this one: the unit is not as it was."""
     history = History(log.path.parent)
     history.refresh()
     names = {log.path.name}
@@ -287,28 +298,22 @@ def _check_carried_on(log: Log) -> None:
         if run.resumed_from in names:
             names.add(run.log.name)
             if run.outcome in _ENDED:
-                raise ConfigurationError(
-                    f"{log.path}: was carried on in {run.log.name} and has reached its end there; {_NEW_RUN}"
-                )
+                raise ConfigurationError("run.continued_elsewhere", path=log.path, log=run.log.name)
 
 
 def _check_station(log: Log, here: StationConfig) -> None:
-    """Raises ConfigurationError on another station than the run's: also where both happen to be of one site."""
+    """Raise ConfigurationError on another station than the run's, even if both are at one site."""
     began = log.meta.run.station if log.meta.run is not None else None
     if began is not None and began != here.name:
-        raise ConfigurationError(
-            f"{log.path}: began on station '{began}', this is '{here.name}'; give its station file with --station"
-        )
+        raise ConfigurationError("run.other_station", path=log.path, began=began, here=here.name)
     virtual = _on_bench(log.meta.profiles.get("station", ""))
     if virtual is not None and virtual != (here.bench is not None):
-        kinds = ("the virtual bench", "hardware") if virtual else ("hardware", "the virtual bench")
-        raise ConfigurationError(
-            f"{log.path}: began on {kinds[0]}, but station '{here.name}' is {kinds[1]} now; {_NEW_RUN}"
-        )
+        code = "run.station_now_hardware" if virtual else "run.station_now_virtual"
+        raise ConfigurationError(code, path=log.path, station=here.name)
 
 
 def _on_bench(text: str) -> bool | None:
-    """Whether a station file is a virtual bench's, None where a log holds none that can be read."""
+    """Whether a station file is that of a virtual bench; None if the log holds no readable one."""
     try:
         return "bench" in tomllib.loads(text) if text else None
     except tomllib.TOMLDecodeError:
@@ -316,13 +321,13 @@ def _on_bench(text: str) -> bool | None:
 
 
 def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
-    """A stage's schedule as it was: values that are not in the log were None."""
+    """The schedule of a stage as it was: values that are not in the log were None."""
     given = meta.schedule.get(stage, {})
     return {name: given.get(name) for name in method(stage).schedule.model_fields}
 
 
 def _same(new: Any, old: Any) -> bool:
-    """Equal as a log stores it, which knows no None."""
+    """Whether two sections are equal as a log stores them, without None."""
     return bool(_stored(new) == _stored(old))
 
 

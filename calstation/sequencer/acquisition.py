@@ -1,4 +1,4 @@
-"""The one road of a sample: drain the IMU, put the table's angles on its samples, stamp stage and step."""
+"""The path of a sample: drain the IMU, put the table's angles on its samples, stamp stage and step."""
 
 import math
 from collections import deque
@@ -9,46 +9,37 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.devices.interfaces import Imu, SampleBatch, TableStatus
-from calstation.devices.profiles.frame import Span
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock, snap_angles
 from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.sequencer.ports import Clock
+from calstation.sequencer.context import Clock
+from calstation.sequencer.task import LastSample, UnitTask
 
 #: Ticks over which the least delay between IMU clock and station clock is sought.
 CLOCK_WINDOW = 200
 
-#: Between the last sample of a run and the first after it was resumed, s of counter and IMU time: how long it really
-#: was, nobody knows where the unit lost its power.
+#: Between the last sample of a run and the first after it was resumed, s of counter and IMU time. The true time is
+#: unknown if the unit lost its power.
 INTERRUPTION = 1.0
 
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
-#: A channel with at least so much noise, in steps of its output, that shows one value so often in a row is stuck: by
-#: chance it does so once in 10^28 times.
-_RESTLESS, _STUCK = 0.35, 400
+#: A channel is stuck if it has at least this noise, in steps of its output, and shows one value for so many samples:
+#: by chance this happens once in 10^28 times.
+_MIN_NOISE, _STUCK_AFTER = 0.35, 400
 
-#: Part of a counter's wrap by which samples come late where it wrapped unseen: their way to here only adds to it.
+#: Fraction of a counter's wrap by which samples are late if it wrapped unseen; their transport only adds to it.
 _WRAPPED = 0.9
 
-#: A poll that took longer, s, was lost and asked again on the way: nobody knows when its angles were true.
+#: A poll that took longer was lost and repeated on the way, so the time of its angles is unknown, s.
 SLOWEST_POLL = 0.3
 
 
 @dataclass(frozen=True)
-class StatusMasks:
-    """Bits of the IMU's status word: data valid since power-up, output saturated, self-test failed."""
-
-    ready: int = 0
-    saturated: int = 0
-    failed: int = 0
-
-
-@dataclass(frozen=True)
 class Flow:
-    """What a drain brought: samples, missing samples before or among them, and the status bits met.
+    """Result of a drain: samples, missing samples before or among them, and the status bits seen.
 
-    invalid : some output is no number; stuck : a channel that has shown one value for too long, "" for none
+    invalid : some output is not a number; stuck : a channel that has shown one value for too long, "" for none
     """
 
     count: int
@@ -58,15 +49,6 @@ class Flow:
     failed: bool
     invalid: bool = False
     stuck: str = ""
-
-
-@dataclass(frozen=True)
-class LastSample:
-    """Where a run that is resumed had come to: counter, IMU time (s) and step of its last sample."""
-
-    seq: int
-    time: float
-    step: int
 
 
 @dataclass(frozen=True)
@@ -95,57 +77,58 @@ def noise_counts(model: ImuModel) -> FloatArray:
 class Acquisition:
     """Turns what the IMU sends into stamped blocks for log and solver.
 
-    A poll of the table keeps the station times of request and answer; its middle less the profile's
-    latency, less the smallest delay seen between IMU clock and station clock, is its IMU time. The angle
-    goes on the nearest sample, carried there by the polled rate; other samples have NaN.
+    A poll of the table keeps the station times of request and answer; its middle less the latency, less the smallest
+    delay seen between IMU clock and station clock, is its IMU time. The angle goes on the nearest sample, carried
+    there by the polled rate; other samples have NaN.
 
-    After `LastSample` of a resumed run, counter, time and steps carry on behind it.
+    Counter, time and steps of a resumed run continue after its `LastSample`.
 
-    A counter that wraps while samples are lost shows no gap, where as many are lost as it counts. They are missed by
-    the station clock then: the samples behind them come later than any before, by as long as they took.
+    A counter that wraps while samples are lost shows no gap if exactly one wrap is lost. The station clock reveals
+    the loss: the samples after it are later than any before, by the time of a wrap.
 
     Parameters
     ----------
-    wrap : samples after which the unit's counter begins again
+    imu : the open device
+    unit : what its stream is like
+    clock : station time
+    sink : takes every block that is not unlogged
+    latency : of a table poll, s
+    after : the last sample of the run that is resumed
 
     Attributes
     ----------
     stage, step, valid : stamped on the samples of every further drain
-    aside : samples go to taps alone: those of a unit that was restarted on purpose, its counter with it
+    scale : factor from counts to rad/s and m/s², shape (6,)
+    unlogged : samples go to taps only: those of a unit that was restarted on purpose, and its counter with it
     newest : IMU time of the latest sample, s, None before the first
     received, gaps : samples and interruptions of the counter so far
     last_arrival : station time of the latest sample, s
-    breaks : interruptions of the counter, and of a unit's being ready, those aside as well
-    restarts : of them those that only a unit shows that has restarted
+    breaks : interruptions of the counter, and losses of readiness, unlogged ones included
+    restarts : of them, those that prove a restart of the unit
     """
 
     def __init__(
         self,
         imu: Imu,
-        model: ImuModel,
+        unit: UnitTask,
         clock: Clock,
         sink: Callable[[SampleBlock], None],
         *,
         latency: float = 0.0,
-        masks: StatusMasks | None = None,
-        span: Span | None = None,
-        wrap: float = math.inf,
         after: LastSample | None = None,
     ) -> None:
         self._imu = imu
         self._clock = clock
         self._sink = sink
         self._latency = latency
-        self._masks = masks or StatusMasks()
-        self._span = span or Span()
-        self._wrap = wrap
-        self._scale = to_si(model)
+        self._unit = unit
+        self.scale = to_si(unit.model)
         self._latest: SampleBatch | None = None
-        self._half_period = 0.5 / model.sample_rate
+        self._period = 1.0 / unit.model.sample_rate
         self._polls: list[_Poll] = []
-        self._restless = noise_counts(model) >= _RESTLESS * self._span.step
+        self._noisy = noise_counts(unit.model) >= _MIN_NOISE * unit.span.step
         self._unchanged = np.zeros(6, np.int64)
-        self._shown: FloatArray | None = None
+        self._previous_counts: FloatArray | None = None
         self._delays: deque[float] = deque(maxlen=CLOCK_WINDOW)
         self._taps: list[list[SampleBlock]] = []
         self._last_seq: int | None = None
@@ -154,17 +137,17 @@ class Acquisition:
         self.stage = ""
         self.step = 0 if after is None else after.step + 1
         self.valid = True
-        self.run_in_background = False
+        self.unlogged = False
         self.newest: float | None = None
         self.received = 0
         self.gaps = 0
         self.breaks = self.restarts = 0
         self._was_ready = False
-        self._told_restarts = 0
+        self._device_restarts = 0
         self.last_arrival = clock.now()
 
     def poll(self, status: TableStatus, asked: float, answered: float) -> None:
-        """Take a poll of the table, requested and answered at these station times, s; leave a slow one out."""
+        """Take a poll of the table, requested and answered at these station times, s; ignore a slow one."""
         if answered - asked > SLOWEST_POLL:
             return
         middle = 0.5 * (asked + answered) - self._latency
@@ -173,17 +156,17 @@ class Acquisition:
         )
 
     def drain(self) -> Flow:
-        """Take all samples that have come, stamp them and hand them on."""
+        """Take all samples that have come, stamp them and pass them on."""
         batch = self._imu.read()
         count = len(batch.seq)
         if count == 0:
             return Flow(0, 0, False, False, False)
         now = self._clock.now()
         if self._after is not None and self._last_seq is None:
-            self._carry_on(batch, self._after)
+            self._shift_to(batch, self._after)
         batch = self._with_wraps(batch, now)
         missing = self._missing(batch)
-        if not self.run_in_background:
+        if not self.unlogged:
             self.received += count
             self.gaps += missing > 0
         self.breaks += missing > 0
@@ -195,7 +178,7 @@ class Acquisition:
         self._delays.append(now - self.newest)
         finite = np.isfinite(batch.counts).all(axis=1)
         saturated = self._saturated(batch)
-        # What comes behind a spoilt sample belongs to a step that is about to be repeated.
+        # What follows an invalid sample belongs to a step that is about to be repeated.
         sound = np.logical_and.accumulate(finite & ~saturated)
         block = SampleBlock(
             stage=self.stage,
@@ -209,18 +192,18 @@ class Acquisition:
         )
         for tap in self._taps:
             tap.append(block)
-        if not self.run_in_background:
+        if not self.unlogged:
             self._sink(block)
-        seen = int(np.bitwise_or.reduce(batch.status))
-        ready = self._masks.ready == 0 or bool(batch.status[-1] & self._masks.ready)
+        masks = self._unit.masks
+        ready = masks.ready == 0 or bool(batch.status[-1] & masks.ready)
         self._note_restart(batch)
-        judged = ready and not saturated.any()  # until it is ready a unit may well show nothing but zeros
+        judged = ready and not saturated.any()  # until it is ready a unit may show nothing but zeros
         return Flow(
             count,
             missing,
             ready,
             saturated=bool(saturated.any()),
-            failed=bool(seen & self._masks.failed),
+            failed=bool(int(np.bitwise_or.reduce(batch.status)) & masks.failed),
             invalid=not finite.all(),
             stuck=self._stuck(batch.counts) if judged else "",
         )
@@ -231,7 +214,7 @@ class Acquisition:
         if self._latest is None:
             return None
         counts = self._latest.counts[np.isfinite(self._latest.counts).all(axis=1)]
-        mean = counts.mean(axis=0) * self._scale if len(counts) else np.full(6, np.nan)
+        mean = counts.mean(axis=0) * self.scale if len(counts) else np.full(6, np.nan)
         temperature = float(self._latest.temperature[-1])
         return tuple(float(v) for v in mean), None if np.isnan(temperature) else temperature
 
@@ -245,45 +228,54 @@ class Acquisition:
         finally:
             self._taps.remove(blocks)
 
-    def _carry_on(self, batch: SampleBatch, after: LastSample) -> None:
-        """Have counter and clock go on behind those of the run that is resumed."""
-        lost = round(INTERRUPTION / (2.0 * self._half_period))
+    @contextmanager
+    def unlogged_samples(self) -> Iterator[None]:
+        """Keep samples out of the log while the context is open."""
+        before, self.unlogged = self.unlogged, True
+        try:
+            yield
+        finally:
+            self.unlogged = before
+
+    def _shift_to(self, batch: SampleBatch, after: LastSample) -> None:
+        """Continue counter and clock after those of the run that is resumed."""
+        lost = round(INTERRUPTION / self._period)
         self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
-        self._time_shift = after.time + INTERRUPTION + 2.0 * self._half_period - float(batch.time[0])
+        self._time_shift = after.time + INTERRUPTION + self._period - float(batch.time[0])
 
     def _with_wraps(self, batch: SampleBatch, now: float) -> SampleBatch:
         """Counter and clock of this run, with the samples that were lost in whole wraps of the unit's counter."""
-        if self._delays and math.isfinite(self._wrap):
-            seconds = 2.0 * self._half_period * self._wrap
+        if self._delays and math.isfinite(self._unit.wrap):
+            seconds = self._period * self._unit.wrap
             late = now - (float(batch.time[-1]) + self._time_shift) - min(self._delays)
             wraps = max(0, math.floor(late / seconds + 1.0 - _WRAPPED))
-            self._seq_shift += round(wraps * self._wrap)
+            self._seq_shift += round(wraps * self._unit.wrap)
             self._time_shift += wraps * seconds
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
 
     def _saturated(self, batch: SampleBatch) -> BoolArray:
-        """Samples that say so in their status, or whose channels stand at their ends, shape (n,)."""
-        told = batch.status & self._masks.saturated != 0
-        ends = (batch.counts <= self._span.low) | (batch.counts >= self._span.high)
-        return np.asarray(told | ends.any(axis=1))
+        """Samples whose status says saturated, or with a channel at the end of its range, shape (n,)."""
+        flagged = batch.status & self._unit.masks.saturated != 0
+        ends = (batch.counts <= self._unit.span.low) | (batch.counts >= self._unit.span.high)
+        return np.asarray(flagged | ends.any(axis=1))
 
     def _stuck(self, counts: FloatArray) -> str:
         """The first channel whose noise should have changed it long ago."""
-        before = counts[:1] if self._shown is None else self._shown[None]
+        before = counts[:1] if self._previous_counts is None else self._previous_counts[None]
         changed = counts != np.concatenate([before, counts[:-1]])
-        self._shown = counts[-1]
+        self._previous_counts = counts[-1]
         last = len(counts) - 1 - np.argmax(changed[::-1], axis=0)
-        any_changed = changed.any(axis=0)
-        self._unchanged = np.where(any_changed, len(counts) - 1 - last, self._unchanged + len(counts))
-        stuck = np.flatnonzero(self._restless & (self._unchanged >= _STUCK))
+        self._unchanged = np.where(changed.any(axis=0), len(counts) - 1 - last, self._unchanged + len(counts))
+        stuck = np.flatnonzero(self._noisy & (self._unchanged >= _STUCK_AFTER))
         return CHANNELS[int(stuck[0])] if len(stuck) else ""
 
     def _note_restart(self, batch: SampleBatch) -> None:
-        """A counter that begins again, or a unit that was ready and is not any more."""
-        told, self._told_restarts = self._told_restarts, self._imu.stats.restarts
-        self.restarts += self._told_restarts > told
-        if self._masks.ready:
-            ready = np.concatenate([[self._was_ready], batch.status & self._masks.ready != 0])
+        """Count a counter that begins again, and a unit that was ready and is not any more."""
+        before, self._device_restarts = self._device_restarts, self._imu.stats.restarts
+        self.restarts += self._device_restarts > before
+        mask = self._unit.masks.ready
+        if mask:
+            ready = np.concatenate([[self._was_ready], batch.status & mask != 0])
             lost = bool((ready[:-1] & ~ready[1:]).any())
             self.breaks += lost
             self.restarts += lost
@@ -296,13 +288,13 @@ class Acquisition:
 
     def _angles(self, batch: SampleBatch) -> FloatArray:
         angles = np.full((len(batch.seq), 2), np.nan)
-        delay = min(self._delays)
+        delay, half = min(self._delays), 0.5 * self._period
         waiting = []
         for poll in self._polls:
             moment = poll.time - delay
-            if moment > batch.time[-1] + self._half_period:
+            if moment > batch.time[-1] + half:
                 waiting.append(poll)
-            elif moment >= batch.time[0] - self._half_period:
+            elif moment >= batch.time[0] - half:
                 i = int(np.argmin(np.abs(batch.time - moment)))
                 angles[i] = snap_angles(poll.angles + poll.rates * (batch.time[i] - moment))
         self._polls = waiting

@@ -1,4 +1,4 @@
-"""Takes samples of a unit that is to be judged: rests in several attitudes and turns of both joints."""
+"""Captures the output of a unit for verification: rests in several attitudes and turns of both joints."""
 
 from dataclasses import dataclass, field
 
@@ -7,12 +7,10 @@ import numpy as np
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Move
-from calstation.sequencer.acquisition import Acquisition
+from calstation.physics.motion import Carry, Move
+from calstation.physics.table import OUTER, TableGeometry
 from calstation.sequencer.control import Interruption
-from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.steps import StepRunner
-from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.verification_moves import Leg, Turn, VerificationPath
 
 #: Rest of a unit that no table turns, s.
@@ -22,22 +20,28 @@ REST = 10.0
 SHORT_REST = 3.0
 
 #: IMU time taken after a move has settled, so that its last samples are there, s.
-_BEHIND = 0.1
+_AFTER_MOVE = 0.1
 
 _ATTEMPTS = 3
 
-#: About what it takes to look at a unit before and after its restart on a table, s.
+#: Approximate time to capture a unit before and after its restart on a table, s.
 DURATION = 72.0
+
+_HALF_TURN, _QUARTER_TURN = np.pi, 0.5 * np.pi
+
+#: What turning a unit over by hand is likely to take, s.
+_CARRY_TIME = 6.0
 
 
 @dataclass(frozen=True)
 class Turned:
-    """A turn of one joint.
+    """A measured turn of one joint.
 
     Attributes
     ----------
     turn : as it was planned
-    angle : integral of the gyro's output over it, rad, shape (3,); seconds : it took
+    angle : integral of the gyro's output over it, rad, shape (3,)
+    seconds : its duration
     """
 
     turn: Turn
@@ -51,13 +55,13 @@ class VerificationData:
 
     Attributes
     ----------
-    rests : means at rest, gyro rad/s and accel m/s², each shape (6,); seconds : of each rest
+    rests : means at rest, gyro rad/s and accel m/s², each shape (6,)
+    seconds : of each rest
     turns : on a table
-    carried : output of every sample while the unit was carried from the first rest to the second, shape (n, 6), every
-        `period` s; empty where a table turned it
-    corrected : the unit's registers are in it
-    reference : the same rests and turns as the unit gave them before, or without its registers; None where there is
-        nothing to compare with
+    carried : output of every sample between the two rests of a manual rig, shape (n, 6); empty on a table
+    period : of those samples, s
+    corrected : whether the unit's registers are applied to it
+    reference : the same rests and turns before the transfer, or without its registers; None without a comparison
     """
 
     rests: tuple[FloatArray, ...]
@@ -70,100 +74,85 @@ class VerificationData:
 
 
 class Restarted(Interruption):
-    """The unit restarted while it was looked at: what it showed before is not to be mixed with what it shows now."""
+    """The unit restarted during a capture: samples before and after must not be mixed."""
 
 
-def verification_data(
-    control_loop: ControlLoop,
-    acquisition: Acquisition,
-    runner: StepRunner,
-    stream: UnitStream,
-    path: VerificationPath,
-    scale: FloatArray,
-) -> VerificationData:
-    """Rest and turn along a path and back to its start. The table must stand there, and `stream` be whole.
+def verification_data(runner: StepRunner, path: VerificationPath) -> VerificationData:
+    """Rest and turn along a path and back to its start.
 
-    `scale` : from counts to rad/s and m/s², shape (6,). Raises DeviceFaultError where data are missing, Restarted.
+    The table must stand at the start, and the stream must be whole. Raises DeviceFaultError, Restarted.
     """
-    look = _Look(control_loop, acquisition, runner, stream, scale)
-    rests = [look.rest()]
+    rests = [_rest(runner)]
     parts: list[list[Turned]] = [[] for _ in path.turns]
     here = path.start
     for leg in path.legs:
         if leg.turn is None:
             runner.drive(leg.move)
         else:
-            parts[leg.turn].append(look.turn(path.turns[leg.turn], leg, here))
+            parts[leg.turn].append(_turn(runner, path.turns[leg.turn], leg, here))
         if leg.rest:
-            rests.append(look.rest())
+            rests.append(_rest(runner))
         here = leg.move.outer, leg.move.inner
     return VerificationData(tuple(rests), SHORT_REST, tuple(map(_summed, parts)))
 
 
-@dataclass(frozen=True)
-class _Look:
-    """Rests and turns of which no sample is missing, of a unit that streams as it was told."""
+def _rest(runner: StepRunner) -> FloatArray:
+    """Mean over a rest, rad/s and m/s², shape (6,)."""
+    for _ in range(_ATTEMPTS):
+        _restore(runner)
+        with runner.acquisition.tap() as blocks:
+            runner.control_loop.rested(SHORT_REST)
+        if _whole(runner, blocks):
+            counts = np.concatenate([block.counts for block in blocks])
+            return mean_at_rest(counts) * runner.acquisition.scale
+    raise _lossy(runner)
 
-    control_loop: ControlLoop
-    acquisition: Acquisition
-    runner: StepRunner
-    stream: UnitStream
-    scale: FloatArray
 
-    def rest(self) -> FloatArray:
-        """Mean over a rest, rad/s and m/s², shape (6,)."""
-        for _ in range(_ATTEMPTS):
-            self._mend()
-            with self.acquisition.tap() as blocks:
-                self.control_loop.rested(SHORT_REST)
-            if self._whole(blocks):
-                return mean_at_rest(np.concatenate([block.counts for block in blocks])) * self.scale
-        raise self._lossy()
+def _turn(runner: StepRunner, turn: Turn, leg: Leg, start: tuple[float, float]) -> Turned:
+    """One leg of a turn; if samples were lost the table returns to the start of the leg and repeats it."""
+    move = leg.move
+    for attempt in range(_ATTEMPTS):
+        _restore(runner)
+        if attempt:
+            runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
+        with runner.acquisition.tap() as blocks:
+            runner.control_loop.tick()  # a gap before the first block would not show
+            runner.drive(move)
+            runner.control_loop.rested(_AFTER_MOVE)
+        if _whole(runner, blocks):
+            counts = np.concatenate([block.counts for block in blocks])
+            period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
+            angle = (counts.sum(axis=0) * runner.acquisition.scale * period)[:3]
+            return Turned(turn, angle, period * len(counts))
+    raise _lossy(runner)
 
-    def turn(self, turn: Turn, leg: Leg, start: tuple[float, float]) -> Turned:
-        """One leg of a turn; where samples were lost the table goes back to where it began, and it is made again."""
-        move = leg.move
-        for attempt in range(_ATTEMPTS):
-            self._mend()
-            if attempt:
-                self.runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
-            with self.acquisition.tap() as blocks:
-                self.control_loop.tick()  # a gap before the first block would not show
-                self.runner.drive(move)
-                self.control_loop.rested(_BEHIND)
-            if self._whole(blocks):
-                counts = np.concatenate([block.counts for block in blocks])
-                period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
-                angle = (counts.sum(axis=0) * self.scale * period)[:3]
-                return Turned(turn, angle, period * len(counts))
-        raise self._lossy()
 
-    def _mend(self) -> None:
-        """Have the stream as it was asked for, where something came between. Raises Restarted."""
-        if self.stream.broken and self.stream.mend():
-            raise Restarted
+def _restore(runner: StepRunner) -> None:
+    """Restore a broken stream. Raises Restarted."""
+    if runner.stream.broken and runner.stream.restore():
+        raise Restarted
 
-    def _whole(self, blocks: list[SampleBlock]) -> bool:
-        """Samples, none missing since the stream was mended and none that is saturated or no number."""
-        count = sum(map(len, blocks))
-        return count > 1 and not self.stream.broken and all(block.valid.all() for block in blocks)
 
-    def _lossy(self) -> DeviceFaultError:
-        self._mend()
-        return DeviceFaultError(
-            "IMU: samples are lost or spoilt again and again; check cable, baud and the load of this computer"
-        )
+def _whole(runner: StepRunner, blocks: list[SampleBlock]) -> bool:
+    """Whether there are samples, none missing and all valid."""
+    count = sum(map(len, blocks))
+    return count > 1 and not runner.stream.broken and all(block.valid.all() for block in blocks)
+
+
+def _lossy(runner: StepRunner) -> DeviceFaultError:
+    _restore(runner)
+    return DeviceFaultError("stream.lossy")
 
 
 def mean_at_rest(counts: FloatArray) -> FloatArray:
     """Weighted mean of samples at rest, shape (n, 6) to (6,).
 
-    The weights are those of the slope of a line through the integral, so that the vibration of a base that goes
-    nowhere, uncorrelated velocities of the same sigma, hurts least (Gauss-Markov); they rise and fall as a parabola.
+    The weights are those of the slope of a line through the integral, so that the vibration of a stationary base,
+    uncorrelated velocities of the same sigma, has the least effect (Gauss-Markov); they form a parabola.
     """
     n = len(counts)
-    place = np.arange(n) + 0.5
-    weight = place * (n - place)
+    middle = np.arange(n) + 0.5
+    weight = middle * (n - middle)
     mean: FloatArray = (weight / weight.sum()) @ counts
     return mean
 
@@ -171,3 +160,40 @@ def mean_at_rest(counts: FloatArray) -> FloatArray:
 def _summed(parts: list[Turned]) -> Turned:
     angle: FloatArray = np.sum([part.angle for part in parts], axis=0)
     return Turned(parts[0].turn, angle, sum(p.seconds for p in parts))
+
+
+def carried_data(runner: StepRunner) -> VerificationData:
+    """Rest, have the operator turn the unit over, rest. Raises DeviceFaultError for missing data."""
+    outer, inner = runner.asked
+    over = turned_over(runner.control_loop.context.task.geometry, outer)
+    for attempt in range(_ATTEMPTS):
+        start, end = (outer, over) if attempt % 2 == 0 else (over, outer)
+        runner.begin_stage()
+        with runner.acquisition.tap() as blocks:
+            runner.run(Carry(start, inner, REST, _CARRY_TIME if attempt else 0.0, 1, 2))
+            first = sum(map(len, blocks))
+            runner.run(Carry(end, inner, REST, _CARRY_TIME, 2, 2))
+        data = _carried(blocks, first, runner.acquisition.scale)
+        if data is not None:
+            return data
+    raise DeviceFaultError("stream.lossy")
+
+
+def turned_over(geometry: TableGeometry, outer: float) -> float:
+    """Angle to which the outer rail turns a unit over from `outer`, rad: half a turn, or what travel allows."""
+    for turn in (_HALF_TURN, -_HALF_TURN, _QUARTER_TURN, -_QUARTER_TURN):
+        if geometry.limits.within(OUTER, outer + turn):
+            return outer + turn
+    return geometry.limits.low[OUTER]
+
+
+def _carried(blocks: list[SampleBlock], first: int, scale: FloatArray) -> VerificationData | None:
+    """Both rests, the first ending at sample `first`, and what lies between; None if samples are missing."""
+    seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
+    if len(seq) < 2 or (np.diff(seq) != 1).any() or not all(block.valid.all() for block in blocks):
+        return None
+    values = np.concatenate([block.counts for block in blocks]) * scale
+    period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(seq) - 1)
+    rest = round(REST / period)
+    rests = mean_at_rest(values[first - rest : first]), mean_at_rest(values[-rest:])
+    return VerificationData(rests, REST, carried=values[first:-rest], period=period)

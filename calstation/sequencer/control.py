@@ -1,11 +1,59 @@
-"""The operator's words on their way to the running step: commands, and how they interrupt it."""
+"""States of a run, commands to it, and how they interrupt the running step."""
 
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from enum import StrEnum
 from queue import Empty, SimpleQueue
+
+
+class State(StrEnum):
+    """State of a run."""
+
+    IDLE = "idle"
+    PREPARING = "preparing"
+    RUNNING = "running"
+    PAUSING = "pausing"
+    PAUSED = "paused"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    FAULT = "fault"
+    PASSED = "passed"
+    FAILED = "failed"
+    DONE = "done"
+
+
+#: From each state, the states that may follow. A fault is latched: only a reset to idle leaves it. A register
+#: operation neither passes nor fails: it ends in `DONE`.
+TRANSITIONS: dict[State, frozenset[State]] = {
+    State.IDLE: frozenset({State.PREPARING}),
+    State.PREPARING: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
+    State.RUNNING: frozenset(
+        {State.PAUSING, State.STOPPING, State.FAULT, State.PASSED, State.FAILED, State.DONE}
+    ),
+    State.PAUSING: frozenset({State.PAUSED, State.STOPPING, State.FAULT}),
+    State.PAUSED: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
+    State.STOPPING: frozenset({State.STOPPED, State.FAULT}),
+    State.STOPPED: frozenset({State.IDLE}),
+    State.FAULT: frozenset({State.IDLE}),
+    State.PASSED: frozenset({State.IDLE}),
+    State.FAILED: frozenset({State.IDLE}),
+    State.DONE: frozenset({State.IDLE}),
+}
+
+#: States in which a run is over.
+ENDED = frozenset({State.STOPPED, State.FAULT, State.PASSED, State.FAILED, State.DONE})
+
+
+class IllegalTransitionError(RuntimeError):
+    """A transition that the table does not allow: a mistake of the program, not of its user."""
+
+
+def transition(current: State, target: State) -> State:
+    """`target`, if the table allows it from `current`. Raises IllegalTransitionError otherwise."""
+    if target not in TRANSITIONS[current]:
+        raise IllegalTransitionError(f"{current} -> {target} is not allowed")
+    return target
 
 
 class Command(StrEnum):
@@ -15,6 +63,15 @@ class Command(StrEnum):
     RESUME = "resume"
     STOP = "stop"
     ENOUGH = "enough"
+
+
+class StopReason(StrEnum):
+    """Who or what asked for a stop."""
+
+    OPERATOR = "operator"
+    SIGNAL = "signal"
+    LISTENER_LOST = "listener_lost"
+    LISTENER_SILENT = "listener_silent"
 
 
 class Interruption(Exception):  # noqa: N818 - control flow, not an error
@@ -29,31 +86,32 @@ class PauseRequested(Interruption):
     """Hold the table and repeat the step afterwards."""
 
 
-@dataclass
-class SpoiltStep(Interruption):
-    """Samples of the step are lost or unusable because of `reason`; the step is to be repeated."""
+class StepInvalid(Interruption):
+    """Samples of the step are lost or unusable; it is to be repeated. `reason` : a term of the family ``reason``."""
 
-    reason: str
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
 
 
 class Control:
-    """Commands from any thread, taken up by the engine's thread once per tick.
+    """Commands from any thread, taken by the engine's thread once per tick.
 
     Attributes
     ----------
     stopping, pausing, enough : what was asked for
-    stop_reason : who or what wanted the stop: operator, signal, listener_lost, listener_silent
+    stop_reason : who or what asked for the stop; None before
     """
 
     def __init__(self) -> None:
-        self._queue: SimpleQueue[tuple[Command, str]] = SimpleQueue()
+        self._queue: SimpleQueue[tuple[Command, StopReason]] = SimpleQueue()
         self._taken: float | None = None
         self.stopping = False
-        self.stop_reason = ""
+        self.stop_reason: StopReason | None = None
         self.pausing = False
         self.enough = False
 
-    def send(self, command: Command, reason: str = "operator") -> None:
+    def send(self, command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
         """Ask for something; callable from any thread."""
         self._queue.put((command, reason))
 
@@ -76,9 +134,15 @@ class Control:
             else:
                 self.enough = True
 
+    def check_cancelled(self) -> None:
+        """Take the commands where no tick does. Raises StopRequested."""
+        self.take()
+        if self.stopping:
+            raise StopRequested
+
     @contextmanager
     def ticking(self) -> Iterator[None]:
-        """While this is open the engine's thread promises to take commands at every tick."""
+        """Watch, while the context is open, that the engine's thread takes commands at every tick."""
         self._taken = time.monotonic()
         try:
             yield
@@ -86,6 +150,6 @@ class Control:
             self._taken = None
 
     def stuck(self, limit: float) -> bool:
-        """Whether that promise has been broken for more than `limit` s of host time; callable from any thread."""
+        """Whether no command was taken for `limit` s of host time within `ticking`; callable from any thread."""
         taken = self._taken
         return taken is not None and time.monotonic() - taken > limit

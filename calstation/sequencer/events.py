@@ -1,20 +1,22 @@
-"""What happens, told as immutable events: a name and values, never sentences; the listener words them.
+"""Events of a run: immutable names and values, never sentences; the listener words them from the catalogue.
 
-The same stream feeds progress bar, journal, window and database. `to_json` and `from_json` carry an
+The same stream feeds progress bar, log, window and database. `to_json` and `from_json` carry an
 event through a pipe or a log.
 """
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args
 
 from calstation.errors import CalstationError
+from calstation.estimation.method import Solution
 from calstation.messages.rendering import values_from_json, values_to_json
+from calstation.physics.parameters import INDEX
 
 
 @dataclass(frozen=True)
 class StateChanged:
-    """The sequencer went from state `previous` to `state`."""
+    """The run went from state `previous` to `state`."""
 
     state: str
     previous: str
@@ -22,7 +24,7 @@ class StateChanged:
 
 @dataclass(frozen=True)
 class StageStarted:
-    """Stage number `index` (from 0) of `count` begins; `duration` is what its plan takes, s."""
+    """Stage number `index` (from 0) of `count` begins; `duration` is that of its plan, s."""
 
     stage: str
     index: int
@@ -32,7 +34,7 @@ class StageStarted:
 
 @dataclass(frozen=True)
 class StageProgress:
-    """How far a stage is: `fraction` 0..1, `remaining` s, `sigma` the largest per group so far, SI."""
+    """Progress of a stage: `fraction` 0..1, `remaining` s, `sigma` the largest per group so far, SI."""
 
     stage: str
     fraction: float
@@ -42,7 +44,7 @@ class StageProgress:
 
 @dataclass(frozen=True)
 class StepStarted:
-    """A step begins: `kind` of step, `step` its samples' number, `label` id and values of the plan."""
+    """A step begins: `kind` of step, `step` number on its samples, `label` id and values of the plan."""
 
     stage: str
     step: int
@@ -72,7 +74,7 @@ class TableMoved:
 
 @dataclass(frozen=True)
 class SampleStats:
-    """Data flow so far, and the latest interval's mean output: gyro x y z, accel x y z, SI."""
+    """Data flow so far, and the mean output of the latest tick: gyro x y z, accel x y z, SI."""
 
     received: int
     gaps: int
@@ -91,17 +93,17 @@ class Trace:
 
 @dataclass(frozen=True)
 class PositionGuided:
-    """Where a position stands to which the operator carries the unit.
+    """Progress of a position to which the operator carries the unit.
 
     Attributes
     ----------
-    stage : "" where the unit is turned to check its new registers
-    index, count : which position, from 1, of how many
+    stage : "" while the unit is turned to verify its new registers
+    index, count : number of the position, from 1, and how many there are
     state : waiting, moving, still, enough or repeat, as `estimation.guidance` has them
-    rest, wanted : how long it has rested, and how long it is to rest, s
+    rest, wanted : time at rest so far, and needed, s
     outer, inner : rail angles asked for, rad, and those asked for before
-    up : measured direction of gravity in b, three numbers; done : those of the positions done, one behind the other
-    suffices : whether the positions done tell all that can be told
+    up : measured direction of gravity in b, three numbers; done : those of the positions done, concatenated
+    suffices : whether the positions done determine all parameters of the stage
     """
 
     stage: str
@@ -121,7 +123,7 @@ class PositionGuided:
 
 @dataclass(frozen=True)
 class Message:
-    """Something a person should read, by its `id` and `values`."""
+    """A message for a person: the entry ``event.<id>`` of the catalogue with its values."""
 
     id: str
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -148,13 +150,13 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Settled:
-    """An errand at a unit's registers is over.
+    """A register operation is over.
 
     Attributes
     ----------
-    closing : of the transfer in the journal: done, kept, restored; stopped where an operator's stop ended it
-    proof : "turn" or "rest", by what the output was found right; "" where it was not looked at
-    unit : what it holds, as `station.hand_registers` has it; {} after a stop
+    closing : of the transfer in the journal: done, kept, restored; stopped if an operator's stop ended it
+    proof : how the output was verified, turn, rest or read_back; "" if it was not
+    unit : registers that the unit holds; {} after a stop
     """
 
     serial: str
@@ -204,27 +206,9 @@ Event: TypeAlias = (
     | Fault
 )
 
-_KINDS: dict[str, type[Event]] = {
-    kind.__name__: kind
-    for kind in (
-        StateChanged,
-        StageStarted,
-        StageProgress,
-        StepStarted,
-        StageEnded,
-        TableMoved,
-        SampleStats,
-        Trace,
-        PositionGuided,
-        Message,
-        StageSolved,
-        Verdict,
-        Settled,
-        Fault,
-    )
-}
+_KINDS: dict[str, type[Event]] = {kind.__name__: kind for kind in get_args(Event)}
 
-#: Events that only refresh a display: a slow listener may miss some, and the raw log keeps none.
+#: Events that only refresh a display: a slow listener may miss some, and no log keeps them.
 LOSSY = (StageProgress, TableMoved, SampleStats, Trace, PositionGuided)
 
 
@@ -246,3 +230,22 @@ def from_json(data: Mapping[str, Any]) -> Event:
     if "values" in values:
         values["values"] = values_from_json(values["values"])
     return kind(**values)
+
+
+def solution_events(solution: Solution) -> tuple[StageSolved | Message, ...]:
+    """Events of a stage's solution: its values, then the solver's remarks."""
+    sigma, consistency = solution.belief.sigma, solution.consistency
+    parameters = {
+        name: {"value": float(solution.belief.mean[INDEX[name]]), "sigma": float(sigma[INDEX[name]])}
+        for name in solution.estimated
+    }
+    parameters |= {name: {"value": e.value, "sigma": e.sigma} for name, e in solution.found.items()}
+    innovations = {
+        "nis_mean": consistency.nis_mean,
+        "nis_low": consistency.nis_low,
+        "nis_high": consistency.nis_high,
+        "passed": consistency.passed,
+        "warning": consistency.warning,
+    }
+    remarks = [Message(message_id, dict(values)) for message_id, values in solution.messages]
+    return StageSolved(solution.stage, parameters, innovations), *remarks

@@ -1,79 +1,141 @@
-"""Checks made before every command to the table; each refusal is a sentence with its mend."""
+"""What protects the table: checks before every command, and the safe stop."""
 
+import logging
 import math
+import time
+from collections.abc import Callable
 
-from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, TableStatus
-from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, Table, TableStatus
+from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
+from calstation.messages.rendering import Text, os_reason
 from calstation.physics.motion import Move
 from calstation.physics.table import JointLimits
+from calstation.sequencer.context import Clock
 
 JOINTS = ("outer", "inner")
 
+#: Station and host time allowed for the deceleration, s.
+_REST_WITHIN = 30.0
+
+#: Station time for it if the table does not answer, s.
+_UNSEEN = 5.0
+
+_TICK = 0.05
+
+_LATCHED = ("interlock", "watchdog", "limit", "drive", "stall")
+
+logger = logging.getLogger(__name__)
+
 
 def check_power(status: TableStatus) -> None:
-    """May the axes be enabled? Raises DeviceFaultError where fault, interlock or watchdog say no."""
+    """Check that the axes may be enabled. Raises DeviceFaultError for a fault, an open interlock or no watchdog."""
     if status.fault == LOCAL_CONTROL:
-        raise DeviceFaultError(
-            "table: it is under local control; switch it to remote control, then start again"
-        )
+        raise DeviceFaultError("motion.local_control")
     if status.fault is not None:
-        raise latched(status.fault, " is latched")
+        raise latched(status.fault)
     if not status.interlock_closed:
-        raise DeviceFaultError("table: the interlock is open; close the cover and start again")
+        raise DeviceFaultError("motion.interlock_open")
     if not status.watchdog > 0.0:
-        raise DeviceFaultError(
-            "table: the watchdog is off (0); set its timeout in the drive, e.g. 1000 ms, before any run"
-        )
+        raise DeviceFaultError("motion.watchdog_off")
 
 
-def latched(fault: str, how: str = "") -> DeviceFaultError:
-    """What is said of a fault that the table has latched."""
-    reset = "reset it: 'Reset the fault' in the window, or calstation table reset"
+def latched(fault: str) -> DeviceFaultError:
+    """The error for a fault that the table has latched, named as its profile names it."""
     if fault == UNTOLD:
-        return DeviceFaultError(
-            "table: fault, it tells no cause; read its display, look at cover, limits and drives, remove the cause,"
-            f" then {reset}"
-        )
-    return DeviceFaultError(f"table: fault '{fault}'{how}; remove its cause, then {reset}")
+        return DeviceFaultError("table.latched_unknown")
+    return DeviceFaultError(f"table.latched_{fault if fault in _LATCHED else 'other'}", fault=fault)
 
 
 def check_motion(status: TableStatus) -> None:
-    """May the table move now? `check_power`, and the axes enabled and homed. Raises DeviceFaultError."""
+    """Check that the table may move now. Raises DeviceFaultError as `check_power`, or if not enabled or homed."""
     check_power(status)
     if not status.enabled:
-        raise DeviceFaultError("table: the axes are not enabled; check the drive's enable input")
+        raise DeviceFaultError("motion.not_enabled")
     if not status.homed:
-        raise DeviceFaultError("table: the axes are not homed; home the table first")
+        raise DeviceFaultError("motion.not_homed")
 
 
 def check_move(status: TableStatus, limits: JointLimits, move: Move) -> None:
-    """May the table make this move now? Raises DeviceFaultError or ConfigurationError with the reason."""
+    """Check that the table may make this move now. Raises DeviceFaultError or ConfigurationError.
+
+    Parameters
+    ----------
+    status : of the table, with its own travel
+    limits : of the table profile
+    move : the command
+    """
     check_motion(status)
     check_limits(limits, move)
     check_travel(status.limits, move)
 
 
 def check_limits(limits: JointLimits, move: Move) -> None:
-    """Does a move lie within travel, rate and acceleration? Raises ConfigurationError where not."""
-    for name, value, bounds, unit in (
-        ("rate", move.rate, limits.rate, "°/s"),
-        ("acceleration", move.acceleration, limits.acceleration, "°/s²"),
-    ):
-        allowed = min(bounds)
-        if not (math.isfinite(value) and 0.0 < value <= allowed * (1.0 + 1e-9)):
-            raise ConfigurationError(
-                f"schedule: {name} {math.degrees(value):g} {unit} is outside the table's "
-                f"0 to {math.degrees(allowed):g} {unit}; change it in the product's schedule"
-            )
+    """Check travel, rate and acceleration of a move. Raises ConfigurationError."""
+    if not _allowed(move.rate, min(limits.rate)):
+        raise ConfigurationError(
+            "motion.rate_outside", value=math.degrees(move.rate), allowed=math.degrees(min(limits.rate))
+        )
+    if not _allowed(move.acceleration, min(limits.acceleration)):
+        raise ConfigurationError(
+            "motion.acceleration_outside",
+            value=math.degrees(move.acceleration),
+            allowed=math.degrees(min(limits.acceleration)),
+        )
     check_travel(limits, move)
 
 
+def _allowed(value: float, limit: float) -> bool:
+    return math.isfinite(value) and 0.0 < value <= limit * (1.0 + 1e-9)
+
+
 def check_travel(limits: JointLimits, move: Move) -> None:
-    """Do a move's targets lie within the joints' travel? Raises ConfigurationError where not."""
-    for joint, (name, target) in enumerate(zip(JOINTS, (move.outer, move.inner), strict=True)):
+    """Check that a move's targets lie within the joints' travel. Raises ConfigurationError."""
+    for joint, (axis, target) in enumerate(zip(JOINTS, (move.outer, move.inner), strict=True)):
         if not (math.isfinite(target) and limits.within(joint, target)):
             raise ConfigurationError(
-                f"schedule: {name} axis target {math.degrees(target):.1f}° is outside the table's travel "
-                f"{math.degrees(limits.low[joint]):.0f}° to {math.degrees(limits.high[joint]):.0f}°; "
-                "change the schedule, or the travel in the table profile"
+                "motion.target_outside",
+                axis=axis,
+                target_deg=math.degrees(target),
+                low_deg=math.degrees(limits.low[joint]),
+                high_deg=math.degrees(limits.high[joint]),
             )
+
+
+def safe_stop(table: Table, clock: Clock) -> list[Text]:
+    """Bring the table to rest and switch its axes off; returns what failed on the way, never raises.
+
+    A table that no longer answers is left to its own watchdog, which this run has found switched on. A table without
+    one was only given moves to an angle; it gets `_UNSEEN` before its axes are commanded off.
+    """
+    failures: list[Text] = []
+    _attempt(table.stop, failures)
+    if failures:  # the command may have arrived all the same: axes are not switched off while they turn
+        _attempt(lambda: clock.sleep(_UNSEEN), failures)
+    else:
+        _attempt(lambda: _wait_for_rest(table, clock), failures)
+    _attempt(table.disable, failures)
+    return failures
+
+
+def _wait_for_rest(table: Table, clock: Clock) -> None:
+    deadline, host_deadline = clock.now() + _REST_WITHIN, time.monotonic() + _REST_WITHIN
+    while table.status().moving and clock.now() < deadline and time.monotonic() < host_deadline:
+        table.heartbeat()
+        clock.sleep(_TICK)
+
+
+def _attempt(action: Callable[[], None], failures: list[Text]) -> None:
+    try:
+        action()
+    except Exception as exc:  # the next step towards rest must be tried whatever failed
+        logger.warning("safe stop: a command failed", exc_info=True)
+        failures.append(reason_of(exc))
+
+
+def reason_of(error: Exception) -> Text:
+    """An error as a message that can stand inside another one."""
+    if isinstance(error, CalstationError) and error.code:
+        return error.as_text
+    if isinstance(error, OSError):
+        return os_reason(error)
+    return Text.of("os.other", words=str(error) or type(error).__name__)

@@ -1,182 +1,126 @@
-"""What is made sure before a stage may begin: identity, power, home, warm-up, gravity, signs, data flow."""
+"""What is checked before a stage may begin: identity, power, home, warm-up, gravity, signs, data flow."""
 
 import re
 from collections import deque
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.devices.interfaces import Imu, ImuIdentity, Table, TableIdentity
+from calstation.devices.interfaces import ImuIdentity, TableIdentity
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Move
 from calstation.physics.rotation import rotation_vector
-from calstation.physics.table import TableGeometry
-from calstation.sequencer import guard
-from calstation.sequencer.acquisition import Acquisition
-from calstation.sequencer.control_loop import ControlLoop
+from calstation.physics.table import UP
 from calstation.sequencer.events import Message
-from calstation.sequencer.ports import Clock, Emit
+from calstation.sequencer.guard import JOINTS, check_power
 from calstation.sequencer.steps import StepRunner
+from calstation.sequencer.unit_stream import check_unit
 
-
-@dataclass(frozen=True)
-class PreflightLimits:
-    """What a unit and its mounting must show before the run.
-
-    Attributes
-    ----------
-    serial : the serial number that the unit must answer to; serial_pattern : regular expression for it
-    ready_timeout, home_timeout : s
-    warm_up : s at least; warm_up_slope : °C/min at most, None where temperature does not matter;
-        warm_up_timeout : s, after which a still drifting unit is a fault
-    gravity : m/s², expected at rest; gravity_tolerance : fraction of it
-    direction_tolerance : rad, between declared and measured directions
-    rate_low, rate_high : rad/s, between which each gyro measures at rest, shape (3,)
-    turn : rad, the small turn of each joint; turn_rate : rad/s; turn_tolerance : fraction of the turn
-    flow : s of data without a gap
-    by_hand : nothing drives the axes and nothing knows their angles: power, home, direction and turns are left out
-    output : the unit's output is judged; not where registers that may be wrong have already gone into it
-    """
-
-    serial: str
-    serial_pattern: str
-    gravity: float
-    ready_timeout: float = 30.0
-    home_timeout: float = 180.0
-    warm_up: float = 0.0
-    warm_up_slope: float | None = None
-    warm_up_timeout: float = 1800.0
-    gravity_tolerance: float = 0.03
-    direction_tolerance: float = np.deg2rad(5.0)
-    rate_low: FloatArray = field(default_factory=lambda: np.full(3, -np.inf))
-    rate_high: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
-    turn: float = np.deg2rad(5.0)
-    turn_rate: float = np.deg2rad(5.0)
-    turn_tolerance: float = 0.1
-    flow: float = 2.0
-    by_hand: bool = False
-    output: bool = True
+#: Time over which the slope of the temperature is taken, s, and the least warm-up that gives one, s.
+_SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
 
 
 class Preflight:
     """Runs the checks in the order in which each may rely on the ones before."""
 
-    def __init__(
-        self,
-        table: Table,
-        imu: Imu,
-        control_loop: ControlLoop,
-        acquisition: Acquisition,
-        runner: StepRunner,
-        clock: Clock,
-        geometry: TableGeometry,
-        scale: FloatArray,
-        limits: PreflightLimits,
-        emit: Emit,
-    ) -> None:
-        self._table = table
-        self._imu = imu
-        self._control_loop = control_loop
-        self._acquisition = acquisition
+    def __init__(self, runner: StepRunner) -> None:
         self._runner = runner
-        self._clock = clock
-        self._geometry = geometry
-        self._scale = scale
-        self._limits = limits
-        self._emit = emit
+        self._control_loop = runner.control_loop
+        self._acquisition = runner.acquisition
+        self._context = runner.control_loop.context
+        self._unit = self._context.slot.unit
+        self._limits = self._unit.preflight
+        self._geometry = self._context.task.geometry
+        self._scale = self._acquisition.scale
 
     def run(self) -> None:
-        """Make sure of everything. Raises DeviceFaultError or ConfigurationError with what is wrong."""
+        """Run all checks. Raises DeviceFaultError or ConfigurationError."""
+        by_hand = self._context.task.by_hand
         self.identify()
         self._wait_until_ready()
         if self._limits.output:
             self._check_flow()
-        if self._limits.by_hand:
+        if by_hand:
             self._warm_up()
             self._check_gravity()
             return
-        guard.check_power(self._control_loop.status)
-        self._table.enable()
+        check_power(self._control_loop.status)
+        self._context.table.enable()
         self._control_loop.wait(
-            lambda: self._control_loop.status.enabled, 5.0, "table: the drive does not enable its axes"
+            lambda: self._control_loop.status.enabled, 5.0, DeviceFaultError("motion.enable_timeout")
         )
         self._control_loop.powered = True
         self._home()
-        self._go_home_angle()
+        if not self._runner.arrived((0.0, 0.0)):
+            self._runner.drive(self._turn_to(0.0, 0.0))
         self._warm_up()
         if self._limits.output:
             self._check_signs(self._check_gravity())
 
     def identify(self) -> tuple[TableIdentity, ImuIdentity]:
-        """Read who is there; refuses a wrong serial number or one outside the pattern."""
-        limits = self._limits
-        table = self._table.identify()
-        imu = self._imu.identify()
-        self._emit(
+        """Identify both devices; refuse a wrong serial number or one outside the pattern."""
+        table = self._context.table.identify()
+        imu = self._context.slot.imu.identify()
+        self._context.emit(
             Message(
                 "identified",
                 {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial},
             )
         )
-        check_unit(imu, limits.serial)
-        if not re.fullmatch(limits.serial_pattern, imu.serial):
-            raise ConfigurationError(
-                f"serial number '{imu.serial}' does not fit the product's pattern '{limits.serial_pattern}'; "
-                "choose the product that belongs to the unit"
-            )
+        check_unit(imu, self._unit.serial)
+        pattern = self._limits.serial_pattern
+        if not re.fullmatch(pattern, imu.serial):
+            raise ConfigurationError("preflight.serial_pattern", serial=imu.serial, pattern=pattern)
         return table, imu
 
     def _wait_until_ready(self) -> None:
-        self._emit(Message("waiting_ready"))
+        self._context.emit(Message("waiting_ready"))
+        timeout = self._limits.ready_timeout
         self._control_loop.wait(
             lambda: self._control_loop.flow.ready,
-            self._limits.ready_timeout,
-            f"IMU: not ready after {self._limits.ready_timeout:g} s; check power, port, baud and parity",
+            timeout,
+            DeviceFaultError("preflight.not_ready", seconds=timeout),
         )
         if self._control_loop.flow.failed:
-            raise DeviceFaultError("IMU: the unit reports a failed self-test; replace the unit")
+            raise DeviceFaultError("preflight.self_test_failed")
 
     def _home(self) -> None:
         if self._control_loop.status.homed:
             return
-        self._emit(Message("homing"))
-        self._table.home()
+        self._context.emit(Message("homing"))
+        self._context.table.home()
+        timeout = self._limits.home_timeout
         self._control_loop.wait(
             lambda: self._control_loop.status.homed and not self._control_loop.status.moving,
-            self._limits.home_timeout,
-            f"table: homing did not end within {self._limits.home_timeout:g} s; check the home switches",
+            timeout,
+            DeviceFaultError("motion.homing_timeout", seconds=timeout),
         )
 
-    def _go_home_angle(self) -> None:
-        if not self._runner.arrived((0.0, 0.0)):
-            self._runner.drive(self._turn_to(0.0, 0.0))
-
     def _warm_up(self) -> None:
-        limits = self._limits
+        limits, clock = self._limits, self._context.clock
         if limits.warm_up <= 0.0 and limits.warm_up_slope is None:
             return
-        self._emit(Message("warming_up", {"seconds": limits.warm_up}))
-        begin = self._clock.now()
+        self._context.emit(Message("warming_up", {"seconds": limits.warm_up}))
+        begin = clock.now()
         track: deque[tuple[float, float]] = deque()
         while True:
             self._control_loop.tick()
-            now = self._clock.now()
+            now = clock.now()
             if limits.warm_up_slope is None:
                 if now - begin >= limits.warm_up:
                     return
                 continue
             if self._acquisition.recent is not None and self._acquisition.recent[1] is not None:
                 track.append((now, self._acquisition.recent[1]))
-            while track and now - track[0][0] > 60.0:
+            while track and now - track[0][0] > _SLOPE_OVER:
                 track.popleft()
-            if now - begin >= max(limits.warm_up, 20.0) and abs(_slope(track)) <= limits.warm_up_slope:
+            least = max(limits.warm_up, _SLOPE_AFTER)
+            if now - begin >= least and abs(_slope(track)) <= limits.warm_up_slope:
                 return
             if now - begin > limits.warm_up_timeout:
                 raise DeviceFaultError(
-                    f"IMU: temperature still drifts by {_slope(track):.2g} °C/min after "
-                    f"{limits.warm_up_timeout:g} s; wait, or allow more in the product's warm_up"
+                    "preflight.temperature_drift", slope=_slope(track), seconds=limits.warm_up_timeout
                 )
 
     def _check_flow(self) -> FloatArray:
@@ -185,48 +129,43 @@ class Preflight:
         with self._acquisition.tap() as blocks:
             self._control_loop.rest(self._limits.flow)
         if self._acquisition.gaps != gaps:
-            raise DeviceFaultError("IMU: data have gaps already at rest; check cable, baud and sample rate")
+            raise DeviceFaultError("preflight.gaps")
         return _counts(blocks)
 
     def _check_gravity(self) -> FloatArray:
-        """Gravity as declared, data without a gap; returns the gyro's mean at rest, rad/s, shape (3,)."""
-        self._emit(Message("checking_gravity" if self._limits.by_hand else "checking_mounting"))
+        """Check gravity and data flow; returns the gyro's mean at rest, rad/s, shape (3,)."""
+        by_hand = self._context.task.by_hand
+        self._context.emit(Message("checking_gravity" if by_hand else "checking_mounting"))
         limits = self._limits
         mean = self._check_flow().mean(axis=0) * self._scale
         force = mean[3:]
         size = float(np.linalg.norm(force))
         if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
-            raise DeviceFaultError(
-                f"IMU: gravity measures {size:.3f} m/s², expected {limits.gravity:.3f} m/s²; "
-                "check the IMU profile's accel_lsb and output, and the unit"
-            )
+            raise DeviceFaultError("preflight.gravity_size", measured=size, expected=limits.gravity)
         rates: FloatArray = mean[:3]
         self._check_rates(rates)
-        if limits.by_hand:
+        if by_hand:
             return rates
-        up = self._geometry.body_to_home(*self._runner.position()).T @ np.array([0.0, 0.0, 1.0])
+        up = self._geometry.body_to_home(*self._runner.position()).T @ UP
         away = float(np.arccos(np.clip(force @ up / size, -1.0, 1.0)))
         if away > limits.direction_tolerance:
-            raise DeviceFaultError(
-                f"IMU: gravity points {np.rad2deg(away):.1f}° away from the declared mounting; "
-                "check how the unit is mounted and the table profile's axes"
-            )
+            raise DeviceFaultError("preflight.gravity_direction", away_deg=float(np.rad2deg(away)))
         return rates
 
     def _check_rates(self, rates: FloatArray) -> None:
-        """A gyro so far from what its profile expects finds no rest in the data of any stage."""
+        """A gyro so far from its profile finds no rest in the data of any stage."""
         for axis, rate, low, high in zip(
             "xyz", rates, self._limits.rate_low, self._limits.rate_high, strict=True
         ):
             if not low <= rate <= high:
+                rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
                 raise DeviceFaultError(
-                    f"IMU: gyro {axis} measures {np.rad2deg(rate):.3g} °/s at rest, expected {np.rad2deg(low):.3g} to"
-                    f" {np.rad2deg(high):.3g} °/s; replace the unit, or correct prior.gyro_bias in the IMU profile"
+                    "preflight.gyro_rate", axis=axis, rate_dps=rate_dps, low_dps=low_dps, high_dps=high_dps
                 )
 
     def _check_signs(self, bias: FloatArray) -> None:
-        """A small turn of each joint, there and back: the gyro must see it with its size, axis and sign."""
-        for joint, name in enumerate(guard.JOINTS):
+        """Turn each joint a little, there and back: the gyro must measure its size, axis and sign."""
+        for joint, axis in enumerate(JOINTS):
             start = self._runner.position()
             target = [0.0, 0.0]
             target[joint] = self._small_turn(joint)
@@ -235,7 +174,7 @@ class Preflight:
             end = self._runner.position()
             counts = _counts(blocks)
             if len(counts) < 2:
-                raise DeviceFaultError("IMU: no data during a turn; check cable, power and port")
+                raise DeviceFaultError("preflight.no_data_in_turn")
             period = (blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
             turned = (counts[:, :3] * self._scale[:3] - bias).sum(axis=0) * period
             expected = rotation_vector(
@@ -245,14 +184,13 @@ class Preflight:
             along = float(turned @ expected) / size
             off = float(np.arctan2(np.linalg.norm(np.cross(turned, expected)) / size, abs(along)))
             if off > self._limits.direction_tolerance:
-                raise DeviceFaultError(
-                    f"IMU: a turn of the {name} axis measures {np.rad2deg(off):.1f}° away from the declared "
-                    "axis; check how the unit is mounted and the table profile's axes"
-                )
+                raise DeviceFaultError("preflight.turn_axis", axis=axis, away_deg=float(np.rad2deg(off)))
             if abs(along / size - 1.0) > self._limits.turn_tolerance + np.deg2rad(0.5) / size:
                 raise DeviceFaultError(
-                    f"IMU: a turn of {np.rad2deg(size):.1f}° of the {name} axis measures "
-                    f"{np.rad2deg(along):.1f}° about it; check axes, mounting and gyro_lsb"
+                    "preflight.turn_size",
+                    axis=axis,
+                    expected_deg=float(np.rad2deg(size)),
+                    measured_deg=float(np.rad2deg(along)),
                 )
             self._runner.drive(self._turn_to(0.0, 0.0))
 
@@ -266,27 +204,13 @@ class Preflight:
         return Move(outer, inner, rate, min(self._limits.turn_rate, *limits.acceleration), ("check",))
 
 
-def check_unit(identity: ImuIdentity, serial: str) -> None:
-    """Raises DeviceFaultError where another unit answers than the one meant."""
-    if identity.serial != serial:
-        raise DeviceFaultError(
-            f"IMU: the unit answers to serial number '{identity.serial}', not '{serial}'; "
-            "check the unit in the fixture and the number given"
-        )
-
-
 def _counts(blocks: list[SampleBlock]) -> FloatArray:
-    """All counts, shape (n, 6). Raises DeviceFaultError where they are none that anything can be judged by."""
+    """All counts, shape (n, 6). Raises DeviceFaultError if nothing can be judged by them."""
     counts = np.concatenate([np.empty((0, 6)), *(block.counts for block in blocks)])
     if not np.isfinite(counts).all():
-        raise DeviceFaultError(
-            "IMU: the output is no number; switch the unit off and on, check the IMU profile"
-        )
+        raise DeviceFaultError("preflight.non_numeric")
     if not all(block.valid.all() for block in blocks):
-        raise DeviceFaultError(
-            "IMU: the output saturates though the table rests or turns slowly; look for what shakes the unit, check"
-            " the IMU profile"
-        )
+        raise DeviceFaultError("preflight.saturated")
     return counts
 
 

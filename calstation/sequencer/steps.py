@@ -4,25 +4,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calstation.devices.interfaces import Table
 from calstation.errors import DeviceFaultError
 from calstation.physics.motion import Carry, Dwell, Move
-from calstation.physics.table import JointLimits
-from calstation.sequencer.acquisition import Acquisition
-from calstation.sequencer.control import Control, PauseRequested, SpoiltStep
+from calstation.sequencer.control import PauseRequested, State, StepInvalid
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message, StepStarted
 from calstation.sequencer.guard import check_motion, check_move
 from calstation.sequencer.guiding import Guiding, carry_label
-from calstation.sequencer.ports import Emit
-from calstation.sequencer.preview import move_time
-from calstation.sequencer.states import State
+from calstation.sequencer.plan import move_time
 from calstation.sequencer.unit_stream import UnitStream
 
 #: A joint this close to its target, at rest and settled, has arrived, rad.
 ARRIVED = np.deg2rad(0.5)
 
-#: How often a step with spoilt samples is repeated before the run is a fault.
+#: How often a step with invalid samples is repeated before the run is a fault.
 REPEATS = 3
 
 #: Rest before a move is repeated, s: what solvers need to find attitude and angle again.
@@ -32,44 +27,39 @@ _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
 
 class StepRunner:
-    """Drives the table through moves and dwells, and guides who carries the unit where nothing drives it.
+    """Drives the table through moves and dwells, and guides the operator of a manual rig.
 
     Every move and every repetition raises the step number by one. From the moment a step is
-    interrupted until it is repeated, samples are stamped not valid.
+    interrupted until it is repeated, samples are stamped invalid.
+
+    Parameters
+    ----------
+    control_loop : with the context of the run
+    stream : of the unit
+    on_state : changes the state of the run
     """
 
     def __init__(
-        self,
-        table: Table,
-        control_loop: ControlLoop,
-        acquisition: Acquisition,
-        control: Control,
-        emit: Emit,
-        limits: JointLimits,
-        on_state: Callable[[State], None],
-        guiding: Guiding,
-        stream: UnitStream,
+        self, control_loop: ControlLoop, stream: UnitStream, on_state: Callable[[State], None]
     ) -> None:
-        self._table = table
-        self._control_loop = control_loop
-        self._acquisition = acquisition
-        self._control = control
-        self._emit = emit
-        self._limits = limits
+        self.control_loop = control_loop
+        self.acquisition = control_loop.acquisition
+        self.stream = stream
+        self.guiding = Guiding(control_loop)
+        self._context = control_loop.context
+        self._limits = self._context.task.geometry.limits
         self._on_state = on_state
-        self._guiding = guiding
-        self._stream = stream
         self._target: tuple[float, float] | None = None
         self._last_move: tuple[tuple[float, float], Move] | None = None
 
     def run(self, step: Move | Dwell | Carry) -> None:
         """Execute a step to its end, repeating it where it was interrupted.
 
-        A rest is repeated together with the move before it: a turn is worth nothing without the rest that ends it.
-        Raises DeviceFaultError after too many repetitions, StopRequested on the operator's word.
+        A rest is repeated together with the move before it: a turn needs the rest that ends it.
+        Raises DeviceFaultError after too many repetitions, StopRequested.
         """
         if isinstance(step, Carry):
-            with self._guiding.listening():
+            with self.guiding.listening():
                 self._run(step)
         else:
             self._run(step)
@@ -85,7 +75,7 @@ class StepRunner:
         repeats = 0
         while True:
             try:
-                self._control_loop.pausable = self._control_loop.watchful = True
+                self.control_loop.pausable = self.control_loop.watchful = True
                 for part in todo:
                     self._execute(part)
                 if isinstance(step, Move):
@@ -93,36 +83,36 @@ class StepRunner:
                 return
             except PauseRequested:
                 self._hold()
-            except SpoiltStep as spoilt:
+            except StepInvalid as invalid:
                 repeats += 1
                 if repeats > REPEATS:
-                    raise DeviceFaultError(_explain(spoilt.reason)) from None
-                self._emit(Message("step_repeated", {"reason": spoilt.reason, "attempt": repeats}))
+                    raise DeviceFaultError(f"stream.repeated_{invalid.reason}") from None
+                self._context.emit(Message("step_repeated", {"reason": invalid.reason, "attempt": repeats}))
                 self._come_to_rest()
             finally:
-                self._control_loop.pausable = self._control_loop.watchful = False
+                self.control_loop.pausable = self.control_loop.watchful = False
             self._recover(start, moved)
             todo = [Dwell(_REST_BEFORE_REPEAT), *again] if moved else again
 
     @property
     def asked(self) -> tuple[float, float]:
-        """Where rails that are carried by hand were asked to be brought last, rad."""
-        return self._guiding.asked
+        """Rail angles that the operator was asked for last, rad."""
+        return self.guiding.asked
 
     def begin_stage(self) -> None:
-        """What was moved before belongs to another stage and is not repeated in this one."""
+        """Begin a stage: moves of the one before are not repeated in it."""
         self._last_move = None
-        self._guiding.begin()
+        self.guiding.begin()
 
     def drive(self, move: Move) -> None:
         """Move both joints and wait until they have arrived and settled."""
-        check_move(self._control_loop.status, self._limits, move)
+        check_move(self.control_loop.status, self._limits, move)
         start = self.position()
-        self._acquisition.step += 1
+        self.acquisition.step += 1
         self._target = None
         self._started("move", move.label)
-        self._table.move(move.outer, move.inner, move.rate, move.acceleration)
-        self._control_loop.wait(
+        self._context.table.move(move.outer, move.inner, move.rate, move.acceleration)
+        self.control_loop.wait(
             lambda: self.arrived((move.outer, move.inner)),
             1.5 * move_time(start, move) + 15.0,
             lambda: self._why_not((move.outer, move.inner)),
@@ -131,28 +121,24 @@ class StepRunner:
 
     def arrived(self, target: tuple[float, float]) -> bool:
         """Whether the table rests, settled, at `target` (rad)."""
-        status = self._control_loop.status
+        status = self.control_loop.status
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
         return status.settled and not status.moving and away < ARRIVED
 
-    def _why_not(self, target: tuple[float, float]) -> str:
-        """What is to be said of a table that has not arrived in time."""
-        status = self._control_loop.status
-        wanted = f"outer {np.rad2deg(target[0]):.1f}°, inner {np.rad2deg(target[1]):.1f}°"
+    def _why_not(self, target: tuple[float, float]) -> DeviceFaultError:
+        """The error for a table that has not arrived in time."""
+        status = self.control_loop.status
+        wanted = {"outer_deg": float(np.rad2deg(target[0])), "inner_deg": float(np.rad2deg(target[1]))}
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
         if away < ARRIVED:
-            return f"table: does not settle at {wanted}; look at the drive's tuning and for what shakes the table"
+            return DeviceFaultError("motion.not_settled", **wanted)
         if status.settled and not status.moving:
-            away_deg = np.rad2deg(away)
-            return (
-                f"table: stands {away_deg:.1f}° away from {wanted}; look for an obstacle, at encoder and drive, then"
-                " home the table"
-            )
-        return f"table: did not reach {wanted} in time; look for an obstacle or a stalled drive"
+            return DeviceFaultError("motion.off_target", away_deg=float(np.rad2deg(away)), **wanted)
+        return DeviceFaultError("motion.not_reached", **wanted)
 
     def position(self) -> tuple[float, float]:
         """Joint angles as last polled, rad."""
-        outer, inner = self._control_loop.status.angles
+        outer, inner = self.control_loop.status.angles
         return float(outer), float(inner)
 
     def _execute(self, step: Move | Dwell | Carry) -> None:
@@ -160,52 +146,43 @@ class StepRunner:
             self.drive(step)
         elif isinstance(step, Dwell):
             self._started("dwell")
-            self._control_loop.rest(step.duration)
+            self.control_loop.rest(step.duration)
         else:
-            self._acquisition.step += 1
+            self.acquisition.step += 1
             self._started("carry", carry_label(step))
-            self._guiding.follow(step)
+            self.guiding.follow(step)
 
     def _hold(self) -> None:
         """Decelerate, wait for the operator's resume."""
         self._on_state(State.PAUSING)
         self._come_to_rest()
         self._on_state(State.PAUSED)
-        while self._control.pausing:
-            self._control_loop.tick()
+        while self._context.control.pausing:
+            self.control_loop.tick()
         self._on_state(State.RUNNING)
 
     def _come_to_rest(self) -> None:
-        self._acquisition.valid = False
-        self._control_loop.pausable = self._control_loop.watchful = False
-        self._table.stop()
-        self._control_loop.tick()
-        self._control_loop.wait(
-            lambda: not self._control_loop.status.moving,
+        self.acquisition.valid = False
+        self.control_loop.pausable = self.control_loop.watchful = False
+        self._context.table.stop()
+        self.control_loop.tick()
+        self.control_loop.wait(
+            lambda: not self.control_loop.status.moving,
             30.0,
-            "table: does not come to rest after a stop command",
+            DeviceFaultError("motion.not_stopped"),
         )
 
     def _recover(self, start: tuple[float, float], moved: bool) -> None:
-        """Back to the start of the step, with data of a unit that is ready, so that it can be repeated as its own."""
+        """Return to the start of the step with a unit that is ready and streams, as the next step number."""
         if moved and not self.arrived(start):
-            check_motion(self._control_loop.status)
+            check_motion(self.control_loop.status)
             rate = min(_RETURN_RATE, *self._limits.rate)
             acceleration = min(_RETURN_ACCELERATION, *self._limits.acceleration)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
             self.drive(Move(outer, inner, rate, acceleration, ("return",)))
-        self._stream.mend()
-        self._acquisition.step += 1
-        self._acquisition.valid = True
+        self.stream.restore()
+        self.acquisition.step += 1
+        self.acquisition.valid = True
 
     def _started(self, kind: str, label: tuple[str | float, ...] = ()) -> None:
-        self._emit(StepStarted(self._acquisition.stage, self._acquisition.step, kind, label))
-
-
-def _explain(reason: str) -> str:
-    return {
-        "no_data": "IMU: no data any more; check cable, power and port",
-        "gap": "IMU: samples are lost again and again; check cable, baud and the load of this computer",
-        "invalid": "IMU: the output is no number again and again; switch the unit off and on, check the IMU profile",
-        "saturated": "IMU: the output saturates in this step; lower the rate in the product's schedule",
-    }[reason]
+        self._context.emit(StepStarted(self.acquisition.stage, self.acquisition.step, kind, label))

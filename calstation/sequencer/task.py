@@ -1,6 +1,5 @@
-"""What a run is to do, and how it ended."""
+"""What a run has to do at the table and with a unit, and how it ended."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -10,19 +9,16 @@ from calstation.devices.profiles.frame import Span
 from calstation.errors import CalstationError
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.method import Solution
-from calstation.physics.motion import Step
+from calstation.physics.arrays import FloatArray
 from calstation.physics.table import TableGeometry
-from calstation.sequencer.acquisition import StatusMasks
-from calstation.sequencer.preflight import PreflightLimits
-from calstation.sequencer.preview import SETTLE
-from calstation.sequencer.states import State
-from calstation.sequencer.stop_rule import StopRule
+from calstation.sequencer.control import State
+from calstation.sequencer.plan import SETTLE, StagePlan
 
 
 class Output(StrEnum):
-    """What a unit shows of its output with its registers applied.
+    """Whether a unit outputs samples with its registers applied.
 
-    ALWAYS : its stream is that output; ASKED : it is streamed on command in place of the raw one; NEVER : only the raw
+    ALWAYS : its stream is that output; ASKED : it is streamed on command in place of the raw one; NEVER : raw only
     """
 
     ALWAYS = "always"
@@ -31,53 +27,111 @@ class Output(StrEnum):
 
 
 @dataclass(frozen=True)
-class StagePlan:
-    """A stage to run: its name, a fresh iterator of its steps, when a repeated plan has done enough."""
+class StatusMasks:
+    """Bits of the IMU's status word: data valid since power-up, output saturated, self-test failed."""
 
-    name: str
-    steps: Callable[[], Iterator[Step]]
-    rule: StopRule = field(default_factory=StopRule)
+    ready: int = 0
+    saturated: int = 0
+    failed: int = 0
+
+
+@dataclass(frozen=True)
+class LastSample:
+    """Counter, IMU time (s) and step of the last sample of a run that is resumed."""
+
+    seq: int
+    time: float
+    step: int
+
+
+@dataclass(frozen=True)
+class PreflightLimits:
+    """What a unit and its mounting must show before the run.
+
+    Attributes
+    ----------
+    serial_pattern : regular expression for the serial number
+    ready_timeout, home_timeout : s
+    warm_up : s at least; warm_up_slope : °C/min at most, None where temperature does not matter;
+        warm_up_timeout : s, after which a still drifting unit is a fault
+    gravity : m/s², expected at rest; gravity_tolerance : fraction of it
+    direction_tolerance : rad, between declared and measured directions
+    rate_low, rate_high : rad/s, between which each gyro measures at rest, shape (3,)
+    turn : rad, the small turn of each joint; turn_rate : rad/s; turn_tolerance : fraction of the turn
+    flow : s of data without a gap
+    output : whether the unit's output is checked; not if registers that may be wrong are applied to it
+    """
+
+    serial_pattern: str
+    gravity: float
+    ready_timeout: float = 30.0
+    home_timeout: float = 180.0
+    warm_up: float = 0.0
+    warm_up_slope: float | None = None
+    warm_up_timeout: float = 1800.0
+    gravity_tolerance: float = 0.03
+    direction_tolerance: float = np.deg2rad(5.0)
+    rate_low: FloatArray = field(default_factory=lambda: np.full(3, -np.inf))
+    rate_high: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
+    turn: float = np.deg2rad(5.0)
+    turn_rate: float = np.deg2rad(5.0)
+    turn_tolerance: float = 0.1
+    flow: float = 2.0
+    output: bool = True
+
+
+@dataclass(frozen=True)
+class UnitTask:
+    """One unit on the table: what its stream is like and what it must show.
+
+    Attributes
+    ----------
+    serial : the serial number that the unit must answer to
+    model : scale, rate and noise of its stream
+    preflight : what is checked first
+    masks : bits of its status word
+    span : range of its channels, counts
+    wrap : samples after which its counter begins again
+    corrected : whether it outputs samples with its registers applied
+    """
+
+    serial: str
+    model: ImuModel
+    preflight: PreflightLimits
+    masks: StatusMasks = field(default_factory=StatusMasks)
+    span: Span = field(default_factory=Span)
+    wrap: float = np.inf
+    corrected: Output = Output.NEVER
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a run is to do and within what.
+    """What the table does in a run, and within which limits.
 
     Attributes
     ----------
     stages : in order
-    preflight : what is checked first
     geometry : table axes and limits
-    imu : stream of the unit; masks : bits of its status word; span : what its channels can show; wrap : samples after
-        which its counter begins again
-    latency : of a table poll, s; settle : of the table after a move, s
+    by_hand : whether the operator moves the unit and nothing drives it
+    latency : of a table poll, s
+    settle : of the table after a move, s
     load_angle : joint angles at which a unit is changed, rad
     travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
     """
 
     stages: tuple[StagePlan, ...]
-    preflight: PreflightLimits
     geometry: TableGeometry
-    imu: ImuModel
-    masks: StatusMasks = field(default_factory=StatusMasks)
-    span: Span = field(default_factory=Span)
-    wrap: float = np.inf
-    corrected: Output = Output.NEVER
+    by_hand: bool = False
     latency: float = 0.0
     settle: float = SETTLE
     load_angle: tuple[float, float] = (0.0, 0.0)
     travel_rate: float = np.deg2rad(20.0)
     travel_acceleration: float = np.deg2rad(20.0)
 
-    @property
-    def by_hand(self) -> bool:
-        """Whether the unit is carried, and nothing drives it."""
-        return self.preflight.by_hand
-
 
 @dataclass(frozen=True)
 class Finalized:
-    """Whether the unit passed, and whether registers were written, which fresh data must then prove."""
+    """Whether the unit passed, and whether registers were written, which then need verification."""
 
     passed: bool
     written: bool

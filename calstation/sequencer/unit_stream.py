@@ -1,16 +1,14 @@
-"""A unit's stream, kept as it was told to be: on again, and of the same kind, where the unit restarted by itself."""
+"""Keeps the unit's stream as requested: restarts it, with the same kind of output, if the unit restarted by itself."""
 
 from collections.abc import Callable
 from typing import Any
 
-from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, OtherModelError
+from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModelError
 from calstation.devices.links.serial_link import PortLostError
 from calstation.errors import DeviceFaultError
-from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.control_loop import NO_DATA, ControlLoop
-from calstation.sequencer.ports import Clock
 
-#: Station time for the first sample of a unit that was asked to stream, s.
+#: Station time for the first sample of a unit that was commanded to stream, s.
 _DATA_WITHIN = 20.0
 
 _READY_WITHIN = 60.0
@@ -18,55 +16,50 @@ _ATTEMPTS = 3
 
 
 class UnitStream:
-    """What comes from the unit, and whether it is what was asked for.
+    """The unit's stream, raw or corrected by its registers.
 
-    A unit that restarts is silent for a while, or until it is told to stream; it counts anew, is not ready yet, and
-    shows its raw output whatever was asked before. So behind every interruption of what is not its raw output, and
-    behind every silence, it is asked who it is and told again.
+    A unit that restarts is silent for a while, or until it is commanded to stream; its counter begins again, it is not
+    ready yet, and it outputs raw samples whatever was requested before. So after every interruption of a corrected
+    stream, and after every silence, its identity is checked and the stream is requested again.
 
     Parameters
     ----------
-    aside : does what takes its time, the table's watchdog fed meanwhile
-    hear : raises in it where nobody waits for its end any more
-    check : refuses another unit than the one that is meant; raises DeviceFaultError
+    control_loop : with the context of the run
+    run_in_background : runs what takes time while the table's watchdog is fed
+    check_cancelled : raises StopRequested in that background thread if its result is no longer wanted
     """
 
     def __init__(
         self,
-        imu: Imu,
         control_loop: ControlLoop,
-        acquisition: Acquisition,
-        clock: Clock,
         run_in_background: Callable[[Callable[[], Any]], Any],
         check_cancelled: Callable[[], None],
-        check: Callable[[ImuIdentity], None],
     ) -> None:
-        self._imu = imu
+        self._slot = control_loop.context.slot
+        self._clock = control_loop.context.clock
         self._control_loop = control_loop
-        self._acquisition = acquisition
-        self._clock = clock
-        self._aside = run_in_background
-        self._hear = check_cancelled
-        self._check = check
+        self._acquisition = control_loop.acquisition
+        self._run_in_background = run_in_background
+        self._check_cancelled = check_cancelled
         self._corrected = False
         self._breaks = self._restarts = 0
 
     def start(self, *, corrected: bool) -> None:
-        """Ask for a kind of output; return when it comes from a unit that is ready. Raises DeviceFaultError."""
+        """Request a kind of output; return when it comes from a unit that is ready. Raises DeviceFaultError."""
         self._corrected = corrected
-        self._wake()
-        if not self._flows(asked=True):
-            self.mend()
+        self._request()
+        if not self._flows(requested=True):
+            self.restore()
 
     @property
     def broken(self) -> bool:
-        """Whether since `start` or `mend` samples were missed, or the unit was not ready, or nothing comes now."""
+        """Whether samples were missed or readiness was lost since `start` or `restore`, or nothing comes now."""
         return self._control_loop.silent or self._acquisition.breaks != self._breaks
 
-    def mend(self) -> bool:
-        """Have it as it was asked for, from a unit that is ready; returns whether the unit had restarted.
+    def restore(self) -> bool:
+        """Restore the requested stream from a unit that is ready; returns whether the unit had restarted.
 
-        Raises DeviceFaultError where it does not come to that, StopRequested.
+        Raises DeviceFaultError if that fails, StopRequested.
         """
         restarted = False
         for _ in range(_ATTEMPTS):
@@ -74,48 +67,44 @@ class UnitStream:
             silent = self._control_loop.silent
             restarted |= silent or self._acquisition.restarts != self._restarts
             if silent or self._corrected:
-                self._wake()
-            if self._flows(asked=silent or self._corrected):
+                self._request()
+            if self._flows(requested=silent or self._corrected):
                 return restarted
-        raise DeviceFaultError(
-            "IMU: it restarts again and again; check its supply, plug and cable, then start again"
-        )
+        raise DeviceFaultError("stream.restarts")
 
-    def _wake(self) -> None:
+    def _request(self) -> None:
         corrected, silent = self._corrected, self._control_loop.silent
 
         def wake() -> ImuIdentity | None:
             try:
-                return self._imu.wake(self._hear, corrected=corrected)
+                return self._slot.imu.wake(self._check_cancelled, corrected=corrected)
             except (PortLostError, OtherModelError, NoFramesError):
                 raise
             except DeviceFaultError as error:
                 if not silent:
                     raise
-                raise DeviceFaultError(
-                    "IMU: no data any more, and the unit does not answer either; check its power, cable and port"
-                ) from error
+                raise DeviceFaultError("stream.no_answer") from error
 
-        identity = self._aside(wake)
+        identity = self._run_in_background(wake)
         if identity is not None:
-            self._check(identity)
+            check_unit(identity, self._slot.unit.serial)
 
-    def _flows(self, *, asked: bool) -> bool:
-        """Whether samples come, and none is missed between the first of them and the unit's being ready."""
-        if not self._heard(asked):
+    def _flows(self, *, requested: bool) -> bool:
+        """Whether samples come, and none is missed between the first of them and the unit's readiness."""
+        if not self._first_sample(requested):
             return False
         self._breaks, self._restarts = self._acquisition.breaks, self._acquisition.restarts
         self._control_loop.wait(
             lambda: self._control_loop.flow.ready or self.broken,
             _READY_WITHIN,
-            f"IMU: not ready {_READY_WITHIN:g} s after its restart; switch it off and on",
+            DeviceFaultError("stream.not_ready", seconds=_READY_WITHIN),
         )
         return not self.broken
 
-    def _heard(self, asked: bool) -> bool:
-        """Wait for a sample; False where a unit that was not `asked` for any has fallen silent."""
-        deadline = self._clock.now() + (_DATA_WITHIN if asked else NO_DATA)
-        patient, self._control_loop.patient = self._control_loop.patient, not asked
+    def _first_sample(self, requested: bool) -> bool:
+        """Wait for a sample; False if a unit that was not commanded to stream has fallen silent."""
+        deadline = self._clock.now() + (_DATA_WITHIN if requested else NO_DATA)
+        patient, self._control_loop.patient = self._control_loop.patient, not requested
         try:
             while True:
                 self._control_loop.tick()
@@ -125,9 +114,12 @@ class UnitStream:
                     break
         finally:
             self._control_loop.patient = patient
-        if asked:
-            raise DeviceFaultError(
-                "IMU: no data any more though it was told to stream; switch it off and on, then check cable, power and"
-                " port"
-            )
+        if requested:
+            raise DeviceFaultError("stream.not_started")
         return False
+
+
+def check_unit(identity: ImuIdentity, serial: str) -> None:
+    """Raise DeviceFaultError if another unit answers than the one meant."""
+    if identity.serial != serial:
+        raise DeviceFaultError("preflight.other_unit", found=identity.serial, serial=serial)

@@ -1,4 +1,4 @@
-"""The way on which a unit is looked at: turns that excite every gyro, rests that show every accelerometer."""
+"""The path on which a unit is verified: turns that excite every gyro, rests that excite every accelerometer."""
 
 from dataclasses import dataclass
 
@@ -14,10 +14,10 @@ from calstation.sequencer.guard import JOINTS
 RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(120.0)
 
 _WHOLE = 2.0 * np.pi
-#: Of a turn, the first that travel allows; whole ones first, in which an encoder's error cancels.
+#: Amounts of a turn, the first that travel allows is taken; full turns first, in which an encoder's error cancels.
 _AMOUNTS = tuple(np.deg2rad(v) for a in (360.0, 180.0, 90.0, 30.0) for v in (a, -a))
 
-#: By which the inner joint stands otherwise when the outer one turns again, about another axis of the body.
+#: By how much the inner joint moves before the outer one turns again, about another axis of the body.
 _QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
 
 _STOP = np.deg2rad(90.0)
@@ -40,9 +40,9 @@ class Leg:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of one joint: which, by how much, and at which rest the same earth's rate lies along its axis.
+    """A turn of one joint.
 
-    amount : rad, signed; still : number of that rest
+    amount : rad, signed; still : number of the rest at which earth rate has the same component along its axis
     """
 
     joint: int
@@ -51,7 +51,7 @@ class Turn:
 
     @property
     def whole(self) -> bool:
-        """Whether it ends where it began."""
+        """Whether it is a full revolution."""
         return abs(abs(self.amount) - _WHOLE) < 1e-9
 
 
@@ -73,29 +73,34 @@ class VerificationPath:
 def verification_path(
     start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float = np.inf
 ) -> VerificationPath:
-    """The outer joint turns, and again with the inner one elsewhere, then the inner one: all within travel.
+    """The outer joint turns, turns again with the inner one elsewhere, then the inner one turns: all within travel.
 
     Parameters
     ----------
-    geometry : axes and the profile's limits; own : the table's own
-    fastest : rate that the gyros can show, rad/s
+    start : joint angles, rad
+    geometry : axes and the profile's limits
+    own : the table's own limits
+    fastest : rate that the gyros can measure, rad/s
 
-    Raises ConfigurationError where a joint cannot turn.
+    Raises
+    ------
+    ConfigurationError
+        A joint cannot turn.
     """
-    way = _Way(start, geometry, own, fastest)
-    there = way.amount(OUTER)
-    quarter = way.first(INNER, _QUARTERS)
-    way.turn(OUTER, there)
-    way.go(INNER, quarter)
-    way.turn(OUTER, -there)
-    # The other way round: a whole turn then ends three quarters from the start instead of five.
-    way.turn(INNER, -np.sign(quarter) * abs(way.amount(INNER, -np.sign(quarter))))
-    way.go(INNER, start[INNER] - way.pose[INNER])
-    return VerificationPath(start, tuple(way.legs), tuple(way.turns))
+    path = _PathBuilder(start, geometry, own, fastest)
+    there = path.amount(OUTER)
+    quarter = path.first(INNER, _QUARTERS)
+    path.turn(OUTER, there)
+    path.go(INNER, quarter)
+    path.turn(OUTER, -there)
+    # The other way round: a full turn then ends three quarters from the start instead of five.
+    path.turn(INNER, -np.sign(quarter) * abs(path.amount(INNER, -np.sign(quarter))))
+    path.go(INNER, start[INNER] - path.pose[INNER])
+    return VerificationPath(start, tuple(path.legs), tuple(path.turns))
 
 
-class _Way:
-    """A path as it grows."""
+class _PathBuilder:
+    """A path under construction."""
 
     def __init__(
         self, start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float
@@ -112,7 +117,7 @@ class _Way:
         self._rested = [(start, self._up(start))]
 
     def amount(self, joint: int, sign: float = 0.0) -> float:
-        """By how much a joint can turn from here; only to the side of `sign` where that is not 0."""
+        """How far a joint can turn from here, rad; only to the side of `sign` unless it is 0."""
         return self.first(joint, tuple(a for a in _AMOUNTS if sign * a >= 0.0))
 
     def first(self, joint: int, amounts: tuple[float, ...]) -> float:
@@ -121,18 +126,16 @@ class _Way:
         for amount in amounts:
             if limits.within(joint, here + amount) and self._own.within(joint, here + amount):
                 return float(amount)
-        raise ConfigurationError(
-            f"table: its {JOINTS[joint]} axis cannot turn by {np.rad2deg(_AMOUNTS[-2]):.0f}° to either side, so no turn"
-            " can prove the unit's output; widen its travel"
-        )
+        angle_deg = float(np.rad2deg(_AMOUNTS[-2]))
+        raise ConfigurationError("motion.no_turn", axis=JOINTS[joint], angle_deg=angle_deg)
 
     def go(self, joint: int, amount: float) -> None:
-        """Bring a joint elsewhere."""
+        """Move a joint without measuring a turn."""
         if abs(amount) > 1e-12:
             self._add(joint, amount, None, self._is_new(self._after(joint, amount)))
 
     def turn(self, joint: int, amount: float) -> None:
-        """Turn a joint, with a rest wherever gravity comes from a new direction."""
+        """Turn a joint, with a rest wherever gravity has a new direction in the body."""
         if self._still(joint) is None and not self._passes_new(joint, amount):
             self.legs[-1] = Leg(self.legs[-1].move, self.legs[-1].turn, True)
             self._rest()
@@ -145,7 +148,8 @@ class _Way:
             self._add(joint, leg, number, self._is_new(self._after(joint, leg)))
             left -= leg
         still = self._still(joint)
-        assert still is not None
+        if still is None:
+            raise RuntimeError("a turn without a rest to compare with")
         self.turns.append(Turn(joint, float(amount), still))
 
     def _passes_new(self, joint: int, amount: float) -> bool:
@@ -154,7 +158,7 @@ class _Way:
         return any(self._is_new(self._after(joint, k * step)) for k in range(1, count + 1))
 
     def _still(self, joint: int) -> int | None:
-        """The rest at which the other joint stood as it does now, whole turns aside."""
+        """The rest at which the other joint stood as it does now, apart from full turns."""
         other = 1 - joint
         for number, (pose, _) in enumerate(self._rested):
             apart = (pose[other] - self.pose[other]) / _WHOLE
@@ -182,7 +186,7 @@ class _Way:
         return np.asarray(self._geometry.body_to_home(*pose).T @ UP)
 
     def _is_new(self, pose: tuple[float, float]) -> bool:
-        """Whether gravity comes from elsewhere than in every rest so far, and from across; or opposite to the first."""
+        """Whether gravity has a new axis in the body compared with all rests, or is opposite to the first."""
         up = self._up(pose)
         first, *others = (known for _, known in self._rested)
         return bool(up @ first < np.cos(_NEW)) and all(abs(up @ known) < np.cos(_NEW) for known in others)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.runs.hooks import RunHooks
+from calstation.sequencer.context import Emit
 from calstation.sequencer.events import Event, Message, StageStarted, StepStarted
-from calstation.sequencer.ports import Emit
 from calstation.simulation.fault_plan import CAPTURES, HOST, FaultPlan, fault_plan, with_faults
 
 if TYPE_CHECKING:

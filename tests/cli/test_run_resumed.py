@@ -44,13 +44,11 @@ def test_a_stopped_run_is_carried_on(
 
     again = calstation("run", *where, "--resume", done.json["log"]["file"])
     assert again.code == 2
-    assert "has reached its end" in again.err
+    assert "is complete." in again.err
     logs = sorted(Path(before.log).parent.iterdir())
     twice = calstation("run", *where, "--resume", before.log)
     assert twice.code == 2
-    assert (
-        f"was carried on in {Path(done.json['log']['file']).name} and has reached its end there" in twice.err
-    )
+    assert f"was resumed in {Path(done.json['log']['file']).name} and is complete there" in twice.err
     assert sorted(Path(before.log).parent.iterdir()) == logs, "nothing was opened or recorded"
     mixed = calstation("run", *where, "--resume", before.log, "--stages", "rate")
     assert mixed.code == 2

@@ -12,7 +12,6 @@ from calstation.config.request import OR_AT_REST, RunRequest
 from calstation.devices.interfaces import TableStatus
 from calstation.errors import DeviceFaultError
 from calstation.physics.table import JointLimits
-from calstation.runs import engine
 from calstation.sequencer.events import Fault
 from calstation.sequencer.guard import check_power
 
@@ -56,7 +55,7 @@ def test_an_engine_that_died_names_its_station_as_well() -> None:
         ),
         said_as_typed(HERE),
     ):
-        raise DeviceFaultError(f"engine: its process ended unexpectedly; {engine.MEND}")
+        raise DeviceFaultError("run.engine_silent")
 
 
 @pytest.mark.parametrize(

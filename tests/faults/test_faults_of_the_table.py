@@ -18,7 +18,7 @@ pytestmark = pytest.mark.long
     ("kind", "value", "words"),
     [
         ("stall", None, ("fault 'stall'", "then reset it")),
-        ("drive_fault", None, ("fault 'drive'", "then reset it")),
+        ("drive_fault", None, ("fault 'drive'", "calstation table reset")),
         ("limit_fault", None, ("fault 'limit'", "then reset it")),
         ("trip_watchdog", None, ("fault 'watchdog'", "then reset it")),
         ("interlock", 0, ("interlock",)),
@@ -58,9 +58,8 @@ def test_a_fault_stops_the_run_on_every_protocol(
     ran.assert_stopped("table: ", *words)
     if "fault" in words:
         no_cause = profile == "acutronic_acl"
-        assert ran.fault.text.startswith(
-            "table: fault, it tells no cause; read" if no_cause else "table: fault '"
-        )
+        assert (ran.fault.code == "table.latched_unknown") == no_cause
+        assert ran.fault.code.startswith("table.latched_")
 
 
 def test_a_drive_that_refuses_stops_the_run_though_the_other_obeys(floor: Floor) -> None:
@@ -83,7 +82,7 @@ def test_a_table_without_a_watchdog_that_answers_no_more_ends_its_move_and_rests
     [
         ({"kind": "watchdog_off"}, ("watchdog is off", "set its timeout")),
         ({"kind": "interlock_open"}, ("interlock is open", "close the cover")),
-        ({"kind": "drive_fault"}, ("fault 'drive'", "then reset it")),
+        ({"kind": "drive_fault"}, ("fault 'drive'", "calstation table reset")),
     ],
 )
 def test_a_table_that_must_not_move_is_not_moved_and_its_fault_stays(

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("silence_imu", 600, ("no data any more", "check cable, power")),
+        ("silence_imu", 600, ("no data come although", "check cable, power")),
         ("garble_imu", 600, ("check baud, parity",)),
         ("saturate_imu", 600, ("saturates", "lower the rate")),
         ("invalid_imu", 600, ("saturates", "lower the rate")),
@@ -52,7 +52,7 @@ def floats(floor: Floor) -> Floor:
 @pytest.mark.parametrize(
     ("kind", "value", "reason", "words"),
     [
-        ("invalid_imu", 600, "invalid", ("no number again and again", "switch the unit off and on")),
+        ("invalid_imu", 600, "invalid", ("non-numeric samples repeatedly", "switch the unit off and on")),
         ("saturate_imu", 600, "saturated", ("saturates", "lower the rate")),
         ("freeze_channel", 4, "", ("accel y shows the same value", "switch the unit off and on")),
     ],
@@ -83,8 +83,8 @@ def test_samples_that_are_no_number_are_marked_and_their_step_is_repeated(floats
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("invalid_imu", 600.0, ("is no number", "switch the unit off and on")),
-        ("saturate_imu", 600.0, ("saturates though the table rests", "what shakes the unit")),
+        ("invalid_imu", 600.0, ("non-numeric samples", "switch the unit off and on")),
+        ("saturate_imu", 600.0, ("saturates although the table is at rest", "what shakes the unit")),
     ],
 )
 def test_output_of_no_use_is_told_before_anything_moves(
@@ -98,7 +98,7 @@ def test_output_of_no_use_is_told_before_anything_moves(
 @pytest.mark.parametrize(
     ("planned", "words"),
     [
-        ({"kind": "wrong_unit"}, ("answers to serial number 'SN-000042-OTHER'", "check the unit")),
+        ({"kind": "wrong_unit"}, ("reports serial number 'sn-000042-other'", "check the unit")),
         ({"kind": "mounted_otherwise"}, ("away from the declared mounting", "check how the unit is mounted")),
         ({"kind": "garble_imu", "value": 600.0}, ("check baud",)),
     ],

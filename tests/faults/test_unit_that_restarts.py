@@ -78,7 +78,7 @@ def test_before_its_registers_are_written_it_is_looked_at_again(floor: Floor, im
 @pytest.mark.parametrize("imu", IMUS)
 def test_again_and_again_it_is_a_fault_that_leaves_the_decision_open(floor: Floor, imu: str) -> None:
     ran = with_imu(floor, imu).run(*restart("verifying", *range(6, 60, 6)))
-    ran.assert_stopped("IMU: it restarted while its new registers were looked at", "check its supply")
+    ran.assert_stopped("IMU: the unit restarted while its new registers were verified", "check its supply")
     assert ran.bench["flash_cycles"] == 1
     (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
     assert (entry.closing, entry.steps[-1]) == (None, "restarted")

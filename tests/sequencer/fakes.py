@@ -25,18 +25,19 @@ from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import COUNT
 from calstation.physics.rotation import rotation_matrix, rotation_vector
 from calstation.physics.table import JointLimits, TableGeometry
+from calstation.sequencer.context import RunContext, Slot
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event
-from calstation.sequencer.preflight import PreflightLimits
+from calstation.sequencer.plan import StagePlan, StopRule
 from calstation.sequencer.sequencer import Sequencer
-from calstation.sequencer.stop_rule import StopRule
-from calstation.sequencer.task import Finalized, StagePlan, Task
+from calstation.sequencer.task import Finalized, LastSample, PreflightLimits, StatusMasks, Task, UnitTask
 
 GRAVITY = 9.8
 RATE = 100.0
 MODEL = ImuModel("SN-1", RATE, "rate", 1e-6, 1e-5, 1e-9, 1e-9)  # no noise, as the fake has none
 LIMITS = JointLimits((-20.0, -20.0), (20.0, 20.0), (1.0, 1.0), (2.0, 2.0))
 GEOMETRY = TableGeometry(limits=LIMITS)
+UNIT = UnitTask("SN-1", MODEL, PreflightLimits(r"SN-\d+", GRAVITY))
 
 
 class FakeClock:
@@ -311,7 +312,9 @@ def endless() -> Iterator[Step]:
 class Scene:
     """A sequencer among fakes."""
 
-    def __init__(self, *stages: StagePlan, serial: str = "SN-1", **preflight: Any) -> None:
+    def __init__(
+        self, *stages: StagePlan, serial: str = "SN-1", by_hand: bool = False, **preflight: Any
+    ) -> None:
         self.clock = FakeClock()
         self.table = FakeTable(self.clock)
         self.imu = FakeImu(self.clock, self.table)
@@ -323,41 +326,43 @@ class Scene:
         self.writes = True
         self.finalized = 0
         self.proved: list[Any] = []
-        limits = PreflightLimits(serial, r"SN-\d+", GRAVITY, **preflight)
-        from calstation.sequencer.acquisition import StatusMasks
-
-        self.task = Task(
-            stages or (StagePlan("rate", quarter_turns),),
-            limits,
-            GEOMETRY,
+        self.earlier: Any = None
+        self.task = Task(stages or (StagePlan("rate", quarter_turns),), GEOMETRY, by_hand=by_hand)
+        self.unit = UnitTask(
+            serial,
             MODEL,
+            PreflightLimits(r"SN-\d+", GRAVITY, **preflight),
             StatusMasks(ready=1, saturated=2, failed=4),
         )
 
-    def run(self, **more: Any) -> Any:
+    def run(self, solved: tuple[Solution, ...] = (), after: LastSample | None = None) -> Any:
         """Run to the end."""
-        self.sequencer = Sequencer(
-            self.task,
-            self.table,
-            self.imu,
-            self.clock,
-            self.journal,
-            self.solving,
-            self.events.append,
-            verify=lambda solution: True,
-            finalize=self._finalize,
-            prove=lambda data, run_in_background: self.proved.append(data),
-            control=self.control,
-            **more,
+        slot = Slot(self.imu, self.unit, self.journal, self.solving, after)
+        context = RunContext(
+            self.task, self.table, (slot,), self.clock, lambda event: self.events.append(event), self.control
         )
+        self.sequencer = Sequencer(context, self, solved)
         return self.sequencer.run()
 
-    def _finalize(self, solutions: Any, run_in_background: Any, look: Any) -> Finalized:
+    def verify_earlier(self) -> Any:
+        """Nothing was written before the run."""
+        return self.earlier
+
+    def stage_passed(self, solution: Solution) -> bool:
+        """Go on."""
+        return True
+
+    def finalize(self, solutions: Any, run_in_background: Any, capture_reference: Any) -> Finalized:
+        """Pass and write as the test wants it."""
         self.finalized += 1
         if self.writes:
-            look()
+            capture_reference()
         self.solutions = solutions
         return Finalized(self.passes, self.passes and self.writes)
+
+    def verify(self, data: Any, run_in_background: Any) -> None:
+        """Keep the data."""
+        self.proved.append(data)
 
     def told(self, kind: type) -> list[Any]:
         """Events of a kind."""

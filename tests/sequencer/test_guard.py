@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from calstation.devices.interfaces import UNTOLD
+from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.motion import Move
 from calstation.physics.table import JointLimits
 from calstation.sequencer.guard import check_motion, check_move, check_power
+from tests.helpers import raises_code
 from tests.sequencer.fakes import LIMITS, FakeClock, FakeTable
 
 GOOD = Move(1.0, -1.0, 0.5, 1.0)
@@ -24,43 +25,49 @@ def test_a_proper_move_is_allowed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "word"),
+    ("changes", "code"),
     [
-        ({"watchdog": 0.0}, "watchdog"),
-        ({"interlock_closed": False}, "interlock"),
-        ({"fault": "drive"}, "table: fault 'drive' is latched; remove its cause, then reset it"),
-        ({"fault": UNTOLD}, "table: fault, it tells no cause; read its display, .*, then reset it"),
+        ({"watchdog": 0.0}, "motion.watchdog_off"),
+        ({"interlock_closed": False}, "motion.interlock_open"),
+        ({"fault": "drive"}, "table.latched_drive"),
+        ({"fault": "code 17"}, "table.latched_other"),
+        ({"fault": UNTOLD}, "table.latched_unknown"),
+        ({"fault": LOCAL_CONTROL}, "motion.local_control"),
     ],
 )
-def test_power_is_refused(changes: dict[str, object], word: str) -> None:
-    with pytest.raises(DeviceFaultError, match=word):
+def test_power_is_refused(changes: dict[str, object], code: str) -> None:
+    with raises_code(DeviceFaultError, code):
         check_power(status(**changes))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("changes", "word"), [({"enabled": False}, "enabled"), ({"homed": False}, "homed")])
-def test_motion_is_refused(changes: dict[str, object], word: str) -> None:
-    with pytest.raises(DeviceFaultError, match=word):
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [({"enabled": False}, "motion.not_enabled"), ({"homed": False}, "motion.not_homed")],
+)
+def test_motion_is_refused(changes: dict[str, object], code: str) -> None:
+    with raises_code(DeviceFaultError, code):
         check_motion(status(**changes))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("move", "word"),
+    ("move", "code"),
     [
-        (replace(GOOD, outer=21.0), "outer axis target"),
-        (replace(GOOD, inner=-21.0), "inner axis target"),
-        (replace(GOOD, inner=float("nan")), "inner axis target"),
-        (replace(GOOD, rate=1.1), "rate"),
-        (replace(GOOD, rate=0.0), "rate"),
-        (replace(GOOD, rate=float("nan")), "rate"),
-        (replace(GOOD, acceleration=2.1), "acceleration"),
+        (replace(GOOD, outer=21.0), "motion.target_outside"),
+        (replace(GOOD, inner=-21.0), "motion.target_outside"),
+        (replace(GOOD, inner=float("nan")), "motion.target_outside"),
+        (replace(GOOD, rate=1.1), "motion.rate_outside"),
+        (replace(GOOD, rate=0.0), "motion.rate_outside"),
+        (replace(GOOD, rate=float("nan")), "motion.rate_outside"),
+        (replace(GOOD, acceleration=2.1), "motion.acceleration_outside"),
     ],
 )
-def test_moves_outside_the_limits_are_refused(move: Move, word: str) -> None:
-    with pytest.raises(ConfigurationError, match=word):
+def test_moves_outside_the_limits_are_refused(move: Move, code: str) -> None:
+    with raises_code(ConfigurationError, code):
         check_move(status(), LIMITS, move)  # type: ignore[arg-type]
 
 
 def test_the_tables_own_travel_counts_too() -> None:
     narrow = JointLimits((-0.5, -2.0), (0.5, 2.0))
-    with pytest.raises(ConfigurationError, match="outer"):
+    with raises_code(ConfigurationError, "motion.target_outside") as caught:
         check_move(status(limits=narrow), LIMITS, GOOD)  # type: ignore[arg-type]
+    assert caught.value.values["axis"] == "outer"

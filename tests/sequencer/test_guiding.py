@@ -14,7 +14,7 @@ from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.drivers import ManualTable
 from calstation.physics.motion import Carry, Step
 from calstation.physics.rotation import rotation_vector
-from calstation.sequencer.control import Command
+from calstation.sequencer.control import Command, State
 from calstation.sequencer.events import (
     LOSSY,
     Fault,
@@ -28,8 +28,7 @@ from calstation.sequencer.events import (
     from_json,
     to_json,
 )
-from calstation.sequencer.states import State
-from calstation.sequencer.task import StagePlan
+from calstation.sequencer.plan import StagePlan
 from tests.sequencer.fakes import GEOMETRY, GRAVITY, MODEL, RATE, FakeImu, Scene
 
 REST = 2.0
@@ -242,9 +241,9 @@ def test_no_power_home_direction_or_turn_is_asked_of_rails() -> None:
 
 def test_gravity_of_a_wrong_length_is_a_fault_before_anybody_is_asked() -> None:
     scene = ByHand()
-    scene.task = replace(scene.task, preflight=replace(scene.task.preflight, gravity=9.0))
+    scene.unit = replace(scene.unit, preflight=replace(scene.unit.preflight, gravity=9.0))
     assert scene.run().state is State.FAULT
-    assert "gravity measures 9.8" in scene.told(Fault)[0].text
+    assert scene.told(Fault)[0].code == "preflight.gravity_size"
     assert not scene.told(StepStarted)
 
 

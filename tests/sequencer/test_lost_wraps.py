@@ -10,7 +10,7 @@ from calstation.devices.interfaces import SampleBatch
 from calstation.devices.profiles.frame import FrameSection
 from calstation.estimation.common.samples import SampleBlock
 from calstation.sequencer.acquisition import Acquisition
-from tests.sequencer.fakes import MODEL, RATE, FakeClock, FakeImu, FakeTable
+from tests.sequencer.fakes import RATE, UNIT, FakeClock, FakeImu, FakeTable
 
 FRAME = FrameSection.model_validate(
     {
@@ -46,7 +46,7 @@ class Line:
         self.imu = ShortCounter(self.clock, FakeTable(self.clock))
         self.blocks: list[SampleBlock] = []
         self.acquisition = Acquisition(
-            self.imu, MODEL, self.clock, self.blocks.append, wrap=FRAME.counter_period
+            self.imu, replace(UNIT, wrap=FRAME.counter_period), self.clock, self.blocks.append
         )
         self.pass_(3.0)
 

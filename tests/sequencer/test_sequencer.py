@@ -9,8 +9,9 @@ import pytest
 from calstation.devices.profiles.frame import Span
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
+from calstation.messages.rendering import Text
 from calstation.physics.motion import Move
-from calstation.sequencer.control import Command
+from calstation.sequencer.control import Command, State
 from calstation.sequencer.driving import RunInBackground
 from calstation.sequencer.events import (
     Fault,
@@ -21,11 +22,15 @@ from calstation.sequencer.events import (
     StateChanged,
     StepStarted,
 )
-from calstation.sequencer.safe_stop import safe_stop
-from calstation.sequencer.states import State
-from calstation.sequencer.stop_rule import StopRule
-from calstation.sequencer.task import Finalized, Output, StagePlan
+from calstation.sequencer.guard import safe_stop
+from calstation.sequencer.plan import StagePlan, StopRule
+from calstation.sequencer.task import Ended, Finalized, Output
 from tests.sequencer.fakes import GRAVITY, MODEL, RATE, Scene, repeated
+
+
+def code(ended: Ended) -> str:
+    assert ended.error is not None
+    return ended.error.code
 
 
 def states(scene: Scene) -> list[str]:
@@ -167,7 +172,7 @@ def test_an_imu_that_falls_silent_is_a_fault_after_bounded_repeats() -> None:
     in_stage(scene, 1.0, lambda: setattr(scene.imu, "silent", True))
     ended = scene.run()
     assert ended.state is State.FAULT
-    assert "data" in str(ended.error)
+    assert code(ended) == "stream.not_started"
     assert scene.table.told[-2:] == ["stop", "disable"]
 
 
@@ -179,20 +184,20 @@ def test_saturation_repeats_the_step() -> None:
 
 
 @pytest.mark.parametrize(
-    ("attribute", "value", "word"),
+    ("attribute", "value", "expected"),
     [
-        ("fault", "drive", "drive"),
-        ("interlock", False, "interlock"),
-        ("enabled", False, "axes off"),
-        ("dead", True, "no answer"),
+        ("fault", "drive", "table.latched_drive"),
+        ("interlock", False, "motion.interlock_opened"),
+        ("enabled", False, "motion.switched_off"),
+        ("dead", True, ""),
     ],
 )
-def test_a_table_that_fails_is_a_fault_and_a_safe_stop(attribute: str, value: object, word: str) -> None:
+def test_a_table_that_fails_is_a_fault_and_a_safe_stop(attribute: str, value: object, expected: str) -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.table, attribute, value))
     ended = scene.run()
     assert ended.state is State.FAULT
-    assert word in str(ended.error)
+    assert code(ended) == expected
     assert scene.told(Fault)[0].exit_code == 3
     if attribute != "dead":
         assert scene.table.told[-2:] == ["stop", "disable"]
@@ -205,7 +210,7 @@ def test_a_safe_stop_takes_every_step_whatever_breaks() -> None:
         raise TypeError("no descriptor")
 
     scene.table.stop = broken  # type: ignore[method-assign]
-    assert safe_stop(scene.table, scene.clock) == ["no descriptor"]
+    assert safe_stop(scene.table, scene.clock) == [Text.of("os.other", words="no descriptor")]
     assert scene.table.told == ["disable"]
 
 
@@ -214,31 +219,31 @@ def test_a_stalled_move_times_out() -> None:
     scene.table.stuck = True
     ended = scene.run()
     assert isinstance(ended.error, DeviceFaultError)
-    assert "did not reach" in str(ended.error)
+    assert ended.error.code == "motion.not_reached"
 
 
 @pytest.mark.parametrize(
-    ("break_it", "word"),
+    ("break_it", "expected"),
     [
-        (lambda s: setattr(s.imu, "serial", "SN-2"), "serial"),
-        (lambda s: setattr(s.table, "watchdog", 0.0), "watchdog"),
-        (lambda s: setattr(s.table, "interlock", False), "interlock"),
-        (lambda s: setattr(s.imu, "sign", -1.0), "axis measures"),
-        (lambda s: setattr(s.imu, "upside_down", True), "gravity points"),
-        (lambda s: setattr(s.imu, "twist", 0.3), "away from the declared axis"),
+        (lambda s: setattr(s.imu, "serial", "SN-2"), "preflight.other_unit"),
+        (lambda s: setattr(s.table, "watchdog", 0.0), "motion.watchdog_off"),
+        (lambda s: setattr(s.table, "interlock", False), "motion.interlock_open"),
+        (lambda s: setattr(s.imu, "sign", -1.0), "preflight.turn_size"),
+        (lambda s: setattr(s.imu, "upside_down", True), "preflight.gravity_direction"),
+        (lambda s: setattr(s.imu, "twist", 0.3), "preflight.turn_axis"),
         (
             lambda s: setattr(s.table, "on_move", lambda: setattr(s.imu, "silent", True)),
-            "no data during a turn",
+            "preflight.no_data_in_turn",
         ),
-        (lambda s: setattr(s.imu, "ready_at", 1e6), "not ready"),
+        (lambda s: setattr(s.imu, "ready_at", 1e6), "preflight.not_ready"),
     ],
 )
-def test_preflight_refuses(break_it: object, word: str) -> None:
+def test_preflight_refuses(break_it: object, expected: str) -> None:
     scene = Scene()
     break_it(scene)  # type: ignore[operator]
     ended = scene.run()
     assert ended.state is State.FAULT
-    assert word in str(ended.error)
+    assert code(ended) == expected
     assert states(scene) == ["preparing", "fault"]
 
 
@@ -247,6 +252,7 @@ def test_a_serial_number_outside_the_pattern_is_refused() -> None:
     scene.imu.serial = "XX-1"
     ended = scene.run()
     assert isinstance(ended.error, ConfigurationError)
+    assert ended.error.code == "preflight.serial_pattern"
 
 
 def test_an_unhomed_table_is_homed() -> None:
@@ -269,6 +275,7 @@ def test_a_plan_outside_the_limits_is_refused_before_anything_moves() -> None:
     scene = Scene(StagePlan("rate", lambda: iter([Move(30.0, 0.0, 0.5, 1.0)])))
     ended = scene.run()
     assert isinstance(ended.error, ConfigurationError)
+    assert ended.error.code == "motion.target_outside"
     assert scene.table.told == ["stop", "disable"]
 
 
@@ -344,11 +351,13 @@ def test_a_stop_that_comes_before_the_registers_are_written_is_a_stop() -> None:
     assert scene.table.told[-2:] == ["stop", "disable"]
 
 
-def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -> None:
+def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unverified() -> None:
     scene = Scene()
     transferred: list[bool] = []
 
-    def finalize(solutions: object, run_in_background: RunInBackground, look: object) -> Finalized:
+    def finalize(
+        solutions: object, run_in_background: RunInBackground, capture_reference: object
+    ) -> Finalized:
         def transfer() -> None:
             scene.control.send(Command.STOP)
             while not scene.control.stopping:
@@ -358,7 +367,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -
         run_in_background(transfer)
         return Finalized(passed=True, written=True)
 
-    scene._finalize = finalize  # type: ignore[method-assign]
+    scene.finalize = finalize  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
     assert transferred == [True]
     assert scene.proved == []
@@ -366,7 +375,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unproved() -
     assert scene.table.told[-2:] == ["stop", "disable"]
 
 
-def test_the_restarted_unit_is_looked_at_on_fresh_data_that_no_log_holds() -> None:
+def test_the_restarted_unit_is_captured_in_data_that_no_log_holds() -> None:
     scene = Scene()
     assert scene.run().state is State.PASSED
     (fresh,) = scene.proved
@@ -383,9 +392,9 @@ def test_the_restarted_unit_is_looked_at_on_fresh_data_that_no_log_holds() -> No
     assert scene.clock.time * RATE - logged > 20.0 * RATE
 
 
-def test_a_unit_that_shows_its_corrected_output_is_looked_at_before_and_after() -> None:
+def test_a_unit_with_corrected_output_is_captured_before_and_after() -> None:
     scene = Scene()
-    scene.task = replace(scene.task, corrected=Output.ASKED)
+    scene.unit = replace(scene.unit, corrected=Output.ASKED)
     assert scene.run().state is State.PASSED
     (fresh,) = scene.proved
     assert fresh.corrected
@@ -396,7 +405,7 @@ def test_a_unit_that_shows_its_corrected_output_is_looked_at_before_and_after() 
 
 
 @pytest.mark.parametrize("spoilt", [1, 2, 3])
-def test_a_turn_with_a_gap_is_made_again_from_where_it_began(spoilt: int) -> None:
+def test_a_turn_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
     scene = Scene()
     moves: list[int] = []
 
@@ -413,7 +422,7 @@ def test_a_turn_with_a_gap_is_made_again_from_where_it_began(spoilt: int) -> Non
     told = [words for words in scene.table.told[moves[0] :] if words.startswith("move")]
     again = ["move 180 0", "move 90 0"] * spoilt
     if spoilt == 3:
-        assert "samples are lost or spoilt again and again" in str(ended.error)
+        assert code(ended) == "stream.lossy"
         assert told[2:] == again[:-1]
         assert scene.proved == []
         return
@@ -424,14 +433,16 @@ def test_a_turn_with_a_gap_is_made_again_from_where_it_began(spoilt: int) -> Non
     assert np.allclose(np.abs(axes), np.eye(3)[[0, 1, 2]], atol=2e-3)
 
 
-def test_a_stop_while_the_restarted_unit_is_looked_at_says_that_nothing_is_proved_yet() -> None:
+def test_a_stop_while_the_restarted_unit_is_captured_reports_an_unverified_transfer() -> None:
     scene = Scene()
 
-    def finalize(solutions: object, run_in_background: RunInBackground, look: object) -> Finalized:
+    def finalize(
+        solutions: object, run_in_background: RunInBackground, capture_reference: object
+    ) -> Finalized:
         scene.clock.scripts.append((scene.clock.time + 3.0, lambda: scene.control.send(Command.STOP)))
         return Finalized(passed=True, written=True)
 
-    scene._finalize = finalize  # type: ignore[method-assign]
+    scene.finalize = finalize  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
     assert scene.proved == []
     told = [message.id for message in scene.told(Message)]
@@ -447,7 +458,7 @@ def test_a_unit_without_registers_has_passed_when_it_is_inside_the_limits() -> N
     assert ("verify",) not in [e.label for e in scene.told(StepStarted)]
 
 
-def test_a_stop_that_nobody_pressed_says_why() -> None:
+def test_a_stop_without_the_operator_gives_its_reason() -> None:
     scene = Scene()
     scene.clock.at(4.0, lambda: scene.control.send(Command.STOP, "listener_lost"))
     assert scene.run().state is State.STOPPED
@@ -456,7 +467,7 @@ def test_a_stop_that_nobody_pressed_says_why() -> None:
     ]
 
 
-def test_output_that_is_no_number_is_spoilt_and_its_step_repeated() -> None:
+def test_non_numeric_output_is_spoilt_and_its_step_repeated() -> None:
     scene = Scene()
     scene.clock.at(16.0, lambda: setattr(scene.imu, "nan", True))
     assert scene.run().state is State.PASSED
@@ -467,59 +478,58 @@ def test_output_that_is_no_number_is_spoilt_and_its_step_repeated() -> None:
     assert not bad[0].valid[np.isnan(bad[0].counts).any(axis=1)].any()
 
 
-def test_a_channel_without_its_noise_is_told_as_stuck() -> None:
+def test_a_channel_without_its_noise_is_reported_as_stuck() -> None:
     scene = Scene()
     noisy = replace(MODEL, gyro_arw=1e-7)  # one count of noise at 100 Hz
-    scene.task = replace(scene.task, imu=noisy)
+    scene.unit = replace(scene.unit, model=noisy)
     assert scene.run().state is State.FAULT
     (fault,) = scene.told(Fault)
-    assert "gyro x shows the same value all the time" in fault.text
+    assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro x"})
     assert scene.table.told[-1] == "disable"
 
 
 def test_a_unit_that_is_not_ready_yet_may_show_nothing_but_zeros() -> None:
     scene = Scene()
-    scene.task = replace(scene.task, imu=replace(MODEL, gyro_arw=1e-7))
+    scene.unit = replace(scene.unit, model=replace(MODEL, gyro_arw=1e-7))
     scene.imu.ready_at = 1e9
     assert scene.run().state is State.FAULT
     (fault,) = scene.told(Fault)
-    assert "not ready after" in fault.text
+    assert fault.code == "preflight.not_ready"
 
 
 def test_a_channel_of_floats_is_stuck_however_small_its_noise_is_in_counts() -> None:
     scene = Scene()
-    scene.task = replace(scene.task, span=Span(step=np.zeros(6)))
+    scene.unit = replace(scene.unit, span=Span(step=np.zeros(6)))
     assert scene.run().state is State.FAULT
     (fault,) = scene.told(Fault)
-    assert "gyro x shows the same value all the time" in fault.text
+    assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro x"})
 
 
-def test_output_that_is_no_number_is_told_before_the_axes_are_switched_on() -> None:
+def test_non_numeric_output_is_reported_before_the_axes_are_switched_on() -> None:
     scene = Scene()
     scene.clock.at(1.0, lambda: setattr(scene.imu, "nan", True))
     assert scene.run().state is State.FAULT
     (fault,) = scene.told(Fault)
-    assert "the output is no number; switch the unit off and on" in fault.text
+    assert fault.code == "preflight.non_numeric"
     assert "enable" not in scene.table.told
 
 
-def test_output_that_saturates_in_the_small_turns_is_told() -> None:
+def test_output_that_saturates_in_the_small_turns_is_reported() -> None:
     scene = Scene()
     rest = GRAVITY / MODEL.accel_lsb
     turns = np.deg2rad(1.0) / MODEL.gyro_lsb
-    scene.task = replace(scene.task, span=Span(high=np.array([turns] * 3 + [2.0 * rest] * 3)))
+    scene.unit = replace(scene.unit, span=Span(high=np.array([turns] * 3 + [2.0 * rest] * 3)))
     assert scene.run().state is State.FAULT
     (fault,) = scene.told(Fault)
-    assert "saturates though the table rests or turns slowly" in fault.text
+    assert fault.code == "preflight.saturated"
     assert scene.table.told[-1] == "disable"
 
 
-def test_a_gyro_far_from_what_its_profile_expects_is_told_before_it_turns() -> None:
+def test_a_gyro_far_from_what_its_profile_expects_is_reported_before_it_turns() -> None:
     scene = Scene()
     high = np.array([1.0, -0.1, 1.0])
-    scene.task = replace(scene.task, preflight=replace(scene.task.preflight, rate_high=high))
+    scene.unit = replace(scene.unit, preflight=replace(scene.unit.preflight, rate_high=high))
     assert scene.run().state is State.FAULT
     (fault,) = scene.told(Fault)
-    assert "IMU: gyro y measures" in fault.text
-    assert "; replace the unit, or correct prior.gyro_bias" in fault.text
+    assert (fault.code, fault.values["axis"]) == ("preflight.gyro_rate", "y")
     assert not scene.told(StageStarted)

@@ -10,10 +10,10 @@ from calstation.devices.profiles.frame import Span
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, INDEX
-from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, LastSample, StatusMasks, to_si
-from calstation.sequencer.preview import move_time, plan_time, planned
-from calstation.sequencer.stop_rule import StopRule, named, reached
-from tests.sequencer.fakes import MODEL, RATE, FakeClock, FakeImu, FakeTable, endless
+from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, to_si
+from calstation.sequencer.plan import StopRule, move_time, named, plan_time, planned, reached
+from calstation.sequencer.task import LastSample, StatusMasks
+from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
 
 
 def test_move_time_of_a_trapezoid_and_a_triangle() -> None:
@@ -53,7 +53,7 @@ def test_polled_angles_lie_on_the_sample_of_their_time(latency: float) -> None:
     table = FakeTable(clock)
     imu = FakeImu(clock, table)
     blocks: list[SampleBlock] = []
-    acquisition = Acquisition(imu, MODEL, clock, blocks.append, latency=latency)
+    acquisition = Acquisition(imu, UNIT, clock, blocks.append, latency=latency)
     table.move(2.0, -2.0, 0.5, 1.0)
     for _ in range(40):
         clock.sleep(0.05)
@@ -77,7 +77,7 @@ def test_a_poll_that_was_repeated_on_the_way_gives_no_angle() -> None:
     clock = FakeClock()
     table = FakeTable(clock)
     blocks: list[SampleBlock] = []
-    acquisition = Acquisition(FakeImu(clock, table), MODEL, clock, blocks.append)
+    acquisition = Acquisition(FakeImu(clock, table), UNIT, clock, blocks.append)
     clock.sleep(1.0)
     acquisition.poll(table.status(), clock.time - 0.5, clock.time)
     acquisition.drain()
@@ -87,7 +87,7 @@ def test_a_poll_that_was_repeated_on_the_way_gives_no_angle() -> None:
 def test_status_bits_and_gaps_are_seen() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock), ready_at=0.2)
-    acquisition = Acquisition(imu, MODEL, clock, lambda block: None, masks=StatusMasks(1, 2, 4))
+    acquisition = Acquisition(imu, replace(UNIT, masks=StatusMasks(1, 2, 4)), clock, lambda block: None)
     assert acquisition.recent is None
     clock.sleep(0.1)
     assert not acquisition.drain().ready
@@ -103,24 +103,24 @@ def test_status_bits_and_gaps_are_seen() -> None:
     assert not any(b for b in [acquisition.drain().count])
 
 
-def test_a_channel_at_its_end_spoils_its_sample_whatever_the_status_says() -> None:
+def test_a_channel_at_the_end_of_its_range_invalidates_its_sample_whatever_the_status_says() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock))
     gravity = 9.8 / MODEL.accel_lsb
     blocks: list[SampleBlock] = []
     for high, saturated in ((gravity * 0.999, True), (gravity * 1.001, False)):
         span = Span(high=np.full(6, high))
-        acquisition = Acquisition(imu, MODEL, clock, blocks.append, span=span)
+        acquisition = Acquisition(imu, replace(UNIT, span=span), clock, blocks.append)
         clock.sleep(0.1)
         assert acquisition.drain().saturated is saturated
         assert blocks[-1].valid.any() != saturated
 
 
-def test_what_is_shown_is_the_mean_of_what_is_a_number() -> None:
+def test_the_mean_shown_ignores_non_numeric_samples() -> None:
     clock = FakeClock()
     imu = FakeImu(clock, FakeTable(clock))
     blocks: list[SampleBlock] = []
-    acquisition = Acquisition(imu, MODEL, clock, blocks.append)
+    acquisition = Acquisition(imu, UNIT, clock, blocks.append)
     imu.nan = True
     clock.sleep(0.1)
     assert acquisition.drain().invalid
@@ -138,12 +138,12 @@ def test_increments_become_rates() -> None:
     assert math.isclose(to_si(MODEL)[5], MODEL.accel_lsb)
 
 
-def test_a_resumed_run_carries_on_behind_its_last_sample() -> None:
+def test_a_resumed_run_continues_after_its_last_sample() -> None:
     clock = FakeClock()
     table = FakeTable(clock)
     blocks: list[SampleBlock] = []
     after = LastSample(seq=5000, time=123.456, step=7)
-    acquisition = Acquisition(FakeImu(clock, table), MODEL, clock, blocks.append, after=after)
+    acquisition = Acquisition(FakeImu(clock, table), UNIT, clock, blocks.append, after=after)
     for _ in range(3):
         clock.sleep(0.5)
         acquisition.drain()

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calstation.sequencer.states import ENDED, TRANSITIONS, IllegalTransitionError, State, step
+from calstation.sequencer.control import ENDED, TRANSITIONS, IllegalTransitionError, State, transition
 
 
 @given(st.lists(st.sampled_from(State)))
@@ -13,10 +13,10 @@ def test_any_walk_stays_on_the_table(wishes: list[State]) -> None:
     for wish in wishes:
         allowed = wish in TRANSITIONS[state]
         if allowed:
-            state = step(state, wish)
+            state = transition(state, wish)
         else:
             with pytest.raises(IllegalTransitionError):
-                step(state, wish)
+                transition(state, wish)
 
 
 def test_every_state_can_be_reached_and_left() -> None:

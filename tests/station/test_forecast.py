@@ -88,7 +88,7 @@ def test_every_broken_limit_is_named_with_its_step(place: Place) -> None:
     assert (violation.stage, violation.step, violation.label) == ("six_position", 1, ("face_up", "+z"))
     assert (violation.kind, violation.joint, violation.more) == ("rate", "", 5)
     assert np.rad2deg([violation.value, violation.high]) == pytest.approx([150.0, 120.0])
-    assert "rate 150 °/s is outside the table's 0 to 120 °/s" in violation.text
+    assert "rate of 150 °/s is outside the table's 0 to 120 °/s" in violation.text
     assert all(stage.sigma is None for stage in told.stages)
     assert told.duration > 0.0
 

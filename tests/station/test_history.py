@@ -14,8 +14,8 @@ from calstation.records.raw_log import RawLogWriter
 from calstation.records.run_index import FILE
 from calstation.results import history as history_module
 from calstation.results.history import History, refresh_history
+from calstation.runs.incomplete import recover_startup
 from calstation.runs.resume import resumable
-from calstation.runs.startup_recovery import recover_startup
 from tests.records.records_samples import META, make_block
 
 

@@ -45,7 +45,7 @@ def test_an_engine_frozen_in_mid_message_holds_nobody_up() -> None:
     first, fault = told
     assert first == Message("homing")
     assert isinstance(fault, Fault)
-    assert "no sign of life" in fault.text
+    assert fault.code == "run.engine_silent"
     engine.hang_up()
     process.join(PATIENCE)
     assert not engine.alive

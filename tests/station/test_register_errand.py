@@ -134,15 +134,15 @@ def test_the_table_is_prepared_before_the_write_turned_behind_it_and_left_at_its
 @pytest.mark.parametrize(
     ("bench", "words"),
     [
-        ({"interlock_closed": False}, "the interlock is open"),
-        pytest.param({"watchdog_ms": 0}, "the watchdog is off", marks=pytest.mark.long),
+        ({"interlock_closed": False}, "The interlock is open"),
+        pytest.param({"watchdog_ms": 0}, "The watchdog is off", marks=pytest.mark.long),
         pytest.param({"orders": [{"order": "drive_fault"}]}, "fault 'drive'", marks=pytest.mark.long),
         pytest.param(
             {"orders": [{"order": "mute_table", "value": 1e6}]}, "no answer", marks=pytest.mark.long
         ),
         pytest.param(
             {"low_deg": [-1080.0, -20.0], "high_deg": [1080.0, 20.0]},
-            "its inner axis cannot turn by 30°",
+            "The inner axis cannot turn by 30°",
             marks=pytest.mark.long,
         ),
     ],

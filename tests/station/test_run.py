@@ -20,6 +20,7 @@ from calstation.runs import run
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Message, StageSolved, StateChanged, StepStarted, Verdict
+from tests.helpers import raises_code
 from tests.station.conftest import Place, behind_registers
 
 
@@ -102,24 +103,26 @@ def test_stop_is_safe_and_leaves_a_result(place: Place, moment: type) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bench", "word"),
+    ("bench", "code"),
     [
-        ({"serial": "SN-000043"}, "SN-000043"),
-        ({"watchdog_ms": 0}, "watchdog"),
-        ({"interlock_closed": False}, "interlock"),
-        ({"mount_deg": [20.0, 21.0]}, "away from the declared mounting"),
-        ({"ready_time_s": 1000.0}, "not ready"),
-        ({"orders": [{"order": "drive_fault", "at": 35.0}]}, "drive"),
-        ({"orders": [{"order": "silence_imu", "value": 500, "at": 35.0}]}, "data"),
-        ({"orders": [{"order": "hang_up_imu", "at": 35.0}]}, "port"),
+        ({"serial": "SN-000043"}, "preflight.other_unit"),
+        ({"watchdog_ms": 0}, "motion.watchdog_off"),
+        ({"interlock_closed": False}, "motion.interlock_open"),
+        ({"mount_deg": [20.0, 21.0]}, "preflight.gravity_direction"),
+        ({"ready_time_s": 1000.0}, "preflight.not_ready"),
+        ({"orders": [{"order": "drive_fault", "at": 35.0}]}, "table.latched_drive"),
+        ({"orders": [{"order": "silence_imu", "value": 500, "at": 35.0}]}, "stream.not_started"),
+        ({"orders": [{"order": "hang_up_imu", "at": 35.0}]}, None),
     ],
     ids=lambda v: str(v)[:40],
 )
-def test_faults_are_told_and_leave_a_result(place: Place, bench: dict[str, object], word: str) -> None:
+def test_faults_are_reported_and_leave_a_result(
+    place: Place, bench: dict[str, object], code: str | None
+) -> None:
     place.write(**bench)
     verdict = place.run("rate")
     assert verdict.outcome == "fault"
-    assert word in place.fault().text
+    assert code is None or place.fault().code == code
     assert verdict.result["error"] == place.fault().text
     assert [e.state for e in place.told(StateChanged)][-1] == "fault"
 
@@ -183,7 +186,7 @@ def test_a_failed_unit_is_advised_by_how_often_it_failed_and_then_not_taken_any_
         told.append(verdict.result["advice"])
         place.events.clear()
     assert told == ["reseat", "repeat", "set_aside"]
-    with pytest.raises(ConfigurationError, match="3 times in a row"):
+    with raises_code(ConfigurationError, "run.attempts_used"):
         place.run("six_position")
     request = replace(place.request("six_position"), beyond_attempts=True)
     execute(request, place.events.append, place.control)

@@ -20,7 +20,7 @@ from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.records.run_index import RunRecord
 from calstation.results.history import History, refresh_history
 from calstation.results.result import Result, load_result
-from calstation.runs.close_incomplete import close_run
+from calstation.runs.incomplete import close_incomplete_job
 from calstation.runs.resume import Resumable, find_resumable
 from calstation.sequencer.events import Event, Verdict
 
@@ -211,7 +211,7 @@ class HistoryPage(Page):
 
     def _close(self) -> None:
         if self.table.run is not None:
-            self._closer.watch(self.app.job_queue.submit(close_run, self.table.run.log, None))
+            self._closer.watch(self.app.job_queue.submit(close_incomplete_job, self.table.run.log, None))
             self._allow()
 
     def _closed(self) -> None:

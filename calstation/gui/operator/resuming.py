@@ -14,9 +14,8 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.text.messages import error_text, term
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.runs.close_incomplete import close_run
+from calstation.runs.incomplete import close_incomplete_job, recover_startup
 from calstation.runs.resume import Resumable, find_resumable
-from calstation.runs.startup_recovery import recover_startup
 
 
 class Resuming(QObject):
@@ -94,7 +93,7 @@ class Resuming(QObject):
                     primary=True,
                 ),
                 Choice(
-                    "close_run_choice",
+                    "close_incomplete_job_choice",
                     lambda: self.tr("Close as incomplete"),
                     lambda: self._close(run, others),
                 ),
@@ -118,7 +117,7 @@ class Resuming(QObject):
         )
 
     def _close(self, run: Resumable, others: list[Resumable]) -> None:
-        self._closing.watch(self._app.job_queue.submit(close_run, run.log, self._header.operator))
+        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.operator))
         self._ask(others)
 
     def _show_error(self, text: str) -> None:

@@ -72,7 +72,7 @@ def term(family: str, name: str) -> str:
 
 def event_sentence(event_id: str, values: Mapping[str, Any]) -> str:
     """The sentence of a progress event."""
-    if event_id == "safe_stop_incomplete":
+    if event_id == "safe_stop_incomplete" and isinstance(values["text"], str):
         values = {**values, "text": fault_wording.translated(str(values["text"]))}
     return show(event_text(event_id, values))
 

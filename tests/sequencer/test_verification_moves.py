@@ -9,6 +9,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.verification_moves import VerificationPath, verification_path
+from tests.helpers import raises_code
 
 DEG = np.pi / 180.0
 WIDE = JointLimits((-19.0, -19.0), (19.0, 19.0), (3.0, 3.0), (3.0, 3.0))
@@ -64,7 +65,7 @@ def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
     limits = JointLimits(*bounds, (1.0, 2.0), (1.5, 1.0))
     geometry = TableGeometry((np.cos(tilt), 0.0, np.sin(tilt)), (0.0, 0.0, 1.0), limits)
     if max(low[0], high[0]) < 30 * DEG or max(low[1], high[1]) < 30 * DEG:
-        with pytest.raises(ConfigurationError, match="cannot turn by 30"):
+        with raises_code(ConfigurationError, "motion.no_turn"):
             verification_path(start, geometry, limits)
         return
     path = verification_path(start, geometry, limits)

@@ -1,0 +1,195 @@
+"""From a request to a run that can start: its configuration, its folder, its history, and its log."""
+
+import logging
+import re
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from calstation.config.request import RunRequest, computer_user
+from calstation.config.resolved import ResolvedConfiguration, prepare_run
+from calstation.config.station import ProductConfig
+from calstation.errors import ConfigurationError
+from calstation.messages.rendering import Text, os_reason
+from calstation.physics.parameters import INDEX
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RESERVE, RawLogWriter, free_space
+from calstation.registers.interrupted import UnverifiedTransfer, check_interrupted
+from calstation.registers.preconditions import check_flash
+from calstation.results.handover import register_pending
+from calstation.results.history import History
+from calstation.results.solver_chain import StageChain
+from calstation.runs.hooks import RunHooks
+from calstation.runs.incomplete import finish_incomplete
+from calstation.runs.resume import Continuation
+from calstation.sequencer.context import Emit
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Message, to_json
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class PreparedRun:
+    """A run before its devices are open.
+
+    Attributes
+    ----------
+    setup : its configuration
+    history : of the runs in its folder
+    emit : sink of its events
+    control : the operator's commands
+    hooks : what accompanies it
+    continuation : what a resumed run begins with; None for a new one
+    started : its begin
+    """
+
+    setup: ResolvedConfiguration
+    history: History
+    emit: Emit
+    control: Control
+    hooks: RunHooks
+    continuation: Continuation | None
+    started: datetime
+
+    @property
+    def folder(self) -> Path:
+        """Where its log goes."""
+        return self.setup.request.out
+
+    def meta(self, registers: dict[str, float] | None) -> LogMeta:
+        """The log's configuration. `registers` : of the unit, None if they could not be read."""
+        if self.continuation is not None:
+            return self.continuation.meta(self.setup, self.started, registers)
+        serial = self.setup.request.serial
+        meta = self.setup.log_meta(self.started, 1 + self.history.attempts(serial), registers)
+        checks = self.setup.product.checks
+        if checks is None or checks.previous is None:
+            return meta
+        known = {name: value for name, value in self.history.previous(serial).items() if name in INDEX}
+        return meta.model_copy(update={"previous": known})
+
+    def open(
+        self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None
+    ) -> "OpenRun":
+        """Open the run's log; from now on the hand-over expects its result."""
+        meta = self.meta(registers)
+        stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
+        log = RawLogWriter(self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta)
+        with suppress(OSError):  # then there is no room for the result either, and its error says so
+            register_pending(self.folder, log.path.stem)
+        self.hooks.log_opened(log)
+        return OpenRun(self, meta, log, StageChain(meta), unverified)
+
+
+@dataclass
+class OpenRun:
+    """A run with its log.
+
+    Attributes
+    ----------
+    meta : the log's configuration
+    chain : of the stage solvers
+    unverified : a transfer that was finished before the run and is verified by it
+    registers : what the result says of the unit's registers; {} if nothing was written
+    """
+
+    prepared: PreparedRun
+    meta: LogMeta
+    log: RawLogWriter
+    chain: StageChain
+    unverified: UnverifiedTransfer | None = None
+    registers: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def setup(self) -> ResolvedConfiguration:
+        """Configuration of the run."""
+        return self.prepared.setup
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the unit."""
+        return self.meta.imu.serial
+
+    def emit(self, event: Event) -> None:
+        """Pass an event to the log and the listener."""
+        self.log.event(to_json(event))
+        self.prepared.emit(event)
+
+
+def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) -> PreparedRun:
+    """Check everything that can be checked before a device is opened.
+
+    Parameters
+    ----------
+    request : what was asked for
+    emit : sink of the run's events
+    control : the operator's commands
+    hooks : what accompanies the run
+
+    Raises
+    ------
+    ConfigurationError, InputError
+        The run cannot be made as requested.
+    """
+    continuation = None
+    if request.resume is not None:
+        continuation = Continuation.of(request, request.resume)
+        request = continuation.request
+    request = replace(request, operator=request.operator or computer_user())
+    setup = prepare_run(request, hooks.adjust)
+    _check_folder(request.out)
+    for log in finish_incomplete(request.out):
+        emit(Message("incomplete_run", {"log": str(log)}))
+    history = History(request.out)
+    history.refresh()
+    check_attempts(setup.product, request.serial, history.failures(request.serial), request.beyond_attempts)
+    check_flash(setup, request.out, emit)
+    check_interrupted(setup, request.out)
+    emit = hooks.listener(setup, request.out, emit)
+    prepared = PreparedRun(setup, history, emit, control, hooks, continuation, datetime.now(UTC))
+    meta = prepared.meta(None)  # a run that cannot be resumed as it was is refused here
+    files = (meta.run.files if meta.run else None) or {}
+    logger.info("run of %s, stages %s", request.serial, ", ".join(setup.stages))
+    for kind, section in files.items():
+        logger.info("%s %s version %s sha256 %s", kind, section.name, section.version, section.sha256)
+    return prepared
+
+
+def check_attempts(product: ProductConfig, serial: str, failures: int, beyond: bool) -> None:
+    """Check that the unit may be calibrated again.
+
+    Parameters
+    ----------
+    product : with the number of attempts that it allows
+    serial : of the unit
+    failures : consecutive runs in which it was outside its limits
+    beyond : whether an engineer allows another attempt
+
+    Raises
+    ------
+    ConfigurationError
+        The attempts are used up.
+    """
+    allowed = product.attempts_allowed
+    if allowed is not None and failures >= allowed and not beyond:
+        raise ConfigurationError(
+            "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product.name
+        )
+
+
+def _check_folder(folder: Path) -> None:
+    """Raise ConfigurationError if no log can be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".calstation"
+        probe.touch()
+        probe.unlink()
+        free = free_space(probe)
+    except OSError as exc:
+        raise ConfigurationError("run.folder_unwritable", folder=folder, cause=os_reason(exc)) from exc
+    if free < RESERVE:
+        cause = Text.of("run.disk_low", megabytes=RESERVE // 1_000_000)
+        raise ConfigurationError("run.folder_unwritable", folder=folder, cause=cause)

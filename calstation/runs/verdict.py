@@ -1,0 +1,78 @@
+"""The end of a run: its outcome, what to do next with the unit, and its result file."""
+
+import logging
+from contextlib import suppress
+from dataclasses import replace
+
+from calstation.config.site_check import there
+from calstation.config.station import ProductConfig
+from calstation.errors import ConfigurationError
+from calstation.results.judge import Ending, build_result, judge
+from calstation.results.result import write_json
+from calstation.runs.prepare import OpenRun
+from calstation.sequencer.control import State
+from calstation.sequencer.events import Verdict
+from calstation.sequencer.task import Ended
+
+_OUTCOMES = {
+    State.PASSED: "passed",
+    State.FAILED: "failed",
+    State.STOPPED: "stopped",
+    State.FAULT: "fault",
+}
+
+logger = logging.getLogger(__name__)
+
+
+def close_run(run: OpenRun, ended: Ended) -> None:
+    """Write the result into the log and beside it; emit the verdict."""
+    history, log, control = run.prepared.history, run.log, run.prepared.control
+    outcome = _OUTCOMES[ended.state]
+    failures = history.failures(run.serial) + (outcome == "failed")
+    judgement = judge(run.meta, run.chain.prior, ended.solutions)
+    finished = bool(ended.solutions) and not run.registers.get("new") and there(judgement.checks)
+    ending = Ending(
+        outcome,
+        str(log.path),
+        log.facts(),
+        registers=run.registers or None,
+        error=ended.error,
+        stop_reason=str(control.stop_reason) if outcome == "stopped" else None,
+        advice=advice(run.setup.product, outcome, failures, finished),
+    )
+    judgement = replace(judgement, passed=ended.state is State.PASSED)
+    result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()
+    log.add_result(result)
+    log.close(outcome)
+    beside = log.path.with_suffix(".json")
+    ignored = () if ended.error is None else (ConfigurationError,)  # the fault itself says what to do
+    with suppress(*ignored):
+        write_json(beside, result)
+    with suppress(OSError):  # the index only: the next run restores it
+        history.refresh()
+    logger.info("verdict %s, result %s", outcome, beside)
+    run.prepared.emit(Verdict(outcome, str(log.path), str(beside), result))
+
+
+def advice(product: ProductConfig, outcome: str, failures: int, finished: bool) -> str | None:
+    """What to do next with the unit.
+
+    Parameters
+    ----------
+    product : with its own advice
+    outcome : of the run
+    failures : consecutive runs, this one included, in which the unit was outside its limits
+    finished : whether a stage was finished, so that the run can be resumed
+
+    Returns
+    -------
+    str or None
+        ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
+    """
+    if outcome == "passed":
+        return None
+    if outcome != "failed":
+        return "resume" if finished else "repeat"
+    if product.attempts_allowed is not None and failures >= product.attempts_allowed:
+        return "set_aside"
+    return product.advice[min(failures, len(product.advice)) - 1]

@@ -1,0 +1,168 @@
+"""Plans of stages: how long they take, and when a repeated plan ends."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+
+import numpy as np
+
+from calstation.physics.arrays import FloatArray
+from calstation.physics.motion import Carry, Dwell, Finish, Move, RoundEnd, Step
+from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS, group_indices
+from calstation.sequencer.events import StageProgress
+
+_MAX_STEPS = 10_000
+
+#: What a preview allows for settling after a move where the table's profile does not say, s.
+SETTLE = 1.5
+
+
+@dataclass(frozen=True)
+class StopRule:
+    """Ends a repeated plan at the first of its conditions that holds at the end of a round.
+
+    Attributes
+    ----------
+    rounds : complete rounds, None for no such condition
+    duration : s of IMU time since the stage began, None for no such condition
+    targets : largest sigma wanted per parameter or group, SI; empty for no such condition
+    """
+
+    rounds: int | None = None
+    duration: float | None = None
+    targets: Mapping[str, float] = field(default_factory=dict)
+
+    def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None, enough: bool) -> str | None:
+        """Why to stop now.
+
+        Parameters
+        ----------
+        rounds : completed so far
+        elapsed : s of IMU time since the stage began
+        sigma : standard deviations of the parameters, shape (30,), SI; None if they are not known
+        enough : whether the operator ends the stage
+
+        Returns
+        -------
+        str or None
+            ``operator``, ``rounds``, ``duration`` or ``targets``; None to go on.
+        """
+        if enough:
+            return "operator"
+        if self.rounds is not None and rounds >= self.rounds:
+            return "rounds"
+        if self.duration is not None and elapsed >= self.duration:
+            return "duration"
+        if self.targets and sigma is not None and reached(sigma, self.targets):
+            return "targets"
+        return None
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """A stage to run: its name, a fresh iterator of its steps, and when a repeated plan ends."""
+
+    name: str
+    steps: Callable[[], Iterator[Step]]
+    rule: StopRule = field(default_factory=StopRule)
+
+
+class StageTrack:
+    """Progress of one stage; `duration` is what its plan takes, s."""
+
+    def __init__(self, stage: str, duration: float) -> None:
+        self._stage = stage
+        self._duration = duration
+        self._done = 0.0
+        self._begun = 0.0
+        self._step = 0.0
+        self._sigma: dict[str, float] = {}
+
+    def begin(self, now: float, seconds: float) -> None:
+        """Begin a step that takes `seconds` at station time `now`."""
+        self._begun, self._step = now, seconds
+
+    def end(self, sigma: FloatArray) -> None:
+        """End the step; `sigma` holds the standard deviations reached, shape (30,), SI."""
+        self._done += self._step
+        self._step = 0.0
+        self._sigma = {group: float(np.max(sigma[group_indices(group)])) for group in GROUPS}
+
+    def event(self, now: float) -> StageProgress:
+        """The stage's progress at station time `now`."""
+        done = self._done + min(max(now - self._begun, 0.0), self._step)
+        fraction = min(done / self._duration, 1.0) if self._duration > 0.0 else 1.0
+        return StageProgress(self._stage, fraction, max(self._duration - done, 0.0), self._sigma)
+
+
+def reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
+    """Whether every chosen sigma (shape (30,), SI) lies below its target."""
+    return all(sigma[i] <= limit for name, limit in targets.items() for i in named(name))
+
+
+def named(name: str) -> list[int]:
+    """Indices of a parameter or of all parameters of a group; empty for an unknown name."""
+    if name in INDEX:
+        return [INDEX[name]]
+    return [i for i, p in enumerate(PARAMETERS) if p.group == name]
+
+
+def move_time(start: tuple[float, float], move: Move) -> float:
+    """Duration of a trapezoidal (or triangular) move from `start` (rad), s; the slower joint decides."""
+    return max(
+        _profile_time(abs(end - begin), move.rate, move.acceleration)
+        for begin, end in zip(start, (move.outer, move.inner), strict=True)
+    )
+
+
+def _profile_time(distance: float, rate: float, acceleration: float) -> float:
+    if distance * acceleration < rate * rate:
+        return float(2.0 * (distance / acceleration) ** 0.5)
+    return distance / rate + rate / acceleration
+
+
+def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) -> float:
+    """Duration of a step from joint angles `start` (rad), with `settle` s after a move."""
+    if isinstance(step, Move):
+        return move_time(start, step) + settle
+    if isinstance(step, Carry):
+        return step.travel_time + step.rest
+    return step.duration if isinstance(step, Dwell) else 0.0
+
+
+def planned(
+    steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
+) -> Iterator[tuple[Step, float]]:
+    """The steps that a run will execute, each with its duration in s.
+
+    A repeated plan is followed until its rounds or duration are reached, or for one round where only sigmas or the
+    operator end it.
+
+    Parameters
+    ----------
+    steps : of the plan
+    rule : when a repeated plan ends
+    start : joint angles, rad
+    settle : from the end of a move until the table has settled, s
+    """
+    elapsed = 0.0
+    open_ended = rule.rounds is None and rule.duration is None
+    for step in islice(steps, _MAX_STEPS):
+        seconds = step_time(step, start, settle)
+        elapsed += seconds
+        if isinstance(step, Move):
+            start = (step.outer, step.inner)
+        yield step, seconds
+        if isinstance(step, Finish):
+            return
+        if isinstance(step, RoundEnd) and (
+            open_ended or rule.reason(step.rounds, elapsed, None, enough=False) is not None
+        ):
+            return
+
+
+def plan_time(
+    steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
+) -> float:
+    """Duration of all steps that `planned` lists, s."""
+    return sum(seconds for _, seconds in planned(steps, rule, start, settle))
