@@ -39,7 +39,7 @@ def test_an_error_is_source_reason_and_remedy_in_both_languages() -> None:
 def test_an_error_without_a_code_is_shown_as_it_is() -> None:
     assert (
         error_text(ConfigurationError("free text of another program")).reason
-        == "Free text of another program."
+        == "free text of another program"
     )
 
 

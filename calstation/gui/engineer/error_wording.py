@@ -6,7 +6,6 @@ from functools import cache
 from PySide6.QtCore import QCoreApplication
 
 from calstation.errors import CalstationError
-from calstation.gui.text.fault_wording import word_fault
 from calstation.gui.text.messages import error_text
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 
@@ -39,8 +38,7 @@ def one_line(error: CalstationError | str) -> str:
             values = [_word_joint(value) for value in found.groups()]
             said = QCoreApplication.translate("plans", sentence).format(*values)
             return said.removeprefix("table limits: ")
-    words = word_fault("", text)
-    return " ".join(part for part in (words.reason, words.mend) if part)
+    return text
 
 
 def _word_joint(value: str) -> str:

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import advice
-from calstation.gui.text.messages import KINDS, duration_text, event_sentence, legacy_text, term
+from calstation.gui.text.messages import KINDS, duration_text, event_sentence, free_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.labels import ElidedLabel
@@ -164,7 +164,7 @@ class RunDetails(QFrame):
 
     def _reason(self, run: RunRecord) -> str:
         if run.outcome == "fault" and run.error:
-            words = legacy_text(run.error)
+            words = free_text(run.error)
             return "\n".join(text for text in (words.reason, words.remedy) if text)
         if run.outcome in ("passed", "failed") and self._result is not None:
             if self._result.failed_checks:

@@ -196,13 +196,14 @@ class VerdictPanel(QFrame):
     def _refresh(self) -> None:
         fault = self._fault
         self._head.show_state(self._state)
-        self._source.setVisible(fault is not None)
+        self._source.setVisible(False)
         self.acknowledge_button.setVisible(fault is not None)
         self.details_button.setVisible(self._verdict is not None)
         self._station_button.setVisible(False)
         if fault is not None:
             text = fault_text(fault)
             self._source.setText(self.tr("Where: {place}").format(place=text.place))
+            self._source.setVisible(bool(text.place))
             self.reason_label.setText(text.reason)
             self._station_button.setVisible(text.source == "configuration")
         else:

@@ -10,8 +10,7 @@ from calstation.connection.table_reset import TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.fault_wording import phrase
-from calstation.gui.text.messages import error_text, legacy_text
+from calstation.gui.text.messages import error_text, say, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
 from calstation.gui.widgets.jobs import JobWatch
@@ -133,28 +132,10 @@ class ResetBar(QWidget):
         result = self.result
         if result is None:
             return "", ""
-        sentence = {
-            "nothing": self.tr("No fault is latched."),
-            "cleared": self.tr("The fault “{latched}” was reset; nothing is latched now."),
-            "interlock_open": self.tr(
-                "Not reset: the interlock is open. Close the cover, then press again (latched: “{latched}”)."
-            ),
-            "moving": self.tr(
-                "Not reset: the table still turns. Wait until it rests, then press again (latched: “{latched}”)."
-            ),
-            "local_control": self.tr(
-                "Not reset: the table is under local control. Switch it to remote control at its panel."
-            ),
-            "refused": self.tr(
-                "The table refuses the reset of “{latched}” ({words}). Remove the cause first."
-            ),
-            "stays": self.tr(
-                "“{latched}” was reset, but “{left}” is there now: its cause is still there. Remove it first."
-            ),
-        }[result.outcome]
-        values = {
-            "latched": phrase(result.latched or ""),
-            "left": phrase(result.left or ""),
-            "words": legacy_text(result.words).reason,
-        }
-        return ("good" if result.clear else "bad"), sentence.format(**values)
+        kind = "good" if result.clear else "bad"
+        return kind, say(
+            f"reset.{result.outcome}",
+            latched=term("latched", result.latched or ""),
+            left=term("latched", result.left or ""),
+            words=result.words,
+        )

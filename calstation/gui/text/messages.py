@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from calstation.errors import CalstationError
-from calstation.gui.text import fault_wording, language
+from calstation.gui.text import language
 from calstation.messages import rendering
 from calstation.messages.catalogue import entry
 from calstation.messages.progress import event_text, step_text
@@ -36,7 +36,7 @@ class ErrorText:
 
     Attributes
     ----------
-    source : where its cause is, a term of the catalogue family ``source``; "" if unknown
+    source : where its cause is, a name of the catalogue family ``source``; "" if unknown
     place : the same in words
     reason : what happened
     remedy : what to do; may be empty
@@ -72,8 +72,6 @@ def term(family: str, name: str) -> str:
 
 def event_sentence(event_id: str, values: Mapping[str, Any]) -> str:
     """The sentence of a progress event."""
-    if event_id == "safe_stop_incomplete" and isinstance(values["text"], str):
-        values = {**values, "text": fault_wording.translated(str(values["text"]))}
     return show(event_text(event_id, values))
 
 
@@ -86,22 +84,17 @@ def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
 
 def fault_text(fault: Fault) -> ErrorText:
     """The text of a run's fault."""
-    if fault.code:
-        return _coded(fault.code, fault.values)
-    return legacy_text(fault.text, fault.kind)
+    return _coded(fault.code, fault.values) if fault.code else free_text(fault.text)
 
 
 def error_text(error: CalstationError) -> ErrorText:
     """The text of an error."""
-    if error.code:
-        return _coded(error.code, error.values)
-    return legacy_text(str(error), type(error).__name__)
+    return _coded(error.code, error.values) if error.code else free_text(str(error))
 
 
-def legacy_text(text: str, kind: str = "") -> ErrorText:
-    """The text of an error whose raise site has no code yet."""
-    words = fault_wording.word_fault(kind, text)
-    return ErrorText(words.cause, words.place, words.reason, words.mend, fault_wording.resettable(text))
+def free_text(text: str) -> ErrorText:
+    """A text without a code, such as one of an older result."""
+    return ErrorText("", "", text, "")
 
 
 def duration_text(seconds: float) -> str:

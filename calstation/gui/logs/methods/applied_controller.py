@@ -12,7 +12,6 @@ from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.applied_view import AppliedView
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.fault_wording import known
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 from calstation.results.plots.applied import apply_to_recording
@@ -96,7 +95,7 @@ class AppliedController(QObject):
         path = self._path
 
         def say() -> str:
-            return one_line(error) if error.code or known(str(error)) else word_log_error(error, path)
+            return one_line(error) if error.code else word_log_error(error, path)
 
         self.failed.emit(say)
 
