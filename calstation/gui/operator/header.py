@@ -8,17 +8,14 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QApplication,
     QComboBox,
-    QHBoxLayout,
-    QLabel,
     QLineEdit,
-    QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from calstation.config.request import computer_user
 from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import Item, button, column, label, row
 
 
 class RunHeader(QWidget):
@@ -38,13 +35,17 @@ class RunHeader(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.operator_edit, self.serial_edit, self.product_combo = QLineEdit(), QLineEdit(), QComboBox()
-        self.start_button, self.pause_button = QPushButton(), QPushButton()
-        self._captions = [QLabel(), QLabel(), QLabel()]
+        self.start_button = button(
+            "start_button", lambda: self.tr("START"), self.start_pressed, kind="primary"
+        )
+        self.pause_button = button("pause_button", pressed=self.pause_pressed)
+        self._captions = [
+            label(lambda: self.tr("Operator")),
+            label(),
+            label(lambda: self.tr("Product")),
+        ]
         self._serial_note = ""
-        self._serial_wrong = False
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(2 * theme.GRID)
+        columns: list[Item] = []
         for widget, name, caption, stretch in (
             (self.operator_edit, "operator_edit", self._captions[0], 2),
             (self.serial_edit, "serial_edit", self._captions[1], 4),
@@ -53,35 +54,22 @@ class RunHeader(QWidget):
             widget.setObjectName(name)
             widget.setProperty("kind", "tall")
             caption.setBuddy(widget)
-            column = QVBoxLayout()
-            column.setSpacing(0)
-            column.addWidget(caption)
-            column.addWidget(widget)
-            row.addLayout(column, stretch)
+            columns.append((column(caption, widget, spacing=0), stretch))
         self.serial_edit.setFont(theme.font(theme.SECTION, bold=True))
         self.operator_edit.setMaxLength(40)
         self.serial_edit.setMaxLength(80)
         self.product_combo.setMinimumWidth(16 * theme.GRID)
-        self.start_button.setObjectName("start_button")
-        self.start_button.setProperty("kind", "primary")
         self.start_button.setMinimumWidth(22 * theme.GRID)
-        self.pause_button.setObjectName("pause_button")
         self.pause_button.setMinimumWidth(17 * theme.GRID)
-        row.addWidget(self.start_button)
-        row.addWidget(self.pause_button)
+        row(*columns, self.start_button, self.pause_button, on=self, spacing=2 * theme.GRID)
         self.operator_edit.returnPressed.connect(self.focus_serial)
         self.serial_edit.returnPressed.connect(self.serial_entered)
         self.serial_edit.textEdited.connect(lambda _: self.serial_edited.emit())
-        self.start_button.clicked.connect(self.start_pressed)
-        self.pause_button.clicked.connect(self.pause_pressed)
         self.product_combo.activated.connect(lambda _: self.product_chosen.emit(self.product))
         self.start_button.installEventFilter(self)
         self.guard(self.product_combo)
-        bind(self._captions[0], lambda: self.tr("Operator"))
-        bind(self._captions[2], lambda: self.tr("Product"))
         bind(self.operator_edit.setPlaceholderText, lambda: self.tr("name or badge"))
         bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
-        bind(self.start_button, lambda: self.tr("START"))
         on_language_change(self, self._caption)
 
     @property
@@ -136,7 +124,7 @@ class RunHeader(QWidget):
 
     def note_serial(self, note: str, *, wrong: bool = False) -> None:
         """Show a note beside the caption of the serial number, in the error colour if `wrong`."""
-        self._serial_note, self._serial_wrong = note, wrong
+        self._serial_note = note
         theme.set_kind(self._captions[1], "error" if wrong else "")
         self._caption()
 

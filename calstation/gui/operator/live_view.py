@@ -1,16 +1,17 @@
 """A run in progress: preparation steps, table, traces and convergence, or the guide of a manual rig."""
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QStackedWidget, QWidget
 
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
 from calstation.gui.shell.run_status import RunStatus
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
+from calstation.gui.widgets.layout import column, label, row
 from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer.events import (
     Event,
@@ -41,29 +42,26 @@ class Preparation(QFrame):
         self.setProperty("kind", "panel")
         self._run = run
         self._at = 0
-        title = QLabel()
-        title.setProperty("kind", "section")
         self._icons = [StateIcon(20) for _ in _STEPS]
         self._names = [QLabel() for _ in _STEPS]
-        self._texts = [QLabel() for _ in _STEPS]
+        self._texts = [label(kind="muted", wrap=True) for _ in _STEPS]
         grid = QGridLayout()
         grid.setHorizontalSpacing(2 * theme.GRID)
         grid.setVerticalSpacing(2 * theme.GRID)
-        for row, (icon, name, text) in enumerate(zip(self._icons, self._names, self._texts, strict=True)):
-            text.setWordWrap(True)
-            text.setProperty("kind", "muted")
-            grid.addWidget(icon, row, 0)
-            grid.addWidget(name, row, 1)
-            grid.addWidget(text, row, 2, Qt.AlignmentFlag.AlignVCenter)
+        for step, (icon, name, text) in enumerate(zip(self._icons, self._names, self._texts, strict=True)):
+            grid.addWidget(icon, step, 0)
+            grid.addWidget(name, step, 1)
+            grid.addWidget(text, step, 2, Qt.AlignmentFlag.AlignVCenter)
         grid.setColumnStretch(2, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        layout.setSpacing(2 * theme.GRID)
-        layout.addWidget(title)
-        layout.addLayout(grid)
-        layout.addStretch(1)
+        column(
+            label(lambda: self.tr("Preparing"), "section"),
+            grid,
+            None,
+            on=self,
+            spacing=2 * theme.GRID,
+            margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
+        )
         run.changed.connect(self._refresh)
-        bind(title, lambda: self.tr("Preparing"))
         on_language_change(self, self._refresh)
 
     def _refresh(self) -> None:
@@ -76,14 +74,14 @@ class Preparation(QFrame):
             elif message == _DONE:
                 self._at = len(_STEPS)
         by_hand = self._run.run_summary is not None and self._run.run_summary.by_hand
-        for row, (name_words, text_words) in enumerate(self._steps(by_hand)):
-            icon, name, text = self._icons[row], self._names[row], self._texts[row]
-            icon.set_kind("good" if row < self._at else "active" if row == self._at else "none")
-            name.setFont(theme.font(theme.SECTION, bold=row == self._at))
+        for step, (name_words, text_words) in enumerate(self._steps(by_hand)):
+            icon, name, text = self._icons[step], self._names[step], self._texts[step]
+            icon.set_kind("good" if step < self._at else "active" if step == self._at else "none")
+            name.setFont(theme.font(theme.SECTION, bold=step == self._at))
             name.setText(name_words)
             text.setText(text_words)
             for widget in (icon, name, text):
-                widget.setVisible(not (by_hand and row == _HOMING))
+                widget.setVisible(not (by_hand and step == _HOMING))
 
     def _steps(self, by_hand: bool) -> tuple[tuple[str, str], ...]:
         """Name and text of each step."""
@@ -119,18 +117,9 @@ class LiveView(QWidget):
         self.position.finish_wanted.connect(self.finish_wanted)
         self._lower.addWidget(Preparation(run))
         self._lower.addWidget(self._convergence)
-        upper = QHBoxLayout(self._upper)
-        upper.setContentsMargins(0, 0, 0, 0)
-        upper.setSpacing(theme.GRID)
         self.table.setMinimumWidth(37 * theme.GRID)
-        upper.addWidget(self.table, 1)
-        upper.addWidget(self._traces, 3)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addWidget(self.position, 9)
-        column.addWidget(self._upper, 5)
-        column.addWidget(self._lower, 4)
+        row((self.table, 1), (self._traces, 3), on=self._upper)
+        column((self.position, 9), (self._upper, 5), (self._lower, 4), on=self)
 
     def start(self) -> None:
         """Prepare for a new run."""
@@ -176,6 +165,6 @@ class LiveView(QWidget):
 def _largest(event: StageSolved) -> dict[str, float]:
     """The largest sigma of every group."""
     found: dict[str, list[float]] = {}
-    for name, row in event.parameters.items():
-        found.setdefault(PARAMETERS[INDEX[name]].group, []).append(row["sigma"])
+    for name, solved in event.parameters.items():
+        found.setdefault(PARAMETERS[INDEX[name]].group, []).append(solved["sigma"])
     return {group: max(sigmas) for group, sigmas in found.items() if group in GROUPS}

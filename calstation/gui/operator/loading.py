@@ -2,13 +2,14 @@
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QWidget
 
 from calstation.config.summary import RunSummary
 from calstation.gui.operator.position_panel import PositionPicture
 from calstation.gui.operator.table_panel import TablePicture
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import column, label, row
 
 _STEPS = 4
 
@@ -20,15 +21,13 @@ class Loading(QFrame):
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self._run_summary: RunSummary | None = None
-        title = QLabel()
-        title.setProperty("kind", "section")
         self.picture = TablePicture()
         self.rails = PositionPicture()
         self.rails.setVisible(False)
         for picture in (self.picture, self.rails):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
-        self._names = [QLabel() for _ in range(_STEPS)]
-        self._texts = [QLabel() for _ in range(_STEPS)]
+        self._names = [label(wrap=True) for _ in range(_STEPS)]
+        self._texts = [label(kind="muted", wrap=True) for _ in range(_STEPS)]
         grid = QGridLayout()
         grid.setHorizontalSpacing(2 * theme.GRID)
         grid.setVerticalSpacing(0)
@@ -36,28 +35,22 @@ class Loading(QFrame):
             number = QLabel(str(step + 1))
             number.setFont(theme.font(theme.SECTION, bold=True))
             name.setFont(theme.font(theme.SECTION))
-            text.setProperty("kind", "muted")
             text.setContentsMargins(0, 0, 0, 2 * theme.GRID)
-            for label in (name, text):
-                label.setWordWrap(True)
             grid.addWidget(number, 2 * step, 0, Qt.AlignmentFlag.AlignTop)
             grid.addWidget(name, 2 * step, 1)
             grid.addWidget(text, 2 * step + 1, 1)
         grid.setColumnStretch(1, 1)
-        steps = QVBoxLayout()
-        steps.addStretch(1)
-        steps.addLayout(grid)
-        steps.addStretch(1)
-        row = QHBoxLayout()
-        row.setSpacing(4 * theme.GRID)
-        row.addLayout(steps, 3)
-        row.addWidget(self.picture, 2)
-        row.addWidget(self.rails, 2)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(3 * theme.GRID, 2 * theme.GRID, 3 * theme.GRID, 2 * theme.GRID)
-        layout.addWidget(title)
-        layout.addLayout(row, 1)
-        bind(title, lambda: self.tr("Load the unit"))
+        column(
+            label(lambda: self.tr("Load the unit"), "section"),
+            (
+                row(
+                    (column(None, grid, None), 3), (self.picture, 2), (self.rails, 2), spacing=4 * theme.GRID
+                ),
+                1,
+            ),
+            on=self,
+            margins=(3 * theme.GRID, 2 * theme.GRID, 3 * theme.GRID, 2 * theme.GRID),
+        )
         on_language_change(self, self._refresh)
 
     def plan(self, run_summary: RunSummary | None) -> None:

@@ -7,11 +7,9 @@ from PySide6.QtCore import Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QFrame,
-    QHBoxLayout,
     QLabel,
     QProgressBar,
     QStackedWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -41,6 +39,7 @@ from calstation.gui.text.messages import (
 )
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.widgets.layout import column, row
 from calstation.gui.widgets.notice import Choice, NoticeBar, Words
 from calstation.sequencer.control import Command
 
@@ -107,28 +106,19 @@ class OperatorPage(Page):
             self.header.focus_serial()
 
     def _build(self) -> None:
-        right = QVBoxLayout()
-        right.setSpacing(theme.GRID)
-        right.addWidget(self.closing)
-        right.addWidget(self.notice)
-        right.addWidget(self._views, 1)
-        body = QHBoxLayout()
-        body.setSpacing(theme.GRID)
         self._stages.setFixedWidth(38 * theme.GRID)
-        body.addWidget(self._stages)
-        body.addLayout(right, 1)
+        right = column(self.closing, self.notice, (self._views, 1))
         foot = QFrame()
         foot.setProperty("kind", "panel")
-        line = QHBoxLayout(foot)
-        line.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        line.addWidget(self._message, 1)
-        line.addWidget(self._badge)
-        page = QVBoxLayout(self)
-        page.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
-        page.setSpacing(theme.GRID)
-        page.addLayout(body, 1)
-        page.addWidget(self._progress)
-        page.addWidget(foot)
+        foot_margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        row((self._message, 1), self._badge, on=foot, margins=foot_margins)
+        column(
+            (row(self._stages, (right, 1)), 1),
+            self._progress,
+            foot,
+            on=self,
+            margins=(2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID),
+        )
 
     def _connect(self) -> None:
         fields, app = self.header, self.app

@@ -5,13 +5,14 @@ import itertools
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPolygonF, QResizeEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.config.summary import RunSummary
 from calstation.gui.operator.projection import CIRCLE, basis, box, depth, flat, head, letter, pen
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.widgets.layout import button, column, label, row
 from calstation.physics.arrays import FloatArray
 from calstation.physics.rotation import axis_rotation, rotation_matrix
 from calstation.sequencer.events import PositionGuided
@@ -233,32 +234,28 @@ class PositionPanel(QFrame):
         self._finishing = self._over = False
         self.picture = PositionPicture()
         self.badge = StateBadge(_WORD)
-        self.task_label, self.count_label, self._note = QLabel(), QLabel(), QLabel()
-        self._note.setProperty("kind", "muted")
-        for label in (self.task_label, self._note):
-            label.setWordWrap(True)
-        self.finish_button = QPushButton()
-        self.finish_button.setObjectName("finish_positions_button")
-        self.finish_button.clicked.connect(self._finish)
-        bind(self.finish_button, lambda: self.tr("Enough positions: finish"))
-        column = QWidget()
-        column.setMinimumWidth(60 * theme.GRID)
-        column.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        texts = QVBoxLayout(column)
-        texts.setContentsMargins(0, 0, 0, 0)
-        texts.setSpacing(2 * theme.GRID)
-        texts.addStretch(1)
-        texts.addWidget(self.badge, 0, Qt.AlignmentFlag.AlignLeft)
-        texts.addWidget(self.task_label)
-        texts.addWidget(self.count_label)
-        texts.addStretch(1)
-        texts.addWidget(self._note)
-        texts.addWidget(self.finish_button, 0, Qt.AlignmentFlag.AlignLeft)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
-        row.setSpacing(3 * theme.GRID)
-        row.addWidget(self.picture, 1)
-        row.addWidget(column, 1)
+        self.task_label, self.count_label = label(wrap=True), label()
+        self._note = label(kind="muted", wrap=True)
+        self.finish_button = button(
+            "finish_positions_button", lambda: self.tr("Enough positions: finish"), self._finish
+        )
+        texts = QWidget()
+        texts.setMinimumWidth(60 * theme.GRID)
+        texts.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        left = Qt.AlignmentFlag.AlignLeft
+        column(
+            *(None, (self.badge, 0, left), self.task_label, self.count_label),
+            *(None, self._note, (self.finish_button, 0, left)),
+            on=texts,
+            spacing=2 * theme.GRID,
+        )
+        row(
+            (self.picture, 1),
+            (texts, 1),
+            on=self,
+            spacing=3 * theme.GRID,
+            margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID),
+        )
         self._enlarge(1.0)
         on_language_change(self, self._refresh)
 

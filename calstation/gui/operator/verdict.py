@@ -11,8 +11,6 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QLabel,
-    QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -21,10 +19,11 @@ from calstation.connection.link_test import LinkTestRequest
 from calstation.gui.operator import advice
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.reset_bar import ResetBar
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import KINDS, duration_text, event_sentence, fault_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
+from calstation.gui.widgets.layout import button, column, label, row
 from calstation.results.result import Result
 from calstation.sequencer.events import Fault, Verdict
 
@@ -104,58 +103,41 @@ class VerdictPanel(QFrame):
         self._fault: Fault | None = None
         self._remarks: tuple[tuple[str, Mapping[str, Any]], ...] = ()
         self._head = _Head()
-        self._source, self.reason_label, self.action_label = QLabel(), QLabel(), QLabel()
-        self._facts, self._notes = QLabel(), QLabel()
+        self._source, self._facts = label(kind="muted", wrap=True), label(kind="muted", wrap=True)
+        self.reason_label, self.action_label = label(wrap=True), label(wrap=True)
+        self._notes = label(wrap=True)
         self.reset = ResetBar(app, self._order, "verdict_reset_button")
-        self.details_button, self.acknowledge_button = QPushButton(), QPushButton()
-        self._station_button = QPushButton()
+        self.details_button = button("details_button", lambda: self.tr("Details"), self._details)
+        self.acknowledge_button = button(
+            "acknowledge_button", lambda: self.tr("Understood"), self.acknowledged, kind="primary"
+        )
+        self._station_button = button(
+            "verdict_station_button", lambda: self.tr("Open the station page"), self.station_wanted
+        )
         self._figures_box = QWidget()
         self._figures = QGridLayout(self._figures_box)
         self._build()
-        bind(self.acknowledge_button, lambda: self.tr("Understood"))
-        bind(self.details_button, lambda: self.tr("Details"))
-        bind(self._station_button, lambda: self.tr("Open the station page"))
-        self.details_button.clicked.connect(self._details)
-        self.acknowledge_button.clicked.connect(self.acknowledged)
-        self._station_button.clicked.connect(self.station_wanted)
         on_language_change(self, self._refresh)
 
     def _build(self) -> None:
-        texts = (self._source, self.reason_label, self.action_label, self.reset, self._facts, self._notes)
-        column = QVBoxLayout()
-        column.setSpacing(theme.GRID)
-        for widget in texts:
-            if isinstance(widget, QLabel):
-                widget.setWordWrap(True)
-            column.addWidget(widget)
-        self._source.setProperty("kind", "muted")
-        self._facts.setProperty("kind", "muted")
         self.reason_label.setFont(theme.font(theme.SECTION))
         self.action_label.setFont(theme.font(theme.SECTION, bold=True))
-        self.details_button.setObjectName("details_button")
-        self.acknowledge_button.setObjectName("acknowledge_button")
-        self.acknowledge_button.setProperty("kind", "primary")
-        buttons = QHBoxLayout()
-        for button in (self.acknowledge_button, self.details_button, self._station_button):
-            buttons.addWidget(button)
-        buttons.addStretch(1)
-        column.addStretch(1)
-        column.addLayout(buttons)
+        left = column(
+            *(self._source, self.reason_label, self.action_label, self.reset, self._facts, self._notes),
+            None,
+            row(self.acknowledge_button, self.details_button, self._station_button, None),
+        )
         self._figures.setContentsMargins(0, 0, 0, 0)
         self._figures.setHorizontalSpacing(2 * theme.GRID)
         self._figures.setVerticalSpacing(theme.GRID // 4)
-        right = QVBoxLayout()
-        right.addWidget(self._figures_box, 1)
-        right.addStretch()
-        body = QHBoxLayout()
-        body.setSpacing(3 * theme.GRID)
-        body.addLayout(column, 1)
-        body.addLayout(right)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
-        layout.setSpacing(2 * theme.GRID)
-        layout.addWidget(self._head, 2)
-        layout.addLayout(body, 3)
+        right = column((self._figures_box, 1), None)
+        column(
+            (self._head, 2),
+            (row((left, 1), right, spacing=3 * theme.GRID), 3),
+            on=self,
+            spacing=2 * theme.GRID,
+            margins=(2 * theme.GRID,) * 4,
+        )
 
     def show_end(
         self,
@@ -243,8 +225,8 @@ class VerdictPanel(QFrame):
             widget = item.widget()
             if widget is not None:
                 widget.deleteLater()
-        rows = advice.figures(self._result) if self._result is not None and self._fault is None else []
-        if not rows:
+        figures = advice.figures(self._result) if self._result is not None and self._fault is None else []
+        if not figures:
             return
         headings = (
             self.tr("nearest to its limit"),
@@ -253,25 +235,27 @@ class VerdictPanel(QFrame):
             self.tr("limit"),
             self.tr("unit"),
         )
-        for column, heading in enumerate(headings, start=1):
-            self._cell(0, column, heading, muted=True)
-        for number, row in enumerate(rows, start=1):
+        for at, heading in enumerate(headings, start=1):
+            self._cell(0, at, heading, muted=True)
+        for number, figure in enumerate(figures, start=1):
             icon = StateIcon(18)
-            icon.set_kind("bad" if not row.passed else "caution" if row.near else "good")
+            icon.set_kind("bad" if not figure.passed else "caution" if figure.near else "good")
             self._figures.addWidget(icon, number, 0)
-            decisive = 3 if row.by_sigma else 2
-            for column, text in enumerate((row.name, row.value, row.sigma, row.limit, row.unit), start=1):
-                self._cell(number, column, text, bold=column == decisive)
-        self._figures_box.setMaximumHeight(_ROW * (len(rows) + 1))
+            decisive = 3 if figure.by_sigma else 2
+            cells = (figure.name, figure.value, figure.sigma, figure.limit, figure.unit)
+            for at, text in enumerate(cells, start=1):
+                self._cell(number, at, text, bold=at == decisive)
+        self._figures_box.setMaximumHeight(_ROW * (len(figures) + 1))
 
-    def _cell(self, row: int, column: int, text: str, *, muted: bool = False, bold: bool = False) -> None:
-        label = QLabel(text)
-        if muted:
-            label.setProperty("kind", "muted")
-        else:
-            label.setFont(theme.font(theme.SECTION, bold=bold))
-        side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
-        self._figures.addWidget(label, row, column, side | Qt.AlignmentFlag.AlignVCenter)
+    def _cell(
+        self, row_number: int, column_number: int, text: str, *, muted: bool = False, bold: bool = False
+    ) -> None:
+        cell = label(kind="muted" if muted else "")
+        cell.setText(text)
+        if not muted:
+            cell.setFont(theme.font(theme.SECTION, bold=bold))
+        side = Qt.AlignmentFlag.AlignRight if column_number in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
+        self._figures.addWidget(cell, row_number, column_number, side | Qt.AlignmentFlag.AlignVCenter)
 
     def _details(self) -> None:
         if self._verdict is not None:

@@ -3,17 +3,17 @@
 from collections.abc import Callable
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.connection.link_test import LinkTestRequest
 from calstation.connection.table_reset import TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import error_text, say, term
-from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon
 from calstation.gui.widgets.jobs import JobWatch
+from calstation.gui.widgets.layout import button, column, label, row
 
 
 class ResetBar(QWidget):
@@ -37,28 +37,15 @@ class ResetBar(QWidget):
         self._offered = False
         self.result: TableReset | None = None
         self._error: CalstationError | None = None
-        self.button = QPushButton()
-        self.button.setObjectName(name)
+        self.button = button(name, lambda: self.tr("Reset the fault"), self._start)
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
-        self.button.clicked.connect(self._start)
-        self._icon, self.words = StateIcon(18), QLabel()
-        self.words.setObjectName(f"{name}_result")
-        self.words.setWordWrap(True)
+        self._icon, self.words = StateIcon(18), label(name=f"{name}_result", wrap=True)
         self.watch = JobWatch(self)
         self.watch.done.connect(self._done)
         self.watch.failed.connect(self._failed)
         self.watch.cancelled.connect(self._cancelled)
-        row = QHBoxLayout()
-        row.setSpacing(theme.GRID)
-        row.addWidget(self._icon)
-        row.addWidget(self.words, 1)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addWidget(self.button)
-        column.addLayout(row)
+        column(self.button, row(self._icon, (self.words, 1)), on=self)
         app.engine_link.running_changed.connect(self._running_changed)
-        bind(self.button, lambda: self.tr("Reset the fault"))
         on_language_change(self, self._show)
 
     def offer(self, offered: bool) -> None:

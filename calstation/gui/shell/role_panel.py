@@ -4,11 +4,8 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import (
     QFrame,
     QGridLayout,
-    QHBoxLayout,
-    QLabel,
     QLineEdit,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -17,6 +14,7 @@ from calstation.gui.shell.role import RoleLock
 from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.text.messages import error_text
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import button, column, label, row
 
 #: Interval at which the time to wait is updated, ms.
 _TICK = 250
@@ -31,11 +29,8 @@ class RolePanel(QFrame):
         self.setAutoFillBackground(True)
         self._role = role
         self._wrong = ""
-        self._title, self._text, self._error = QLabel(), QLabel(), QLabel()
-        self._title.setProperty("kind", "section")
-        self._error.setProperty("kind", "error")
-        for label in (self._text, self._error):
-            label.setWordWrap(True)
+        self._title, self._text = label(kind="section"), label(wrap=True)
+        self._error = label(kind="error", wrap=True)
         self.pin_edit, self._again_edit = QLineEdit(), QLineEdit()
         self.pin_edit.setObjectName("pin_edit")
         self._again_edit.setObjectName("pin_again_edit")
@@ -45,28 +40,20 @@ class RolePanel(QFrame):
             edit.setProperty("kind", "tall")
             edit.returnPressed.connect(self._enter)
             edit.textEdited.connect(lambda _: self._show_error(""))
-        self._unlock, self._cancel = QPushButton(), QPushButton()
-        self._unlock.setObjectName("unlock_button")
-        self._unlock.setProperty("kind", "primary")
-        self._unlock.clicked.connect(self._enter)
-        self._cancel.clicked.connect(self.hide)
-        buttons = QHBoxLayout()
-        buttons.addWidget(self._unlock, 1)
-        buttons.addWidget(self._cancel, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
-        layout.setSpacing(theme.GRID)
-        for widget in (self._title, self._text, self.pin_edit, self._again_edit, self._error):
-            layout.addWidget(widget)
-        layout.addLayout(self._keys())
-        layout.addLayout(buttons)
+        self._unlock = button("unlock_button", pressed=self._enter, kind="primary")
+        cancel = button("", lambda: self.tr("Cancel"), self.hide)
+        column(
+            *(self._title, self._text, self.pin_edit, self._again_edit, self._error, self._keys()),
+            row((self._unlock, 1), (cancel, 1)),
+            on=self,
+            margins=(2 * theme.GRID,) * 4,
+        )
         self.setFixedWidth(42 * theme.GRID)
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._count_down)
         role.wanted.connect(self.open)
         bind(self._again_edit.setPlaceholderText, lambda: self.tr("the same again"))
-        bind(self._cancel, lambda: self.tr("Cancel"))
         on_language_change(self, self._refresh)
         self.hide()
 

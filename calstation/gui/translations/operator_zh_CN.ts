@@ -684,11 +684,11 @@
     <name>VerdictPanel</name>
     <message>
         <source>Understood</source>
-        <extracomment>Least height of the head, px. Most height of a row of figures, px. Height of the shape in the head, as a fraction of the head.</extracomment>
         <translation>知道了</translation>
     </message>
     <message>
         <source>Details</source>
+        <extracomment>Least height of the head, px. Most height of a row of figures, px. Height of the shape in the head, as a fraction of the head.</extracomment>
         <translation>详情</translation>
     </message>
     <message>

@@ -147,7 +147,6 @@
     </message>
     <message>
         <source>the same again</source>
-        <extracomment>Interval at which the time to wait is updated, ms.</extracomment>
         <translation>再输一遍</translation>
     </message>
     <message>
@@ -160,6 +159,7 @@
     </message>
     <message>
         <source>Cancel</source>
+        <extracomment>Interval at which the time to wait is updated, ms.</extracomment>
         <translation>取消</translation>
     </message>
     <message>

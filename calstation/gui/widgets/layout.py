@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from PySide6.QtCore import SignalInstance
 from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QLabel, QLayout, QPushButton, QVBoxLayout, QWidget
 
 from calstation.gui.text.bind import bind
@@ -63,7 +64,11 @@ def label(words: Words | None = None, kind: str = "", *, name: str = "", wrap: b
 
 
 def button(
-    name: str, words: Words | None = None, pressed: Callable[..., Any] | None = None, *, kind: str = ""
+    name: str,
+    words: Words | None = None,
+    pressed: Callable[..., Any] | SignalInstance | None = None,
+    *,
+    kind: str = "",
 ) -> QPushButton:
     """Make a button.
 
