@@ -100,9 +100,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
 
     Parameters
     ----------
-    data : samples of the recording
-    context : site, IMU and table
-    prior : of the parameters
+    data, context, prior : samples of the recording, site and devices, and prior of the parameters
     schedule : the iteration and the gimbal
 
     Raises

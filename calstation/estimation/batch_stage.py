@@ -14,8 +14,7 @@ class BatchStage:
 
     Parameters
     ----------
-    context : site, IMU and table
-    prior : of the parameters
+    context, prior : site and devices, and prior of the parameters
     solve : (data, context, prior) -> solution; may raise InsufficientDataError
     """
 

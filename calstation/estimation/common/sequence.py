@@ -1,4 +1,4 @@
-"""Sample counters made continuous: wraps, resets and gaps told apart (CONTRACT.md, "CSV import")."""
+"""Sample counters made continuous: wraps, resets and gaps distinguished (CONTRACT.md, "CSV import")."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -59,8 +59,7 @@ def fit_gimbal(
     data : samples of the recording
     motions : its motions
     order : joints from the base to the unit
-    context : site, IMU and table
-    prior : of the parameters
+    context, prior : site and devices, and prior of the parameters
     joint_sigma : of an attitude from the joints at a rest, per axis, rad
     """
     noise = filter_noise(context)
@@ -70,8 +69,8 @@ def fit_gimbal(
     scale = np.concatenate([[RATE] * 3, np.full(3 * _rests(motions), joint_sigma)])
     point, more = prior.mean.copy(), np.zeros(len(scale))
     bias = group_indices("gyro_bias")
-    shown = np.median(data.gyro[: round(1.0 / data.dt)], axis=0)
-    point[bias] = np.where(prior.sigma[bias] > RATE, shown, point[bias])
+    measured = np.median(data.gyro[: round(1.0 / data.dt)], axis=0)
+    point[bias] = np.where(prior.sigma[bias] > RATE, measured, point[bias])
     for _ in range(MOST_ITERATIONS):
         H, r = _rows(data, motions, order, point, more)
         left = r + H[:, :COUNT] @ (point - prior.mean) + H[:, COUNT:] @ more

@@ -80,8 +80,7 @@ class NavigationFilter:
 
     Parameters
     ----------
-    context : site, IMU and table
-    prior : of the parameters
+    context, prior : site and devices, and prior of the parameters
     point : parameters of the linearisation, SI, shape (30,)
 
     Notes

@@ -68,8 +68,7 @@ def observability_analysis(
     Parameters
     ----------
     data, history : samples of the stage and the pass over them
-    context : site, IMU and table
-    prior : of the parameters
+    context, prior : site and devices, and prior of the parameters
     point : parameters of the linearisation, SI, shape (30,)
 
     Returns

@@ -71,9 +71,7 @@ def solve_navigation(
     Parameters
     ----------
     stage : name of the stage
-    data : its samples
-    context : site, IMU and table
-    prior : of the parameters
+    data, context, prior : its samples, site and devices, and prior of the parameters
     estimated : parameters that are relinearised, shape (30,)
     progress : called with the progress
 

@@ -137,8 +137,8 @@ class PairCalibration:
         rest = self.last_rest(data)
         check = None if rest is None else self.check(data, rest, place, secondary, found)
         if check is not None:
-            shown = {s: check.secondary[s].value for s in SENSORS}
-            found = StoredPair(found.values, shown["gyro"], shown["accel"])
+            deviation = {s: check.secondary[s].value for s in SENSORS}
+            found = StoredPair(found.values, deviation["gyro"], deviation["accel"])
         return PairResult(fit, found)
 
 

@@ -227,12 +227,12 @@ class _System:
 
     def halves(self) -> float:
         """Difference of the solutions of odd and even blocks, see `PairFit`."""
-        answers, covariances = [], []
+        solutions, covariances = [], []
         for half in (slice(0, None, 2), slice(1, None, 2)):
             normals, gradient = self._normals[half], self.gradient[half]
-            answers.append(np.linalg.solve(normals.sum(axis=0), gradient.sum(axis=0)))
+            solutions.append(np.linalg.solve(normals.sum(axis=0), gradient.sum(axis=0)))
             covariances.append(_jackknife(normals, gradient))
-        apart = answers[0] - answers[1]
+        apart = solutions[0] - solutions[1]
         return float(np.mean(apart**2 / np.diag(covariances[0] + covariances[1])))
 
 
@@ -243,8 +243,8 @@ def _jackknife(normals: FloatArray, gradient: FloatArray) -> FloatArray:
     28(2), 2002): a block of strong motion that the fit follows would look too good.
     """
     normal, total = normals.sum(axis=0), gradient.sum(axis=0)
-    answer = np.linalg.solve(normal, total)
-    moved = np.linalg.solve(normal - normals, (total - gradient)[:, :, None])[:, :, 0] - answer
+    solution = np.linalg.solve(normal, total)
+    moved = np.linalg.solve(normal - normals, (total - gradient)[:, :, None])[:, :, 0] - solution
     return np.asarray(moved.T @ moved * (len(moved) - 1) / len(moved))
 
 

@@ -219,6 +219,6 @@ class PairWatch:
 def check_values(check: StaticCheck) -> dict[str, Any]:
     """A static check, JSON-ready: deviation, threshold and verdict of each sensor of both units."""
     return {
-        unit: {s: {"value": x.value, "limit": x.limit, "within": x.within} for s, x in shown.items()}
-        for unit, shown in (("primary", check.primary), ("secondary", check.secondary))
+        unit: {s: {"value": x.value, "limit": x.limit, "within": x.within} for s, x in deviations.items()}
+        for unit, deviations in (("primary", check.primary), ("secondary", check.secondary))
     }

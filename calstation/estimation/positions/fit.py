@@ -86,8 +86,7 @@ def fit_positions(
     ----------
     data : samples of the recording
     rests, links : its rests and motions
-    context : site, IMU and table
-    prior : of the parameters
+    context, prior : site and devices, and prior of the parameters
     estimated : parameters that are relinearised; the others are consider parameters, shape (30,)
     """
     scatter = Scatter()
@@ -119,9 +118,9 @@ def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
     """The prior's mean, with the gyro bias of the rests where that is better."""
     prior, bias = problem.prior, group_indices("gyro_bias")
     point = prior.mean.copy()
-    shown = np.median([r.rate for r in problem.rests], axis=0)
-    doubtful = estimated[bias] & (prior.sigma[bias] > RATE)
-    point[bias] = np.where(doubtful, shown, point[bias])
+    measured = np.median([r.rate for r in problem.rests], axis=0)
+    uncertain = estimated[bias] & (prior.sigma[bias] > RATE)
+    point[bias] = np.where(uncertain, measured, point[bias])
     return point
 
 

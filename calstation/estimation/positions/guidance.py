@@ -205,7 +205,7 @@ def spread(up: FloatArray) -> float:
     the length of gravity.
     """
     x, y, z = up.T
-    shown = np.column_stack([x * x, x * y, y * y, x * z, y * z, z * z, x, y, z])
-    if len(shown) < shown.shape[1]:
+    effects = np.column_stack([x * x, x * y, y * y, x * z, y * z, z * z, x, y, z])
+    if len(effects) < effects.shape[1]:
         return 0.0
-    return float(np.linalg.svd(shown, compute_uv=False)[-1] / np.sqrt(len(shown)))
+    return float(np.linalg.svd(effects, compute_uv=False)[-1] / np.sqrt(len(effects)))

@@ -61,7 +61,7 @@ class PositionRows:
         self.up_rate = float(rotation_rate(site.latitude)[2])
         self.north_rate = float(rotation_rate(site.latitude)[1]) / np.sqrt(2.0)
         self.bias_drift = noise.bias_drift
-        self.wanders = bool(np.any(noise.bias_drift))
+        self.has_drift = bool(np.any(noise.bias_drift))
         self.root = square_root(prior.covariance)
         n = len(rests)
         into = {link.second: link.first for link in links}
@@ -71,7 +71,7 @@ class PositionRows:
             self.chain[k] = self.chain[into[k]] if k in into else self.chains.index(k)
         self.phi, self.north = COUNT, COUNT + 3 * n
         self.drift = self.north + 2 * len(self.chains)
-        self.columns = self.drift + (6 * n if self.wanders else 0)
+        self.columns = self.drift + (6 * n if self.has_drift else 0)
         self.observations = 6 * n + 3 * len(links)
         durations = np.array([(link.stop - link.start) * data.dt for link in links])
         self.force_noise = np.array([r.force_variance for r in rests])
@@ -126,7 +126,7 @@ class PositionRows:
         H[0:3, phi] = (M_a + 2.0 * np.diag(K2 * force)) @ C.T @ skew(up)
         H[3:6, phi] = M_g @ C.T @ skew(earth)
         H[3:6, self._north_columns(k)] = (M_g @ C.T)[:, :2]
-        if self.wanders:
+        if self.has_drift:
             drift = self.drift + 6 * k
             H[0:3, drift + 3 : drift + 6] = np.diag(self.bias_drift[3:])
             H[3:6, drift : drift + 3] = np.diag(self.bias_drift[:3])
@@ -162,7 +162,7 @@ class PositionRows:
         H[:, self.phi + 3 * link.first : self.phi + 3 * link.first + 3] = E
         H[:, self.phi + 3 * link.second : self.phi + 3 * link.second + 3] = -np.eye(3)
         H[:, self._north_columns(link.first)] = -duration * np.eye(3)[:, :2]
-        if self.wanders:
+        if self.has_drift:
             half = 0.5 * per_bias * self.bias_drift[:3]
             for rest in (link.first, link.second):
                 H[:, self.drift + 6 * rest : self.drift + 6 * rest + 3] = half
@@ -177,7 +177,7 @@ class PositionRows:
             row = np.zeros((1, self.columns))
             row[0, self.phi + 3 * k + 2] = FIXED
             rows.append(row)
-        if self.wanders:
+        if self.has_drift:
             for k, rest in enumerate(self.rests):
                 row = np.zeros((6, self.columns))
                 kept = 0.0 if k == 0 else np.exp(-(rest.time - self.rests[k - 1].time) / BIAS_DRIFT_TIME)
