@@ -1,7 +1,6 @@
 """Sample counters made continuous: wraps, resets and gaps distinguished (CONTRACT.md, "CSV import")."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -13,25 +12,12 @@ _RESTART_SECONDS = 1.0
 
 
 class SequenceError(InputError):
-    """A row that repeats or is out of order.
+    """A row that repeats or is out of order."""
 
-    Parameters
-    ----------
-    code : its entry in the message catalogue
-    place : index of the row in its chunk
-    values : values of the entry's sentences
-    """
-
-    def __init__(self, code: str, place: int, **values: Any) -> None:
-        super().__init__(code, **values)
-        self.place = place
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (self.args[0], self.place, self.values)
-
-
-def _rebuild(code: str, place: int, values: dict[str, Any]) -> SequenceError:
-    return SequenceError(code, place, **values)
+    @property
+    def place(self) -> int:
+        """Index of the row in its chunk."""
+        return int(self.values["place"])
 
 
 class SequenceUnwrapper:
@@ -81,7 +67,7 @@ class SequenceUnwrapper:
         previous_seq = np.concatenate([np.array([last_raw], np.int64), seq[:-1]])
         previous_time = np.concatenate([np.array([last_time]), time[:-1]])
         if int(np.min(seq)) < 0:
-            raise SequenceError("recording.seq_negative", int(np.argmax(seq < 0)))
+            raise SequenceError("recording.seq_negative", place=int(np.argmax(seq < 0)))
         odd = np.flatnonzero((seq <= previous_seq) | (time <= previous_time))
         offsets = np.full(len(seq), self._offset, dtype=np.int64)
         shifts = np.full(len(seq), self._time_offset)
@@ -103,9 +89,9 @@ class SequenceUnwrapper:
         """Increments of counter and clock from a row on that does not rise."""
         elapsed = (now_time - last_time) / self._period
         if now == last:
-            raise SequenceError("recording.seq_repeated", place, seq=now)
+            raise SequenceError("recording.seq_repeated", place=place, seq=now)
         if now > last:
-            raise SequenceError("recording.time_falls", place, before=last_time, time=now_time)
+            raise SequenceError("recording.time_falls", place=place, before=last_time, time=now_time)
         for modulus in MODULI:
             steps = now - last + modulus
             near = modulus // 4
@@ -116,7 +102,7 @@ class SequenceUnwrapper:
         clock_restarted = now_time <= (now + 1) * self._period + _RESTART_SECONDS
         if now < self._near and clock_restarted and last_time - now_time > _RESTART_SECONDS:
             return last + 2 - now, last_time + 2 * self._period - now_time
-        raise SequenceError("recording.seq_falls", place, before=last, seq=now)
+        raise SequenceError("recording.seq_falls", place=place, before=last, seq=now)
 
 
 def unwrap_counter(
