@@ -41,7 +41,7 @@ translations: $(VENV)/installed-dev
 	done
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/*.py -ts $(GUI)/translations/offline_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/methods/*.py -ts $(GUI)/translations/methods_zh_CN.ts
-	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/settings/*.py calstation/messages/*finding_words.py \
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/settings/*.py \
 		-ts $(GUI)/translations/station_page_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/shell/*.py $(GUI)/text/*.py $(GUI)/widgets/*.py \
 		-ts $(GUI)/translations/window_zh_CN.ts

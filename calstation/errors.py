@@ -36,7 +36,7 @@ class CalstationError(Exception):
     @property
     def as_text(self) -> Text:
         """Code and values, to stand inside another message or to travel."""
-        return Text(self.code, self.values)
+        return Text(self.code, self.values) if self.code else Text.of("os.other", words=str(self))
 
     @property
     def resettable(self) -> bool:

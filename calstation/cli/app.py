@@ -1,4 +1,4 @@
-"""The commands and their options; what they do is imported when called, so that help answers at once."""
+"""The commands and their options; what they do is imported when called, so that --help is fast."""
 
 import io
 import os
@@ -6,14 +6,16 @@ import subprocess
 import sys
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from calstation import __version__
 from calstation.errors import CalstationError, ConfigurationError
+
+if TYPE_CHECKING:
+    from calstation.config.request import RunRequest
 
 _NAME = "calstation"
 
@@ -34,7 +36,7 @@ JsonOption = Annotated[
 
 
 def _given(kind: str) -> Callable[[Path | None], Path | None]:
-    """An option's file by its path or its name. Raises ConfigurationError."""
+    """Find an option's file by its path or its name. Raises ConfigurationError."""
 
     def look_up(path: Path | None) -> Path | None:
         from calstation.config.library import locate
@@ -84,21 +86,32 @@ def run(
     json: JsonOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the first motion.")] = False,
     resume: Annotated[
-        Path | None, typer.Option(help="Carry on a run behind its last finished stage.", metavar="LOG")
+        Path | None, typer.Option(help="Resume a run after its last completed stage.", metavar="LOG")
     ] = None,
     beyond_attempts: Annotated[
-        bool, typer.Option("--beyond-attempts", help="Take a unit whose attempts are used up.")
+        bool, typer.Option("--beyond-attempts", help="Accept a unit whose attempts are used up.")
     ] = False,
     faults: Annotated[
-        Path | None, typer.Option(help="Virtual bench: what is to go wrong.", metavar="FILE.toml")
+        Path | None, typer.Option(help="Virtual bench: plan of faults.", metavar="FILE.toml")
     ] = None,
 ) -> None:
     """Calibrate the unit on the station: one click without a window."""
-    from calstation.cli.run import run_command, run_request
+    from calstation.cli.run import complete_request, run_command
+    from calstation.config.request import RunRequest
 
-    request = run_request(_stages(stages), station, product, serial, speed, seed, out, resume)
-    request = replace(request, beyond_attempts=beyond_attempts, faults=faults)
-    raise typer.Exit(run_command(request, json, yes=yes, debug=bool(context.obj)))
+    request = RunRequest(
+        serial or "",
+        station,
+        product,
+        _stages(stages),
+        out,
+        speed=speed,
+        seed=seed,
+        resume=resume,
+        beyond_attempts=beyond_attempts,
+        faults=faults,
+    )
+    raise typer.Exit(run_command(complete_request(request), json, yes=yes, debug=bool(context.obj)))
 
 
 @app.command()
@@ -158,10 +171,10 @@ def watch(
         Path | None, typer.Option("--pairs", help="Folder of the stored pairs; default: the site's own.")
     ] = None,
     command: Annotated[
-        bool, typer.Option("--now", help="Check at the first rest, whatever triggers say.")
+        bool, typer.Option("--now", help="Check at the first rest, whatever the triggers.")
     ] = False,
 ) -> None:
-    """Follow IMUs on one body as live: check at rest, calibrate what is off, keep the answer."""
+    """Follow IMUs on one body as live: check at rest, calibrate what is out of tolerance, store the result."""
     from calstation.cli.logs import watch_command
 
     raise typer.Exit(watch_command(log, folder, command))
@@ -209,10 +222,10 @@ def try_link(
     product: ProductOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Test a link: open it, ask who is there, listen. Nothing moves; exit code 3 where a run would not start."""
-    from calstation.cli.devices import try_command
+    """Test a link: open it, identify the device, listen. Nothing moves; exit code 3 if a run would not start."""
+    from calstation.cli.devices import link_command
 
-    raise typer.Exit(try_command(device, station, product, json))
+    raise typer.Exit(link_command(device, station, product, json))
 
 
 @app.command()
@@ -222,7 +235,7 @@ def check(
     ],
     json: JsonOption = None,
 ) -> None:
-    """Show all that is wrong in a file, with lines and mends; exit code 2 where something is."""
+    """Show all that is wrong in a file, with lines and remedies; exit code 2 if anything is."""
     from calstation.cli.devices import check_command
 
     raise typer.Exit(check_command(file, json))
@@ -240,7 +253,7 @@ RunsOption = Annotated[
 ]
 YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask before writing.")]
 AtRestOption = Annotated[
-    bool, typer.Option("--at-rest", help="Leave the table alone: prove at rest, without a turn.")
+    bool, typer.Option("--at-rest", help="Leave the table alone: verify at rest, without a turn.")
 ]
 
 
@@ -250,7 +263,7 @@ def list_(
     out: RunsOption = Path("runs"),
     json: JsonOption = None,
 ) -> None:
-    """Show what was written into units, when and by whom, and what is still open; --json has the whole sets."""
+    """Show what was written into units, when and by whom, and what is still open; --json has all values."""
     from calstation.cli.registers import list_command
 
     raise typer.Exit(list_command(out, serial, json))
@@ -265,9 +278,9 @@ def read(
     json: JsonOption = None,
 ) -> None:
     """Show what a unit's registers hold now. Nothing moves, nothing is written."""
-    from calstation.cli.registers import read_command, unit_request
+    from calstation.cli.registers import read_command
 
-    raise typer.Exit(read_command(unit_request(serial, station, product, out), json))
+    raise typer.Exit(read_command(_unit(serial, station, product, out), json))
 
 
 @registers.command()
@@ -281,11 +294,12 @@ def finish(
     yes: YesOption = False,
     at_rest: AtRestOption = False,
 ) -> None:
-    """Bring a unit's interrupted transfer to its end. The table turns to prove it."""
-    from calstation.cli.registers import finish_command, unit_request
+    """Complete a unit's interrupted transfer. The table turns to verify it."""
+    from calstation.cli.registers import operate_command
+    from calstation.config.request import RegisterOperation
 
-    request = unit_request(serial, station, product, out)
-    raise typer.Exit(finish_command(request, json, at_rest=at_rest, yes=yes, debug=bool(context.obj)))
+    operation = RegisterOperation(_unit(serial, station, product, out), "finish", at_rest=at_rest)
+    raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
 
 
 @registers.command()
@@ -303,16 +317,25 @@ def restore(
     yes: YesOption = False,
     at_rest: AtRestOption = False,
 ) -> None:
-    """Put back the registers that a unit held before a transfer. The table turns to prove them."""
-    from calstation.cli.registers import restore_command, unit_request
+    """Restore the registers that a unit held before a transfer. The table turns to verify them."""
+    from calstation.cli.registers import operate_command
+    from calstation.config.request import RegisterOperation
 
-    request = unit_request(serial, station, product, out)
-    code = restore_command(request, transfer, json, at_rest=at_rest, yes=yes, debug=bool(context.obj))
-    raise typer.Exit(code)
+    request = _unit(serial, station, product, out)
+    operation = RegisterOperation(request, "restore", transfer=transfer, at_rest=at_rest)
+    raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
+
+
+def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":
+    """The request that names a unit and its station."""
+    from calstation.cli.run import complete_request
+    from calstation.config.request import RunRequest
+
+    return complete_request(RunRequest(serial, station, product, out=out))
 
 
 table = typer.Typer(
-    help="The table alone: how it stands, and the reset of a fault that it has latched. Nothing moves.",
+    help="The table alone: its state, and the reset of a fault that it has latched. Nothing moves.",
     no_args_is_help=True,
 )
 app.add_typer(table, name="table")
@@ -324,7 +347,7 @@ def status(
     product: ProductOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Show who answers and what is latched; exit code 3 while a fault is."""
+    """Show the table's state and what is latched; exit code 3 while a fault is latched."""
     from calstation.cli.devices import status_command
 
     raise typer.Exit(status_command(station, product, json))
@@ -336,78 +359,64 @@ def reset(
     product: ProductOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Reset a latched fault once its cause is removed; exit code 3 where it stays. No axis is switched on."""
+    """Reset a latched fault once its cause is removed; exit code 3 if it persists. No axis is switched on."""
     from calstation.cli.devices import reset_command
 
     raise typer.Exit(reset_command(station, product, json))
 
 
 def run_app(arguments: list[str]) -> int:
-    """Run a command; returns the contract's exit code, errors told in a line or two on standard error."""
+    """Run a command; returns the exit code. Errors are shown in one line on standard error."""
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a redirected Windows console knows neither ≤ nor °
+        if isinstance(stream, io.TextIOWrapper):  # a redirected Windows console cannot show ≤ or °
             stream.reconfigure(errors="replace")
     try:
-        code = (
-            app(arguments, prog_name=_NAME, standalone_mode=False, obj=debug)
-            if arguments
-            else _window(debug=debug)
-        )
-    except CalstationError as error:
+        code = _run(arguments, debug) if arguments else _window(debug=debug)
+    except (CalstationError, typer.TyperException) as error:
         if debug:
             traceback.print_exc()
-        _complain(str(error))
-        return error.exit_code
-    except typer.TyperException as error:
-        from calstation.cli.usage import usage_sentence
+        from calstation.cli.errors import complain, usage_error
 
-        _complain(usage_sentence(error, arguments))
-        return 2
+        if not isinstance(error, CalstationError):
+            error = usage_error(error, arguments)
+        complain(str(error))
+        return error.exit_code
     except (typer.Abort, KeyboardInterrupt):
-        _complain("stopped")
+        sys.stderr.write("calstation: stopped\n")
         return 4
     except BrokenPipeError:
         return 2
     except Exception as error:  # noqa: BLE001 - the last resort: a person reads this, not a traceback
         if debug:
             traceback.print_exc()
-        _complain(f"internal error: {type(error).__name__}: {error} (--debug shows where)")
+        sys.stderr.write(
+            f"calstation: internal error: {type(error).__name__}: {error} (--debug shows where)\n"
+        )
         return 2 if isinstance(error, OSError) else 3
+    return code
+
+
+def _run(arguments: list[str], debug: bool) -> int:
+    code = app(arguments, prog_name=_NAME, standalone_mode=False, obj=debug)
     return code if isinstance(code, int) else 0
 
 
 def _window(*, debug: bool) -> int:
-    """The window, or a run in the terminal where there is no screen."""
-    code = window_command()
-    if code is None:
-        _complain("no screen here, so this runs in the terminal as 'calstation run' does (--help shows more)")
-        code = app(["run"], prog_name=_NAME, standalone_mode=False, obj=debug)
-    return code if isinstance(code, int) else 0
+    """Open the window, or start a run in the terminal if there is no screen."""
+    if not has_screen():
+        from calstation.cli.errors import complain
+        from calstation.cli.show import say
+
+        complain(say("cli.no_screen"))
+        return _run(["run"], debug)
+    from calstation.gui.shell.app import main
+
+    return main()
 
 
-def _complain(text: str) -> None:
-    sys.stderr.write(f"calstation: {text}\n")
-
-
-def _stages(text: str | None) -> tuple[str, ...] | None:
-    """The stages of an option's comma-separated list. Raises ConfigurationError."""
-    if text is None:
-        return None
-    stages = tuple(part.strip() for part in text.split(",") if part.strip())
-    if not stages:
-        raise ConfigurationError("--stages names no stage; give e.g. --stages rate,six_position")
-    if len(set(stages)) != len(stages):
-        raise ConfigurationError("--stages names a stage twice; each stage is solved once")
-    from procedures import method
-
-    for stage in stages:
-        method(stage)
-    return stages
-
-
-#: What a window needs first; where a library or the screen is missing, Qt ends its process instead of telling.
+#: What a window needs first. If a library or the screen is missing, Qt ends its process without an error.
 _PROBE = "from PySide6.QtWidgets import QApplication; QApplication([])"
 
 _PROBED_WITHIN = 60.0
@@ -428,10 +437,17 @@ def has_screen() -> bool:
     return probe.returncode == 0
 
 
-def window_command() -> int | None:
-    """Open the window and return its exit code when it is closed; None where there is no screen."""
-    if not has_screen():
+def _stages(text: str | None) -> tuple[str, ...] | None:
+    """The stages of an option's comma-separated list. Raises ConfigurationError."""
+    if text is None:
         return None
-    from calstation.gui.shell.app import main
+    stages = tuple(part.strip() for part in text.split(",") if part.strip())
+    if not stages:
+        raise ConfigurationError("cli.no_stage")
+    if len(set(stages)) != len(stages):
+        raise ConfigurationError("cli.stage_twice")
+    from procedures import method
 
-    return main()
+    for stage in stages:
+        method(stage)
+    return stages

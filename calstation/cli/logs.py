@@ -1,6 +1,6 @@
-"""`resolve`, `import` and `export`: what is done with stored logs."""
+"""`resolve`, `import`, `export`, `record` and `watch`: work on logs and recordings."""
 
-import json
+import json as json_module
 import sys
 from pathlib import Path
 from typing import Any, cast, get_args
@@ -8,12 +8,13 @@ from typing import Any, cast, get_args
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from calstation.cli.show import check_json, emit_json, result_table
-from calstation.cli.wording import NOT_ALL, RESOLVED, word
+from calstation.cli.show import check_json, emit_json, result_table, say, show_line
 from calstation.config.library import pair_folder
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.estimation.pairs.static import SENSORS
 from calstation.estimation.pairs.watch import WatchEvent
+from calstation.messages.progress import event_text
+from calstation.messages.rendering import os_reason, sentence
 from calstation.physics.units import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import truth_path
@@ -26,9 +27,19 @@ from calstation.simulation.bench_recordings import GradeName, Kind, make_recordi
 def resolve_command(
     log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
 ) -> int:
-    """Solve `log` again and show the answer; 0 within the limits or without any, 1 outside.
+    """Solve a log again and show the result; returns 1 if it is outside the limits.
 
-    Raises InsufficientDataError, once the others are shown, where a stage of the log lacks data.
+    Parameters
+    ----------
+    log : raw log or CSV
+    stages : to solve; None for all
+    first, last : sequence numbers; None for the log's own
+    json : file of the result JSON, ``-`` for standard output, or None
+
+    Raises
+    ------
+    InsufficientDataError
+        A stage lacks data; the others have been shown.
     """
     check_json(json)
     console = Console(stderr=True)
@@ -44,29 +55,33 @@ def resolve_command(
                 task, description=f"solving {stage}, sample {seq}{f', {done:.0%}' if done else ''}"
             ),
         )
-    for key, values in resolved.messages:
-        console.print(word(key, values), highlight=False, markup=False)
+    for event_id, values in resolved.messages:
+        console.print(sentence(event_text(event_id, values)), highlight=False, markup=False)
     emit_json(resolved.result_json, json)
+    passed = resolved.result.passed
     if json != "-":
         out = Console(file=sys.stdout)
-        result_table(out, resolved.result_json)
-        passed = resolved.result.passed
-        verdict = NOT_ALL if resolved.missing_data and passed is None else RESOLVED[passed]
-        out.print(verdict, highlight=False)
+        result_table(out, resolved.result)
+        code = {
+            True: "passed",
+            False: "failed",
+            None: "in_part" if resolved.missing_data else "without_limits",
+        }
+        out.print(say(f"cli.resolved_{code[passed]}"), highlight=False)
     if resolved.missing_data:
-        named = ",".join(resolved.result.stages)
         raise InsufficientDataError(
-            f"{log}: {'; '.join(resolved.missing_data)}; solved without it, as --stages {named} does"
+            "cli.stages_lacking",
+            log=log,
+            lacking="; ".join(resolved.missing_data),
+            stages=",".join(resolved.result.stages),
         )
-    return 1 if resolved.result.passed is False else 0
+    return 1 if passed is False else 0
 
 
 def import_command(source: Path, target: Path, meta: Path | None) -> int:
     """Write the raw log `target` from a CSV."""
     facts = import_csv(source, target, meta)
-    Console(stderr=True).print(
-        f"{target}: {facts.samples} samples, {facts.gaps} gaps", highlight=False, markup=False
-    )
+    show_line(Console(stderr=True), f"{target}: {facts.samples} samples, {facts.gaps} gaps")
     return 0
 
 
@@ -74,50 +89,40 @@ def export_command(log: Path, target: Path) -> int:
     """Write `target` and its TOML from a raw log."""
     facts = export_csv(log, target)
     left_out = f", {facts.damaged} damaged rows left out" if facts.damaged else ""
-    Console(stderr=True).print(f"{target}: {facts.samples} samples{left_out}", highlight=False, markup=False)
+    show_line(Console(stderr=True), f"{target}: {facts.samples} samples{left_out}")
     return 0
 
 
 def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
-    """Write the raw log `target` and its truth as NAME.truth.json."""
-    for option, value, known in (("KIND", kind, get_args(Kind)), ("--grade", grade, get_args(GradeName))):
-        if value not in known:
-            raise ConfigurationError(f"{option} '{value}' is unknown; choose from {', '.join(known)}")
+    """Write a recording of the virtual bench as the raw log `target`, and its truth as NAME.truth.json."""
+    for option, value, choices in (("KIND", kind, get_args(Kind)), ("--grade", grade, get_args(GradeName))):
+        if value not in choices:
+            raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)
     if target.suffix != SUFFIX:
-        raise ConfigurationError(f"{target}: a raw log's name ends in {SUFFIX}; rename the target")
+        raise ConfigurationError("cli.log_name", path=target, suffix=SUFFIX)
     facts, truth = make_recording(cast(Kind, kind), target, cast(GradeName, grade), seed)
     beside = truth_path(target)
     try:
-        beside.write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+        beside.write_text(json_module.dumps(truth, indent=1) + "\n", encoding="utf-8")
     except OSError as exc:
-        raise ConfigurationError(f"{beside}: cannot be written ({exc.strerror or exc})") from exc
-    Console(stderr=True).print(
-        f"{target}: {facts.samples} samples; truth in {beside}", highlight=False, markup=False
-    )
+        raise ConfigurationError("cli.unwritable", path=beside, cause=os_reason(exc)) from exc
+    show_line(Console(stderr=True), f"{target}: {facts.samples} samples; truth in {beside}")
     return 0
 
 
-_SAID = {
-    "triggered": "a check is due; waiting for a rest",
-    "checked": "imu{number} checked",
-    "primary_off": "the primary is off itself ({sensors}); imu{number} is not calibrated against it",
-    "calibrating": "off: {secondaries}; waiting for motion",
-    "calibrated": "imu{number} calibrated; what was found is kept",
-    "given_up": "given up: {why}",
-}
-
-
 def watch_command(log: Path, folder: Path | None, command: bool) -> int:
-    """Follow `log`; 0 where every secondary is within its thresholds at the end or has been calibrated, 1 otherwise."""
+    """Follow a log of IMUs on one body, calibrate what is out of tolerance, store the result.
+
+    Returns 0 if every secondary IMU is within its thresholds at the end or has been calibrated, 1 otherwise.
+    """
     out = Console(file=sys.stdout)
 
-    def tell(event: WatchEvent) -> None:
-        said = _SAID[event.kind].format(
-            number=event.number, **{k: _words(v) for k, v in event.values.items()}
-        )
-        out.print(f"{event.time:9.1f} s  {said}", highlight=False, markup=False)
+    def show(event: WatchEvent) -> None:
+        values = {name: _imus(value) for name, value in event.values.items()}
+        text = say(f"cli.watch_{event.kind}", **{"number": event.number, **values})
+        out.print(f"{event.time:9.1f} s  {text}", highlight=False, markup=False)
 
-    watched = watch_log(log, folder or pair_folder(), command, tell)
+    watched = watch_log(log, folder or pair_folder(), command, show)
     calibrated = {e.number for e in watched.events if e.kind == "calibrated"}
     good = True
     for number, check in watched.checks.items():
@@ -133,24 +138,24 @@ def watch_command(log: Path, folder: Path | None, command: bool) -> int:
                 markup=False,
             )
     if not watched.checks:
-        out.print("no rest to check at", highlight=False)
+        out.print(say("cli.no_rest"), highlight=False)
     return 0 if good and watched.checks else 1
 
 
 def _unit(sensor: str, limit: float) -> tuple[float, str]:
-    """SI size and name of the unit in which a threshold is read easily."""
+    """SI size and name of a readable unit for a threshold."""
     if sensor == "gyro":
         return (DEGREE_PER_HOUR, "°/h") if limit < 0.1 * DEGREE else (DEGREE, "°/s")
     return (MICRO_G, "µg") if limit < 10_000 * MICRO_G else (1.0, "m/s²")
 
 
-def _words(value: Any) -> Any:
-    """Lists as words, numbers of IMUs with their name."""
+def _imus(value: Any) -> Any:
+    """Numbers of IMUs in a list as names."""
     if not isinstance(value, list | tuple):
         return value
-    return ", ".join(f"imu{item}" if isinstance(item, int) else str(item) for item in value)
+    return [f"imu{item}" if isinstance(item, int) else str(item) for item in value]
 
 
 def _plain(value: float) -> str:
-    """Three digits, never as a power of ten."""
+    """Three digits, without an exponent."""
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"

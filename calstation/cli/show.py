@@ -1,6 +1,7 @@
-"""Results as people read them: a table in human units, and the JSON where it was asked for."""
+"""Results and sentences on the terminal: a table in human units, JSON where it was asked for."""
 
 import json as json_module
+import math
 import os
 import sys
 from collections.abc import Mapping
@@ -11,11 +12,26 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from calstation.cli.wording import CHECKS
-from calstation.config.site_check import LATITUDE
 from calstation.errors import ConfigurationError
+from calstation.messages.catalogue import known
+from calstation.messages.rendering import Value, render
 from calstation.physics.units import DEGREE, display, number
-from calstation.results.result import write_json
+from calstation.records.limits import Check
+from calstation.results.result import Result, write_json
+
+
+def say(code: str, **values: Value) -> str:
+    """The English sentences of a catalogue entry."""
+    return render(code, values).sentences
+
+
+def show_line(console: Console, text: str) -> None:
+    """Print a line as it is, without wrapping it."""
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def ignore_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """The progress of work that takes seconds is not shown."""
 
 
 def check_json(target: str | None) -> None:
@@ -24,7 +40,7 @@ def check_json(target: str | None) -> None:
         return
     path = Path(target)
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise ConfigurationError(f"--json {path}: cannot be written; choose another file or folder")
+        raise ConfigurationError("cli.json_unwritable", path=path)
 
 
 def emit_json(result: Mapping[str, Any], target: str | None) -> None:
@@ -36,56 +52,58 @@ def emit_json(result: Mapping[str, Any], target: str | None) -> None:
         write_json(Path(target), result)
 
 
-def result_table(console: Console, result: Mapping[str, Any]) -> None:
+def result_table(console: Console, result: Result) -> None:
     """Show every parameter with sigma, unit, limit and verdict, then the other checks."""
-    parameters: Mapping[str, Any] = result["parameters"]
-    checks = {check["name"]: check for check in result["checks"]}
-    table = Table(
-        title=f"unit {result['unit']['serial']}", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1)
-    )
+    table = Table(title=f"unit {result.serial}", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("parameter", no_wrap=True, min_width=19)
     for heading in ("value", "sigma", "unit", "limit", "≤ sigma"):
         table.add_column(heading, justify="left" if heading == "unit" else "right", no_wrap=True)
     table.add_column("verdict")
-    for name, row in parameters.items():
-        value, unit = display(name, row["value"])
-        sigma, _ = display(name, row["sigma"])
-        within = checks.pop(f"{name} within", None)
-        below = checks.pop(f"{name} sigma below", None)
+    limits = {(c.kind, c.subject): c for c in result.checks if c.kind in ("within", "sigma_below")}
+    for name, row in result.parameters.items():
+        value, unit = display(name, row.value)
+        sigma, _ = display(name, row.sigma)
+        within, below = limits.pop(("within", name), None), limits.pop(("sigma_below", name), None)
         table.add_row(
             name,
             number(value, sigma),
             f"{sigma:.2g}",
             unit,
-            "" if within is None else _interval(name, within["limit"]),
-            "" if below is None else f"{display(name, below['limit'])[0]:.3g}",
-            _verdict(name in result["unobservable"], [c for c in (within, below) if c is not None]),
+            "" if within is None else _interval(name, within.limit),
+            "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}",
+            _verdict(name in result.unobservable, [c for c in (within, below) if c is not None]),
         )
-    if parameters:
+    if result.parameters:
         console.print(table)
-    for check in checks.values():
-        verdict = "OUTSIDE" if not check["passed"] else "ok, near its limit" if check["near_miss"] else "ok"
-        unit, size = ("°", DEGREE) if check["name"] == LATITUDE else (check["unit"], 1.0)
-        unit = "" if unit == "1" else f" {unit}"
-        where = f" at {check['where']}" if "where" in check else ""
-        name = CHECKS.get(check["name"], check["name"])
-        limit = check["limit"]
-        bounds = limit if isinstance(limit, list) else [limit]
-        shown = " to ".join(f"{bound / size:.4g}" for bound in bounds)
-        console.print(
-            f"{name}: {check['value'] / size:.4g}{unit}{where} (limit {shown}{unit})  {verdict}",
-            highlight=False,
-        )
+    for check in result.checks:
+        if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
+            console.print(_check_line(check), highlight=False)
 
 
-def _interval(name: str, limit: list[float]) -> str:
-    low, high = (display(name, bound)[0] for bound in limit)
+def _check_line(check: Check) -> str:
+    verdict = "OUTSIDE" if not check.passed else "ok, near its limit" if check.near_miss else "ok"
+    unit, size = ("°", DEGREE) if check.kind == "latitude" else (check.unit, 1.0)
+    unit = "" if unit == "1" else f" {unit}"
+    where = f" at {check.where}" if str(check.where) else ""
+    code = f"cli.check_{check.kind}"
+    name = say(code) if known(code) else check.name
+    shown = " to ".join(f"{bound / size:.4g}" for bound in _bounds(check))
+    return f"{name}: {check.value / size:.4g}{unit}{where} (limit {shown}{unit})  {verdict}"
+
+
+def _bounds(check: Check) -> tuple[float, ...]:
+    return check.limit if isinstance(check.limit, tuple) else (check.limit,)
+
+
+def _interval(name: str, limit: float | tuple[float, float]) -> str:
+    interval = limit if isinstance(limit, tuple) else (-math.inf, limit)
+    low, high = (display(name, bound)[0] for bound in interval)
     return f"±{high:.4g}" if low == -high else f"{low:.4g} to {high:.4g}"
 
 
-def _verdict(unobservable: bool, checks: list[Mapping[str, Any]]) -> str:
+def _verdict(unobservable: bool, checks: list[Check]) -> str:
     if unobservable:
         return "not determined"
     if not checks:
         return ""
-    return "ok" if all(check["passed"] for check in checks) else "OUTSIDE"
+    return "ok" if all(check.passed for check in checks) else "OUTSIDE"

@@ -1,4 +1,4 @@
-"""`study`: units against truth and bound, as a table of every case and parameter group."""
+"""`study` and `soak`: simulated units compared with truth and bound, calibrations with random faults."""
 
 import signal
 import sys
@@ -21,7 +21,8 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from calstation.cli.show import check_json, emit_json
+from calstation.cli.errors import complain
+from calstation.cli.show import check_json, emit_json, show_line
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.physics.units import DISPLAY
 from calstation.simulation.bench_recordings import GradeName
@@ -29,111 +30,10 @@ from calstation.simulation.method_study import run_method_study
 from calstation.simulation.soak import Soak, soak
 from calstation.simulation.study import SEEDS, run_study
 
-
-def study_command(grade: str | None, seeds: int | None, json: str | None) -> int:
-    """Run the study; 0 where every number is inside its band, 1 otherwise."""
-    if grade is not None and grade not in SEEDS:
-        raise ConfigurationError(f"--grade '{grade}' is unknown; choose from {', '.join(SEEDS)}")
-    if seeds is not None and seeds < 1:
-        raise ConfigurationError(f"--seeds {seeds} must be at least 1")
-    check_json(json)
-    columns = (TextColumn("units"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("units", total=None)
-        study = run_study(
-            grade,
-            seeds,
-            lambda done, count: bar.update(task, completed=done, total=count),
-        )
-    emit_json(study, json)
-    if json != "-":
-        console = Console(file=sys.stdout)
-        for row in study["rows"]:
-            _show(console, row)
-    return 0 if study["passed"] else 1
-
-
-def _show(console: Console, row: Mapping[str, Any]) -> None:
-    """One case: a line per group, then NEES and the error over the bound."""
-    title = f"{row['grade']}: {row['case']}, {row['units']} units"
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
-    table.add_column("group", no_wrap=True)
-    for heading in ("sigma", "error/sigma", "band", "verdict"):
-        table.add_column(heading, justify="left" if heading == "verdict" else "right", no_wrap=True)
-    for name, group in row["groups"].items():
-        unit, size = DISPLAY[name]
-        table.add_row(
-            name,
-            f"{group['sigma'] / size:.3g} {unit}",
-            f"{group['rms']:.3f}",
-            f"{group['low']:.3f} to {group['high']:.3f}",
-            "ok" if group["passed"] else "OUTSIDE",
-        )
-    console.print(table)
-    nees = row["nees"]
-    console.print(
-        f"NEES {nees['mean']:.3f} ({nees['low']:.3f} to {nees['high']:.3f}), "
-        f"error over bound {row['bound_ratio']:.3f} (limit {row['bound_limit']:.3f}): "
-        f"{'passed' if row['passed'] else 'FAILED'}",
-        highlight=False,
-    )
-
-
+#: Runs of a method's study if none are given.
 METHOD_SEEDS = 30
 
-
-def method_study_command(method: str, grade: str | None, seeds: int | None, json: str | None) -> int:
-    """Run the study of one method; 0 where every number is inside its band, 1 otherwise."""
-    grades = get_args(GradeName) if grade is None else (grade,)
-    if grade is not None and grade not in get_args(GradeName):
-        raise ConfigurationError(
-            f"--grade '{grade}' is unknown; choose from {', '.join(get_args(GradeName))}"
-        )
-    if seeds is not None and seeds < 1:
-        raise ConfigurationError(f"--seeds {seeds} must be at least 1")
-    check_json(json)
-    columns = (TextColumn("units"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    rows = []
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        for each in grades:
-            rows.append(
-                run_method_study(method, cast(GradeName, each), seeds or METHOD_SEEDS, _follow(bar, each))
-            )
-    passed = all(row["passed"] for row in rows)
-    emit_json({"rows": rows, "passed": passed}, json)
-    if json != "-":
-        console = Console(file=sys.stdout)
-        for row in rows:
-            _show_method(console, row)
-    return 0 if passed else 1
-
-
-def _follow(bar: Progress, grade: str) -> Callable[[int, int], None]:
-    """Shows the units of one grade that are done."""
-    task = bar.add_task(grade, total=None)
-    return lambda done, count: bar.update(task, completed=done, total=count)
-
-
-def _show_method(console: Console, row: dict[str, Any]) -> None:
-    title = f"{row['method']}: {row['grade']}, {row['units']} units, consistency {row['consistency']:.2f}"
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-    table.add_column("group", no_wrap=True)
-    for heading in ("sigma", "error/sigma", "band", "largest", "verdict"):
-        table.add_column(heading, justify="left" if heading == "verdict" else "right", no_wrap=True)
-    for name, group in row["groups"].items():
-        unit, size = DISPLAY[name]
-        table.add_row(
-            name,
-            f"{group['sigma'] / size:.3g} {unit}",
-            f"{group['rms']:.3f}",
-            f"{group['low']:.3f} to {group['high']:.3f}",
-            f"{group['largest']:.2f}",
-            "ok" if group["passed"] else "OUTSIDE",
-        )
-    console.print(table)
-
-
-#: What is done where no number is given.
+#: Runs of a soak if none are given.
 RUNS = 20
 
 _TOTALS = (
@@ -150,13 +50,58 @@ _TOTALS = (
 )
 
 
+def study_command(grade: str | None, seeds: int | None, json: str | None) -> int:
+    """Run the study; 0 if every number is inside its band, 1 otherwise."""
+    _check_options(grade, seeds, tuple(SEEDS))
+    check_json(json)
+    with _units_bar() as bar:
+        study = run_study(cast(GradeName | None, grade), seeds, _follow(bar, "units"))
+    emit_json(study, json)
+    if json != "-":
+        console = Console(file=sys.stdout)
+        for row in study["rows"]:
+            title = f"{row['grade']}: {row['case']}, {row['units']} units"
+            _show_groups(console, title, row)
+            nees = row["nees"]
+            console.print(
+                f"NEES {nees['mean']:.3f} ({nees['low']:.3f} to {nees['high']:.3f}), "
+                f"error over bound {row['bound_ratio']:.3f} (limit {row['bound_limit']:.3f}): "
+                f"{'passed' if row['passed'] else 'FAILED'}",
+                highlight=False,
+            )
+    return 0 if study["passed"] else 1
+
+
+def method_study_command(method: str, grade: str | None, seeds: int | None, json: str | None) -> int:
+    """Run the study of one method; 0 if every number is inside its band, 1 otherwise."""
+    grades = get_args(GradeName)
+    _check_options(grade, seeds, grades)
+    check_json(json)
+    with _units_bar() as bar:
+        rows = [
+            run_method_study(method, cast(GradeName, each), seeds or METHOD_SEEDS, _follow(bar, each))
+            for each in (grades if grade is None else (grade,))
+        ]
+    passed = all(row["passed"] for row in rows)
+    emit_json({"rows": rows, "passed": passed}, json)
+    if json != "-":
+        for row in rows:
+            title = (
+                f"{row['method']}: {row['grade']}, {row['units']} units, consistency {row['consistency']:.2f}"
+            )
+            _show_groups(Console(file=sys.stdout), title, row)
+    return 0 if passed else 1
+
+
 def soak_command(runs: int | None, seed: int, json: str | None, *, full: bool, keep: Path | None) -> int:
-    """Soak and show; 0 where nothing was wrong, lost, unsafe or hung, else 1; 4 where Ctrl-C ended it early."""
+    """Run calibrations with random faults and show the outcome.
+
+    Returns 0 if nothing was wrong, lost, unsafe or hung, else 1; 4 if Ctrl-C ended it early.
+    """
     check_json(json)
     runs = RUNS if runs is None else runs
     with tempfile.TemporaryDirectory(prefix="calstation-soak-") as temporary, _interrupts() as interrupted:
-        folder = Path(temporary) if keep is None else keep
-        done = _run(runs, seed, folder, full, interrupted)
+        done = _soak(runs, seed, Path(temporary) if keep is None else keep, full, interrupted)
     counts = {"seed": seed, "full": full, **done.counts()}
     emit_json(counts, json)
     _show_soak(Console(stderr=json == "-"), counts)
@@ -165,7 +110,48 @@ def soak_command(runs: int | None, seed: int, json: str | None, *, full: bool, k
     return 0 if done.sound else 1
 
 
-def _run(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool]) -> Soak:
+def _check_options(grade: str | None, seeds: int | None, grades: tuple[str, ...]) -> None:
+    if grade is not None and grade not in grades:
+        raise ConfigurationError("cli.unknown_choice", option="--grade", value=grade, choices=grades)
+    if seeds is not None and seeds < 1:
+        raise ConfigurationError(
+            "cli.too_small", option="--seeds", value=seeds, least=1, program="calstation study"
+        )
+
+
+def _units_bar() -> Progress:
+    columns = (TextColumn("units"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True), transient=True)
+
+
+def _follow(bar: Progress, name: str) -> Callable[[int, int], None]:
+    """Show the number of units that are done."""
+    task = bar.add_task(name, total=None)
+    return lambda done, count: bar.update(task, completed=done, total=count)
+
+
+def _show_groups(console: Console, title: str, row: Mapping[str, Any]) -> None:
+    """Show a line per parameter group."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+    table.add_column("group", no_wrap=True)
+    largest = all("largest" in group for group in row["groups"].values())
+    for heading in ("sigma", "error/sigma", "band", *(["largest"] if largest else [])):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for name, group in row["groups"].items():
+        unit, size = DISPLAY[name]
+        table.add_row(
+            name,
+            f"{group['sigma'] / size:.3g} {unit}",
+            f"{group['rms']:.3f}",
+            f"{group['low']:.3f} to {group['high']:.3f}",
+            *([f"{group['largest']:.2f}"] if largest else []),
+            "ok" if group["passed"] else "OUTSIDE",
+        )
+    console.print(table)
+
+
+def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool]) -> Soak:
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}"),
@@ -177,14 +163,13 @@ def _run(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool]
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task("soak", total=runs, now="")
 
-        def on_run(soak_: Soak) -> None:
-            last = soak_.runs[-1]
+        def on_run(done: Soak) -> None:
+            last = done.runs[-1]
             what = ", ".join(last.injected) or "no fault"
             bar.update(task, advance=1, now=f"{last.outcome} ({what})")
             how = f"{last.outcome} in {last.seconds:.0f} s ({last.planned.devices})"
-            line = f"{last.planned.number + 1}/{runs} {how}: {what}"
             if not console.is_terminal:
-                console.print(line, highlight=False, markup=False, soft_wrap=True)
+                show_line(console, f"{last.planned.number + 1}/{runs} {how}: {what}")
             for text in (*last.wrong, *last.lost, *(["the table was not left safe"] if last.unsafe else [])):
                 console.print(
                     f"run {last.planned.number + 1}, seed {last.planned.seed}: {text}", markup=False
@@ -214,12 +199,12 @@ def _show_soak(console: Console, counts: dict[str, Any]) -> None:
 
 @contextmanager
 def _interrupts() -> Iterator[list[bool]]:
-    """Ctrl-C ends the soak behind the run in hand; filled where it came."""
+    """Make Ctrl-C end the soak after the present run; the list is not empty once it was pressed."""
     came: list[bool] = []
 
     def note(number: int, frame: FrameType | None) -> None:
         came.append(True)
-        sys.stderr.write("calstation: ending behind this run\n")
+        complain("ending after this run")
 
     before = signal.signal(signal.SIGINT, note)
     try:

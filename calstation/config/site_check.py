@@ -16,7 +16,8 @@ from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.latitude import LatitudeEstimate, resolves_earth_rate
 from calstation.estimation.method import Solution
-from calstation.messages.finding import Finding, Value
+from calstation.messages.finding import Finding
+from calstation.messages.rendering import Value
 from calstation.physics.earth import normal_gravity
 from calstation.records.limits import Check
 from calstation.records.meta import LogMeta, SiteSection, context_from_meta

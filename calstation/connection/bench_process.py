@@ -1,4 +1,4 @@
-"""Starts the virtual bench as a process of its own and ends it; the bench also ends when its input closes."""
+"""Starts and ends the process of the virtual bench, which also ends when its input closes."""
 
 import json
 import subprocess
@@ -14,13 +14,13 @@ from typing import IO, Any
 
 from calstation.errors import DeviceFaultError
 
-#: Host time for the bench to start, its compilation on a fresh machine included, s.
+#: Host time for the bench to start, including its compilation on a new machine, s.
 _START_WITHIN = 180.0
 
-_HEAR_EVERY = 0.1
+_CHECK_INTERVAL = 0.1
 _END_WITHIN = 5.0
 
-#: On Windows, keeps a Ctrl-C of the console from the bench; elsewhere it inherits the engine's deafness.
+#: On Windows, keeps Ctrl-C of the console from the bench; elsewhere it inherits that the engine ignores it.
 _OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 
 
@@ -35,9 +35,9 @@ class BenchHost:
     def start(
         cls, config: Mapping[str, Any], check_cancelled: Callable[[], None] = lambda: None
     ) -> "BenchHost":
-        """Start a bench with its configuration. Raises DeviceFaultError where it does not come up.
+        """Start a bench with its configuration. Raises DeviceFaultError if it does not start.
 
-        hear : called again and again meanwhile; what it raises ends the bench
+        `check_cancelled` is called repeatedly meanwhile; what it raises ends the bench.
         """
         command = [sys.executable, "-m", "calstation.bench", "--config", json.dumps(config)]
         process = subprocess.Popen(
@@ -63,13 +63,13 @@ class BenchHost:
             process.kill()
             _, complaint = process.communicate()
             last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
-            raise DeviceFaultError(f"virtual bench: did not start: {last[0]}") from None
+            raise DeviceFaultError("connection.bench_not_started", detail=last[0]) from None
         if process.stderr is not None:
             threading.Thread(target=_discard, args=(process.stderr,), daemon=True).start()
         return cls(process, endpoints)
 
     def close(self) -> None:
-        """End the bench: close its input, then insist."""
+        """End the bench by closing its input; kill it if it does not end."""
         if self.process.stdin is not None:
             self.process.stdin.close()
         try:
@@ -91,19 +91,19 @@ class BenchHost:
 
 
 def _first(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], None]) -> bytes:
-    """The bench's first line; empty where none comes in time."""
+    """The bench's first line; empty if none comes in time."""
     deadline = time.monotonic() + _START_WITHIN
     while time.monotonic() < deadline:
         check_cancelled()
         with suppress(Empty):
-            return lines.get(timeout=_HEAR_EVERY)
+            return lines.get(timeout=_CHECK_INTERVAL)
     return b""
 
 
 def _read_line(stream: IO[bytes], lines: "SimpleQueue[bytes]") -> None:
     try:
         lines.put(stream.readline())
-    except (OSError, ValueError):  # a stop closed the pipe while the bench came up: nobody waits for its line
+    except (OSError, ValueError):  # a stop closed the pipe while the bench was starting
         return
 
 

@@ -1,4 +1,4 @@
-"""Station time: the host's monotonic clock, or the virtual bench's own."""
+"""Station time: the host's monotonic clock, or the virtual time of the bench."""
 
 import json
 import socket
@@ -7,21 +7,21 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from calstation.errors import DeviceFaultError
+from calstation.messages.rendering import os_reason
 
-#: How often the devices are looked at, s.
+#: Interval at which the devices are polled, s.
 TICK = 0.05
 
-#: The same where time runs as fast as the machine allows: nobody sees the difference, and it is half the work.
-_UNSEEN_TICK = 0.2
+#: The same at full speed, where a longer interval halves the work and is not noticed.
+_FAST_TICK = 0.2
 
 #: Host time allowed for an answer of the bench at its fastest, s.
 _ANSWER_WITHIN = 20.0
 
-#: Host time in which samples handed over by the bench must have been read, s.
+#: Host time in which the samples of the bench must have been read, s.
 _SAMPLES_WITHIN = 5.0
 
-
-#: Host time in which the reader usually has them: until then the processor is only yielded, s.
+#: Host time within which they are usually read; until then the processor is only yielded, s.
 _YIELD_FOR = 0.001
 
 
@@ -44,38 +44,36 @@ class RealClock:
 
 
 class BenchClock:
-    """Station time is the bench's virtual time, which waits for the station.
+    """Station time is the bench's virtual time, which advances only with the station.
 
-    `sleep` returns when the IMU reader has taken every byte that the bench sent up to the new time, so
-    a run does not depend on how busy the computer is.
+    `sleep` returns when the IMU reader has read every byte that the bench sent up to the new time, so a run does not
+    depend on the load of the computer.
 
     Parameters
     ----------
     endpoint : host and port of the bench's clock
-    speed : multiple of real time, 0 where time moves only by `sleep`
+    speed : multiple of real time; 0 if time advances only by `sleep`
     """
 
     def __init__(self, endpoint: tuple[str, int], speed: float) -> None:
-        self.tick = TICK if speed > 0.0 else _UNSEEN_TICK
+        self.tick = TICK if speed > 0.0 else _FAST_TICK
         self._speed = speed
         self._received: Callable[[], int] | None = None
         try:
             self._socket = socket.create_connection(endpoint, timeout=_ANSWER_WITHIN)
         except OSError as exc:
-            raise DeviceFaultError(
-                f"virtual bench: its clock does not answer ({exc}); start the run again"
-            ) from exc
+            raise DeviceFaultError("connection.bench_silent", cause=os_reason(exc)) from exc
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._file = self._socket.makefile("rb")
         self._now = 0.0
         self._now = float(self._ask({"now": None})["now"])
 
     def attach(self, received: Callable[[], int]) -> None:
-        """Wait for the IMU reader from now on; `received` counts the bytes that it took."""
+        """Wait for the IMU reader from now on; `received` counts the bytes that it has read."""
         self._received = received
 
     def now(self) -> float:
-        """Virtual time, s; between two advances of a bench that follows host time, as of now."""
+        """Virtual time, s; the present one if the bench follows host time."""
         if self._speed > 0.0:
             self._now = float(self._ask({"now": None})["now"])
         return self._now
@@ -88,19 +86,19 @@ class BenchClock:
             self._wait_for_bytes(int(answer["bytes"]))
 
     def idle(self, seconds: float) -> None:
-        """Let host time pass; virtual time stands still unless it follows host time."""
+        """Let host time pass; virtual time does not advance unless it follows host time."""
         time.sleep(seconds)
 
     def order(self, order: Mapping[str, Any]) -> None:
-        """Have the bench carry out a fault, now or after a while."""
+        """Order a fault from the bench, now or after a delay."""
         self._ask(dict(order))
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Ask the hands at the bench's rig to bring the rails to angles, rad, and to leave them for `rest` s."""
+        """Have the simulated operator turn the rails to angles, rad, and leave them there for `rest` s."""
         self._ask({"carry": [outer, inner], "rest": rest})
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._file.close()
         self._socket.close()
 
@@ -111,7 +109,7 @@ class BenchClock:
             waited = time.monotonic() - begin
             time.sleep(0.0 if waited < _YIELD_FOR else _YIELD_FOR)
             if waited > _SAMPLES_WITHIN:
-                return  # a link that loses bytes is the sequencer's matter: it sees the gap
+                return  # the sequencer detects the gap of a link that loses bytes
 
     def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
         timeout = _ANSWER_WITHIN
@@ -122,8 +120,8 @@ class BenchClock:
             self._socket.sendall(json.dumps(request).encode() + b"\n")
             line = self._file.readline()
         except OSError as exc:
-            raise DeviceFaultError(f"virtual bench: lost ({exc}); start the run again") from exc
+            raise DeviceFaultError("connection.bench_lost", cause=os_reason(exc)) from exc
         if not line:
-            raise DeviceFaultError("virtual bench: its process has ended; start the run again")
+            raise DeviceFaultError("connection.bench_ended")
         answer: dict[str, Any] = json.loads(line)
         return answer

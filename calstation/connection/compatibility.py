@@ -1,6 +1,6 @@
-"""What keeps a product from being calibrated at a station whose links are right: its rig, its gravity, its place.
+"""Checks whether a product can be calibrated at a station whose links work: rig, gravity, site, ports.
 
-The same that `preparation.check_station` refuses before a run, all of it at once.
+These are the reasons for which a run would be refused before its start, all of them at once.
 """
 
 import tomllib
@@ -21,17 +21,17 @@ from calstation.config.station import StationConfig, load_station, schedule_valu
 from calstation.connection.devices import port_conflict
 from calstation.devices.profiles.table import load_table_profile
 from calstation.errors import ConfigurationError
-from calstation.messages.finding import Finding, Value
-from calstation.messages.rendering import Text
+from calstation.messages.finding import Finding
+from calstation.messages.rendering import Value
 from calstation.schema import validate
 from procedures import method
 
-#: Station that new ones are copied from.
+#: The station that new ones are copied from.
 EXAMPLE = "example_hardware"
 
 
 def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
-    """Findings for all stages of the setup's product. Raises ConfigurationError where a schedule is wrong."""
+    """Yield what keeps any stage of the product from being run. Raises ConfigurationError for a wrong schedule."""
     product, site = setup.product, setup.station.site
     schedules = {
         stage: validate(method(stage).schedule, schedule_values(product, stage, {}), f"schedule.{stage}")
@@ -67,7 +67,7 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
 
 
 def station_conflicts(text: str) -> list[Problem]:
-    """What is wrong with the text of a station file whose single values are all right."""
+    """What a run refuses in a station file although each of its values is valid by itself."""
     station = StationConfig.model_validate(tomllib.loads(text))
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]
     problems += _ports(station)
@@ -78,10 +78,10 @@ def _ports(station: StationConfig) -> Iterator[Problem]:
     table, imu = station.table.port, station.imu.port
     try:
         profile = load_table_profile(library.find("tables", station.table.profile))
-    except ConfigurationError:  # the profile's own file shows the error
+    except ConfigurationError:  # reported for the profile's own file
         return
     if table is None or imu is None or profile.by_hand:
         return
-    sentence = port_conflict(profile, table, imu)
-    if sentence is not None:
-        yield Problem(("imu", "port"), "value_error", Text.of("entry.other", words=sentence))
+    conflict = port_conflict(profile, table, imu)
+    if conflict is not None:
+        yield Problem(("imu", "port"), "value_error", conflict)

@@ -9,7 +9,7 @@ from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.identify import LinkSettings, identify
-from calstation.connection.port_lock import owned
+from calstation.connection.port_lock import lock_ports
 from calstation.devices.imu.drivers import open_imu as imu_on
 from calstation.devices.imu.streamed_imu import StreamedImu
 from calstation.devices.links.opening import explained
@@ -24,12 +24,13 @@ from calstation.devices.table.register_table import RegisterTable
 from calstation.devices.table.shared_table import SharedTable
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.messages.rendering import Text
 from calstation.sequencer.context import Clock
 
 
 @dataclass(frozen=True)
 class Devices:
-    """Open devices and the clock that they live by."""
+    """Open devices and the clock that their data refer to."""
 
     table: RegisterTable | TextTable | ManualTable
     imu: StreamedImu
@@ -38,7 +39,7 @@ class Devices:
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Where table and IMU are to be found, and the clock that they live by; rails turned by hand are nowhere: ""."""
+    """Ports of table and IMU, and their clock; a manual rig has the port ""."""
 
     table: str
     imu: str
@@ -49,31 +50,26 @@ class Endpoints:
 def connected(
     setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Devices]:
-    """Open clock, table and IMU, which have said who they are; close them on the way out.
+    """Open clock, table and IMU, and identify both; closed on exit.
 
-    Raises DeviceFaultError or ConfigurationError.
-
-    hear : called while that takes its time, may raise
+    `check_cancelled` is called from time to time and may raise. Raises DeviceFaultError, ConfigurationError.
     """
     with ExitStack() as stack:
         at = stack.enter_context(endpoints(setup, check_cancelled))
         check_cancelled()
-        if _shared(setup):
-            imu = open_imu(setup, at.imu)
-            stack.callback(imu.close)
-            table: RegisterTable | TextTable | ManualTable = SharedTable(imu, table_profile(setup))
-        elif setup.table.by_hand:
-            imu = open_imu(setup, at.imu)
-            stack.callback(imu.close)
-            table = ManualTable(setup.table)
-        else:
+        table: RegisterTable | TextTable | ManualTable | None = None
+        if not _shared(setup) and not setup.table.by_hand:
             table = open_table(setup, at.table)
             stack.callback(table.close)
-            imu = open_imu(setup, at.imu)
-            stack.callback(imu.close)
-        if not setup.table.by_hand:
-            # Before anything else: not even a stop may be written to what may be no table at all.
-            identify(table, imu, wires(setup, at.table, at.imu), check_cancelled)
+        imu = open_imu(setup, at.imu)
+        stack.callback(imu.close)
+        if table is None:
+            table = (
+                ManualTable(setup.table) if setup.table.by_hand else SharedTable(imu, table_profile(setup))
+            )
+        if not isinstance(table, ManualTable):
+            # Before anything else: not even a stop may be written to a device that may not be the table.
+            identify(table, imu, link_settings(setup, at.table, at.imu), check_cancelled)
         imu.start()
         if isinstance(at.clock, BenchClock):
             at.clock.attach(lambda: imu.received)
@@ -84,31 +80,29 @@ def connected(
 def endpoints(
     setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[Endpoints]:
-    """The ports of a station, owned as long as the context, or those of its virtual bench, which lives as long.
+    """The locked ports of a station, or those of a virtual bench that runs as long as the context.
 
-    hear : called while the bench comes up, may raise
-
-    Raises DeviceFaultError where another program owns one, ConfigurationError.
+    `check_cancelled` is called while the bench starts and may raise. Raises DeviceFaultError if another program uses a
+    port, ConfigurationError.
     """
     config = setup.bench_config()
     if config is None:
         table, imu = setup.station.table.port, setup.station.imu.port
         assert imu is not None
-        if not setup.table.by_hand:
-            assert table is not None
-            sentence = port_conflict(setup.table, table, imu)
-            if sentence is not None:
-                raise ConfigurationError(sentence)
-        with owned(port for port in (table, imu) if port):
+        if table is not None and not setup.table.by_hand:
+            conflict = port_conflict(setup.table, table, imu)
+            if conflict is not None:
+                raise ConfigurationError(conflict.code, **conflict.values)
+        with lock_ports(port for port in (table, imu) if port):
             yield Endpoints(table or "", imu, RealClock())
         return
     with BenchHost.start(config, check_cancelled) as bench:
-        told = bench.endpoints
-        host, _, port = told["clock"].rpartition(":")
+        found = bench.endpoints
+        host, _, port = found["clock"].rpartition(":")
         clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))
-        over_tcp = told["table_transport"] == "tcp" and not _shared(setup)
+        over_tcp = found["table_transport"] == "tcp" and not _shared(setup)
         try:
-            yield Endpoints(f"tcp://{told['table']}" if over_tcp else told["table"], told["imu"], clock)
+            yield Endpoints(f"tcp://{found['table']}" if over_tcp else found["table"], found["imu"], clock)
         finally:
             clock.close()
 
@@ -118,35 +112,31 @@ def _shared(setup: ResolvedConfiguration) -> bool:
     return setup.table.protocol == "imu_link"
 
 
-def port_conflict(profile: TableProfile, table: str, imu: str) -> str | None:
-    """What is wrong with two ports beside each other, with the mend: one port has one owner, and two devices share it
-    only where they are one system."""
-    same, shared = _place(table, "table") == _place(imu, "IMU"), profile.protocol == "imu_link"
+def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
+    """What is wrong with the ports of table and IMU together; None if nothing is.
+
+    Two devices share a port only if the table profile says so.
+    """
+    same, shared = _device_of(table, "table") == _device_of(imu, "IMU"), profile.protocol == "imu_link"
     if same and not shared:
-        return (
-            f"table.port and imu.port are both {imu}, but a port has one owner; give each device its own, or choose"
-            " the table profile of a system that commands its axes through its data's link"
-        )
+        return Text.of("connection.same_port", port=imu)
     if shared and not same:
-        return (
-            f"table.port is {table} and imu.port {imu}, but the table profile '{profile.name}' is of axes behind"
-            " the IMU's link; give both the same port"
-        )
+        return Text.of("connection.different_ports", table=table, imu=imu, profile=profile.name)
     return None
 
 
-def _place(port: str, name: str) -> str:
-    """What a port's name leads to, so that two names of the same are alike."""
+def _device_of(port: str, name: str) -> str:
+    """What a port's name leads to, so that two names of the same device are equal."""
     if "://" in port:
         return port.split("://", 1)[1].rstrip("/")
     try:
         return os.path.realpath(resolve(port, name))
-    except DeviceFaultError:  # told when this port is opened, which may not be the one that is asked for
+    except DeviceFaultError:  # reported when this port is opened
         return port
 
 
 def open_table(setup: ResolvedConfiguration, port: str) -> RegisterTable | TextTable:
-    """The table alone, on its port. Raises DeviceFaultError or ConfigurationError."""
+    """Open the table on its port. Raises DeviceFaultError or ConfigurationError."""
     if _shared(setup):
         return SharedTable(open_imu(setup, port), table_profile(setup), owned=True)
     profile, serial = table_profile(setup), setup.station.table.serial
@@ -155,12 +145,12 @@ def open_table(setup: ResolvedConfiguration, port: str) -> RegisterTable | TextT
 
 
 def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
-    """The IMU on its port, not streaming yet. Raises DeviceFaultError or ConfigurationError."""
+    """Open the IMU on its port, not streaming yet. Raises DeviceFaultError or ConfigurationError."""
     link = SerialLink(port, imu_settings(setup), "IMU")
     return imu_on(link, imu_profile(setup), setup.request.serial)
 
 
-def wires(setup: ResolvedConfiguration, table: str, imu: str) -> LinkSettings:
+def link_settings(setup: ResolvedConfiguration, table: str, imu: str) -> LinkSettings:
     """How both devices are reached at these ports."""
     profile = table_profile(setup)
     serial = setup.station.table.serial or profile.serial
@@ -168,19 +158,17 @@ def wires(setup: ResolvedConfiguration, table: str, imu: str) -> LinkSettings:
 
 
 def imu_settings(setup: ResolvedConfiguration) -> SerialSettings:
-    """This place's serial settings, the profile's where it has none."""
+    """The station's serial settings of the IMU, else its profile's."""
     return setup.station.imu.serial or setup.imu.link
 
 
 def table_profile(setup: ResolvedConfiguration) -> TableProfile:
-    """The table's profile with this place's timeout and unit number."""
+    """The table's profile with the station's timeout and unit number."""
     table = setup.station.table
     return setup.table.at_place(table.timeout_s, table.unit)
 
 
 def imu_profile(setup: ResolvedConfiguration) -> ImuProfile:
-    """The IMU's profile with this place's timeout."""
+    """The IMU's profile with the station's timeout."""
     timeout = setup.station.imu.timeout_s
-    if timeout is None:
-        return setup.imu
-    return setup.imu.with_timeout(timeout)
+    return setup.imu if timeout is None else setup.imu.with_timeout(timeout)

@@ -1,4 +1,4 @@
-"""Who answers on a station's ports: asked before a device is told anything; where it is somebody else, found out who.
+"""Identifies the devices on a station's ports before anything is commanded, and finds out what else answers there.
 
 Nothing here writes: devices are asked for their model, and streams are listened to.
 """
@@ -11,56 +11,38 @@ from dataclasses import dataclass
 from calstation.config import library
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.interfaces import Imu, OtherModelError, Table, TableIdentity
-from calstation.devices.links.modbus_link import MEANINGS, ModbusRefusalError, NoAnswerError
+from calstation.devices.links.modbus_link import ModbusRefusalError, NoAnswerError
+from calstation.devices.links.opening import host_and_port
 from calstation.devices.links.serial_link import PortLostError, SerialLink
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.devices.table.drivers import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
+from calstation.messages.rendering import Value
 
-#: Host time to listen at one setting, s.
+#: Host time to listen with one setting, s.
 LISTEN = 0.4
 
-_GLANCE = 0.02
-
-
-def listen(link: SerialLink, seconds: float) -> bytes:
-    """What comes within some host time. Raises PortLostError."""
-    heard = b""
-    end = time.monotonic() + seconds
-    while (left := end - time.monotonic()) > 0:
-        heard += link.read(min(left, _GLANCE))
-    return heard
-
-
-def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
-    """Whether frames of the profile come on a port with these settings; not where it cannot be opened."""
-    try:
-        link = SerialLink(port, settings, "IMU")
-    except CalstationError:
-        return False  # settings that this port cannot do, or no such port
-    try:
-        return len(FrameDecoder(profile.frame, profile.commands).feed(listen(link, LISTEN)).frames) > 0
-    except CalstationError:
-        return False
-    finally:
-        link.close()
-
-
-#: Modbus unit numbers that are tried where nobody answers as the one set.
+#: Modbus unit numbers that are tried if none answers at the configured one.
 NUMBERS = range(1, 11)
 
-#: Modbus exceptions that may mean that the unit number is another's.
+#: Modbus exceptions that may mean that the unit number belongs to another device.
 OTHER_NUMBER = (4, 10, 11)
 
-#: Host time that each has to answer, s.
+#: Host time that each unit number has to answer, s.
 _ANSWER_WITHIN = 0.2
+
+_READ_INTERVAL = 0.02
+
+#: Share of printable bytes from which received bytes count as text.
+_MOSTLY_TEXT = 0.9
+_PRINTABLE = frozenset(b"\r\n\t" + bytes(range(0x20, 0x7F)))
 
 
 @dataclass(frozen=True)
 class LinkSettings:
-    """How both devices are reached: ports, profiles and settings as at this place."""
+    """How both devices are reached: ports, profiles and settings of the station."""
 
     table_port: str
     table: TableProfile
@@ -71,19 +53,35 @@ class LinkSettings:
 
     @property
     def two_lines(self) -> bool:
-        """Whether there are two serial lines, which somebody may have exchanged."""
+        """Whether there are two serial lines, which may be swapped."""
         lines = not self.table_port.startswith("tcp://") and bool(self.table_port)
         return lines and self.table_port != self.imu_port and self.table.protocol != "imu_link"
 
 
+@dataclass(frozen=True)
+class FoundUnit:
+    """A Modbus unit that answers: number, model if it reports one, name of its table profile if one is known."""
+
+    unit: int
+    model: str
+    profile: str
+
+
 def identify(
-    table: Table, imu: Imu | None, wires: LinkSettings, check_cancelled: Callable[[], None] = lambda: None
+    table: Table, imu: Imu | None, link: LinkSettings, check_cancelled: Callable[[], None] = lambda: None
 ) -> TableIdentity:
-    """Have the devices say who they are, the IMU where it is open. Raises DeviceFaultError where one is another.
+    """Ask both devices for their identity, and find out what is wrong if one does not answer.
 
-    What keeps a device from saying it may be looked for on its port, so that both are closed then.
+    Parameters
+    ----------
+    table, imu : open devices; both are closed while the cause is searched for on their ports
+    link : how they are reached
+    check_cancelled : called from time to time; may raise
 
-    hear : called while that takes its time, may raise
+    Raises
+    ------
+    DeviceFaultError
+        A device does not answer, or is another one.
     """
     try:
         identity = table.identify()
@@ -95,61 +93,53 @@ def identify(
         table.close()
         if imu is not None:
             imu.close()
-        raise _explained(fault, wires, check_cancelled) from fault
+        raise _explained(fault, link, check_cancelled) from fault
     return identity
 
 
 def _explained(
-    fault: DeviceFaultError, wires: LinkSettings, check_cancelled: Callable[[], None]
+    fault: DeviceFaultError, link: LinkSettings, check_cancelled: Callable[[], None]
 ) -> DeviceFaultError:
-    """What is behind it, where that can be found out."""
-    if _exchanged(wires, check_cancelled):
-        return DeviceFaultError(
-            f"table: it and the IMU are exchanged, its port {wires.table_port} is the IMU's; exchange table.port and"
-            " imu.port in the station file"
-        )
+    """A fault that names the cause, if it can be found out."""
+    port = link.table_port
+    if _swapped(link, check_cancelled):
+        return DeviceFaultError("connection.swapped", port=port)
     refused = fault.exception if isinstance(fault, ModbusRefusalError) else None
     if not isinstance(fault, NoAnswerError | ModbusRefusalError) or refused not in (None, *OTHER_NUMBER):
         return fault
     unit = fault.unit
-    other = find_unit_number(wires, lambda share: check_cancelled()) if unit == wires.table.unit else None
-    if other is not None:
-        return DeviceFaultError(
-            f"table: on {wires.table_port} '{other[1]}' answers as unit {other[0]}, not as unit {unit}; correct"
-            " table.unit in the station file"
-        )
+    if unit == link.table.unit:
+        other = find_unit_number(link, lambda share: check_cancelled())
+        if other is not None:
+            return DeviceFaultError(
+                "connection.other_unit", port=port, model=other[1], found=other[0], unit=unit
+            )
     if refused is not None:
-        return DeviceFaultError(
-            f"table: asked for its model as unit {unit} on {wires.table_port}, it refuses: {MEANINGS[refused]} (Modbus"
-            f" exception {refused}); check the unit number, then look at the drive's display"
-        )
-    settings = "" if wires.table_port.startswith("tcp://") else ", baud, parity"
-    return DeviceFaultError(
-        f"table: nothing answers in Modbus on {wires.table_port} as unit {unit}; check cable, power{settings} and unit"
-        " number, and whether it is the table that is connected there"
-    )
+        return DeviceFaultError("connection.refused", port=port, unit=unit, exception=refused)
+    if port.startswith("tcp://"):
+        return DeviceFaultError("connection.silent_tcp", port=port, unit=unit)
+    return DeviceFaultError("connection.silent_line", port=port, unit=unit)
 
 
-def _exchanged(wires: LinkSettings, check_cancelled: Callable[[], None]) -> bool:
-    """Whether the IMU streams on the table's line, or the table says its model on the IMU's."""
-    if not wires.two_lines:
+def _swapped(link: LinkSettings, check_cancelled: Callable[[], None]) -> bool:
+    if not link.two_lines:
         return False
-    for looked in (imu_on_table_port, table_on_imu_port):
+    for found in (imu_on_table_port, table_on_imu_port):
         check_cancelled()
-        if looked(wires):
+        if found(link):
             return True
     return False
 
 
-def imu_on_table_port(wires: LinkSettings) -> bool:
+def imu_on_table_port(link: LinkSettings) -> bool:
     """Whether frames of the IMU come on the table's line."""
-    return has_frames(wires.table_port, wires.imu_serial, wires.imu)
+    return has_frames(link.table_port, link.imu_serial, link.imu)
 
 
-def table_on_imu_port(wires: LinkSettings) -> bool:
-    """Whether the table says its model on the IMU's line."""
+def table_on_imu_port(link: LinkSettings) -> bool:
+    """Whether the table reports its model on the IMU's line."""
     try:
-        table = open_table(wires.imu_port, wires.table, wires.table_serial)
+        table = open_table(link.imu_port, link.table, link.table_serial)
     except CalstationError:
         return False
     try:
@@ -162,22 +152,22 @@ def table_on_imu_port(wires: LinkSettings) -> bool:
 
 
 def find_unit_number(
-    wires: LinkSettings, asked: Callable[[float], None] = lambda share: None
+    link: LinkSettings, tried: Callable[[float], None] = lambda share: None
 ) -> tuple[int, str] | None:
-    """Number and model of a Modbus unit that is the profile's, on the table's port but under another number.
+    """Number and model of the profile's table on its port under another Modbus unit number, or None.
 
-    asked : told the share of the numbers that have been tried
+    `tried` is called with the share of the numbers that have been tried.
     """
-    modbus = wires.table.modbus
+    modbus = link.table.modbus
     if modbus is None:
         return None
     for i, number in enumerate(NUMBERS):
-        if number == wires.table.unit:
+        if number == link.table.unit:
             continue
-        asked(i / len(NUMBERS))
+        tried(i / len(NUMBERS))
         with suppress(CalstationError):
-            place = wires.table.at_place(min(_ANSWER_WITHIN, modbus.timeout_s), number)
-            table = open_table(wires.table_port, place, wires.table_serial)
+            profile = link.table.at_place(min(_ANSWER_WITHIN, modbus.timeout_s), number)
+            table = open_table(link.table_port, profile, link.table_serial)
             try:
                 return number, table.identify().model
             finally:
@@ -185,34 +175,24 @@ def find_unit_number(
     return None
 
 
-@dataclass(frozen=True)
-class FoundUnit:
-    """A Modbus unit that answers: its number, its model where it tells one, and the name of the table profile whose it
-    is, "" where none is known."""
+def find_units(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> list[FoundUnit]:
+    """All Modbus units on the table's port, with the models of every Modbus profile of this site.
 
-    unit: int
-    model: str
-    profile: str
-
-
-def find_units(wires: LinkSettings, asked: Callable[[float], None] = lambda share: None) -> list[FoundUnit]:
-    """Who answers on the table's port, by the models of all Modbus profiles of this site.
-
-    asked : told the share of the numbers that have been tried
+    `tried` is called with the share of the numbers that have been tried.
     """
-    profiles, heard = _modbus_profiles(wires), []
+    profiles, units = _modbus_profiles(link), []
     for i, number in enumerate(NUMBERS):
-        asked(i / len(NUMBERS))
-        found = _heard_as(wires, profiles, number)
+        tried(i / len(NUMBERS))
+        found = _unit_at(link, profiles, number)
         if found is not None:
-            heard.append(found)
-    return heard
+            units.append(found)
+    return units
 
 
-def _modbus_profiles(wires: LinkSettings) -> dict[str, TableProfile]:
-    """The site's profiles behind Modbus by their file's name, one for each model."""
+def _modbus_profiles(link: LinkSettings) -> dict[str, TableProfile]:
+    """The site's Modbus table profiles by file name, one for each model."""
     found: dict[str, TableProfile] = {}
-    for name in library.names("tables") if wires.table.modbus is not None else ():
+    for name in library.names("tables") if link.table.modbus is not None else ():
         with suppress(ConfigurationError):
             profile = load_table_profile(library.find("tables", name))
             if profile.modbus is not None and profile.model not in {known.model for known in found.values()}:
@@ -220,26 +200,61 @@ def _modbus_profiles(wires: LinkSettings) -> dict[str, TableProfile]:
     return found
 
 
-def _heard_as(wires: LinkSettings, profiles: dict[str, TableProfile], number: int) -> FoundUnit | None:
-    """Who a unit number is, None where nobody answers to it."""
-    somebody = None
+def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int) -> FoundUnit | None:
+    """The unit that answers to a number, or None."""
+    unknown = None
     for name, profile in profiles.items():
         try:
-            table = open_table(wires.table_port, profile.at_place(_ANSWER_WITHIN, number), wires.table_serial)
+            table = open_table(link.table_port, profile.at_place(_ANSWER_WITHIN, number), link.table_serial)
         except CalstationError:
-            return somebody
+            return unknown
         try:
             return FoundUnit(number, table.identify().model, name)
         except OtherModelError as exc:
-            somebody = FoundUnit(number, exc.found, "")
+            unknown = FoundUnit(number, exc.found, "")
         except NoAnswerError as exc:
             if exc.unit == number:
-                return somebody
+                return unknown
         except ModbusRefusalError as exc:
             if exc.unit == number and exc.exception not in OTHER_NUMBER:
-                somebody = somebody or FoundUnit(number, "", "")
+                unknown = unknown or FoundUnit(number, "", "")
         except CalstationError:
             continue
         finally:
             table.close()
-    return somebody
+    return unknown
+
+
+def listen(link: SerialLink, seconds: float) -> bytes:
+    """The bytes that come within some host time, s. Raises PortLostError."""
+    heard = b""
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0:
+        heard += link.read(min(left, _READ_INTERVAL))
+    return heard
+
+
+def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
+    """Whether frames of a profile come on a port with these settings; false if it cannot be opened."""
+    try:
+        link = SerialLink(port, settings, "IMU")
+    except CalstationError:
+        return False
+    try:
+        return len(FrameDecoder(profile.frame, profile.commands).feed(listen(link, LISTEN)).frames) > 0
+    except CalstationError:
+        return False
+    finally:
+        link.close()
+
+
+def is_text(heard: bytes) -> bool:
+    """Whether received bytes are mostly printable."""
+    return sum(byte in _PRINTABLE for byte in heard) >= _MOSTLY_TEXT * len(heard)
+
+
+def line_values(port: str, settings: SerialSettings) -> dict[str, Value]:
+    """Serial settings as values of a finding; empty for a serial server, which has settings of its own."""
+    if host_and_port(port) is not None:
+        return {}
+    return {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}

@@ -1,4 +1,4 @@
-"""The unit in the fixture without the table: open and named, its output at rest taken where that is asked for."""
+"""A session with the unit in the fixture, without the table: open, identified, its output at rest captured."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,16 +20,17 @@ from calstation.sequencer.context import Clock
 from calstation.sequencer.control_loop import NO_DATA
 from calstation.sequencer.task import Output
 
-#: Told when the link is open, and the unit named.
+#: Progress once the link is open, and once the unit is identified.
 _SHARES = (0.1, 0.4)
 
+#: Time in which a gapless rest must be captured, s.
 _WITHIN = 60.0
 _TICK = 0.05
 
 
 @dataclass(frozen=True)
 class ImuSession:
-    """An open unit, who it is, and the clock that it lives by."""
+    """An open unit, its identity and the clock that its data refer to."""
 
     imu: Imu
     identity: ImuIdentity
@@ -38,86 +39,104 @@ class ImuSession:
 
 @contextmanager
 def open_imu_session(
-    tell: ProgressCallback, setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
+    progress: ProgressCallback,
+    setup: ResolvedConfiguration,
+    check_cancelled: Callable[[], None] = lambda: None,
 ) -> Iterator[ImuSession]:
-    """The IMU alone; closed on the way out. Raises DeviceFaultError, ConfigurationError.
+    """Open the IMU alone; closed on exit.
 
-    hear : called while a virtual bench comes up, may raise
+    Parameters
+    ----------
+    progress : called when the link is open, and when the unit is identified
+    setup : station and product
+    check_cancelled : called while a virtual bench starts; may raise
+
+    Raises
+    ------
+    DeviceFaultError, ConfigurationError
+        The port or the unit cannot be used.
     """
     with endpoints(setup, check_cancelled) as at:
-        tell(_SHARES[0])
+        progress(_SHARES[0])
         imu = open_imu(setup, at.imu)
         try:
             if isinstance(at.clock, BenchClock):
                 at.clock.attach(lambda: imu.received)
             identity = imu.identify()
-            tell(_SHARES[1])
+            progress(_SHARES[1])
             yield ImuSession(imu, identity, at.clock)
         finally:
             imu.close()
 
 
 def capture_rest(
-    unit: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None]
+    session: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None]
 ) -> VerificationData:
-    """Corrected output at rest of a unit that nobody turns, and its raw one where it shows both.
+    """Capture the corrected output of a unit at rest, and its raw output if it provides both.
 
-    Behind it the raw stream is on. Raises DeviceFaultError; `hear` may raise as well.
+    Afterwards the unit streams its raw output.
+
+    Parameters
+    ----------
+    session : with the unit
+    setup : station and product
+    check_cancelled : called from time to time; may raise
+
+    Raises
+    ------
+    DeviceFaultError
+        No rest without a gap came in time.
     """
-    raw = VerificationData((_rest(unit, setup, check_cancelled, corrected=False),), REST)
+    raw = VerificationData((_rest(session, setup, check_cancelled, corrected=False),), REST)
     if setup.corrected is not Output.ASKED:
         return replace(raw, corrected=setup.corrected is Output.ALWAYS)
-    own = VerificationData(
-        (_rest(unit, setup, check_cancelled, corrected=True),), REST, corrected=True, reference=raw
-    )
-    unit.imu.start()
-    return own
+    own = _rest(session, setup, check_cancelled, corrected=True)
+    session.imu.start()
+    return VerificationData((own,), REST, corrected=True, reference=raw)
 
 
 def _rest(
-    unit: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
+    session: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
 ) -> FloatArray:
     """Mean of one rest, rad/s and m/s², shape (6,)."""
     model = setup.solve_context().imu
     count = round(REST * model.sample_rate)
     parts = read_contiguous(
-        unit.imu,
-        unit.clock,
-        setup.imu.status.ready,
-        count,
-        lambda taken: check_cancelled(),
-        corrected=corrected,
+        session, setup.imu.status.ready, count, lambda taken: check_cancelled(), corrected=corrected
     )
     if parts is None:
-        raise DeviceFaultError(
-            f"IMU: no rest without a gap within {_WITHIN:g} s of its restart; check cable, power and port"
-        )
+        raise DeviceFaultError("connection.no_rest", seconds=_WITHIN)
     return mean_at_rest(np.concatenate([part.counts for part in parts])) * to_si(model)
 
 
 def read_contiguous(
-    imu: Imu,
-    clock: Clock,
+    session: ImuSession,
     ready: int,
     count: int,
-    check_cancelled: Callable[[int], None] = lambda taken: None,
+    on_samples: Callable[[int], None] = lambda taken: None,
     *,
     corrected: bool = False,
 ) -> list[SampleBatch] | None:
-    """`count` samples or a few more of a unit that is ready, none missing; None where they do not come within 60 s.
+    """Read at least `count` samples without a gap from a unit that is ready; None if they do not come in time.
 
-    One that restarts meanwhile has fallen back to its raw output, or to none, so it is told again.
+    A unit that restarts meanwhile has fallen back to its raw output, or to none, so its output is selected again.
 
-    hear : told how many there are, from time to time
-    corrected : with the unit's registers applied
+    Parameters
+    ----------
+    session : with the unit
+    ready : status bits of a unit that is ready; 0 for none
+    count : number of samples
+    on_samples : called with the number of samples so far; may raise
+    corrected : whether the unit applies its registers
     """
+    imu, clock = session.imu, session.clock
     imu.start(corrected=corrected)
     heard = clock.now()
     deadline = heard + _WITHIN
     parts: list[SampleBatch] = []
     last, noisy = np.empty(0, np.int64), False
     while (taken := sum(map(len, parts))) < count:
-        check_cancelled(taken)
+        on_samples(taken)
         if clock.now() > deadline:
             return None
         clock.sleep(_TICK)
@@ -137,6 +156,6 @@ def read_contiguous(
                     parts.append(batch)
         if lost:
             parts.clear()
-            imu.wake(partial(check_cancelled, 0), corrected=corrected)
+            imu.wake(partial(on_samples, 0), corrected=corrected)
             last, heard = last[:0], clock.now()
     return parts

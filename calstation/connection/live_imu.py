@@ -1,4 +1,4 @@
-"""Work for the workshop: an answer applied to what its unit says now, some seconds of its stream by its own driver."""
+"""Applies a solution to the live output of its unit, read by its own driver for some seconds."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,25 +21,25 @@ from calstation.records.log import open_log, read_truth
 from calstation.records.meta import ImuSection, LogMeta
 from calstation.results.plots.applied import Applied, applied
 
-#: Of the unit's stream.
+#: Length of the captured stream, s.
 SECONDS = 10.0
 
-#: Told when the first sample is taken, and the last.
+#: Progress at the first and the last sample.
 _TAKEN = (0.4, 0.95)
 
-#: The unit in the virtual fixture where nothing tells which one the recording is of.
+#: The unit in the virtual fixture if the recording does not tell which one it was made of.
 _OWN_UNIT = "SN-000001"
 
 
 @dataclass(frozen=True)
 class OtherUnit:
-    """Not the answer's unit answered, but one with this serial number; nothing was applied to it."""
+    """Another unit answered, with this serial number; nothing was applied to it."""
 
     serial: str
 
 
 def apply_to_unit(
-    tell: ProgressCallback,
+    progress: ProgressCallback,
     path: Path,
     station: Path | None,
     product: Path | None,
@@ -47,22 +47,29 @@ def apply_to_unit(
     found: FloatArray,
     seconds: float = SECONDS,
 ) -> Applied | OtherUnit:
-    """Apply an answer to the unit in the fixture, without the table. Nothing moves, nothing is written.
+    """Apply a solution to the unit in the fixture, without the table. Nothing moves, nothing is written.
 
-    A stream that the unit's registers have corrected already is left as it comes. On the virtual bench the unit that
-    the recording was made of lies in the fixture, where the recording tells which.
+    A stream that the unit's registers have corrected is left as it is. On the virtual bench the unit of the recording
+    is in the fixture, if the recording tells which one it was made of.
 
     Parameters
     ----------
-    path : recording that the answer was found from
+    progress : called during the capture
+    path : recording that was solved
     station, product : files; None for the default
-    before, found : parameters, SI, shape (30,) each
-    seconds : to take, s
+    before, found : parameters before and after the solution, SI, shape (30,) each
+    seconds : length of the capture, s
 
-    Raises DeviceFaultError, ConfigurationError; InputError where the recording cannot be read; InsufficientDataError
-    where the unit is not at rest.
+    Raises
+    ------
+    DeviceFaultError, ConfigurationError
+        The unit cannot be read.
+    InputError
+        The recording cannot be read.
+    InsufficientDataError
+        The unit is not at rest.
     """
-    tell(0.0)
+    progress(0.0)
     log_meta = open_log(path).meta
     serial = log_meta.imu.serial
     setup = resolve_configuration(RunRequest(serial, station, product))
@@ -71,28 +78,25 @@ def apply_to_unit(
     context = setup.solve_context()
     count = round(seconds * context.imu.sample_rate)
     begin, end = _TAKEN
-    with open_imu_session(tell, setup) as unit:
+    with open_imu_session(progress, setup) as unit:
         if unit.identity.serial != serial:
             return OtherUnit(unit.identity.serial)
         parts = read_contiguous(
-            unit.imu,
-            unit.clock,
+            unit,
             setup.imu.status.ready,
             count,
-            lambda taken: tell(begin + (end - begin) * taken / count),
+            lambda taken: progress(begin + (end - begin) * taken / count),
         )
     if parts is None:
-        raise DeviceFaultError(
-            "IMU: samples are lost again and again; check cable, baud and the load of this computer"
-        )
-    corrected, said = setup.after_registers, setup.imu.protocol != "stream"
+        raise DeviceFaultError("connection.samples_lost")
+    corrected, named = setup.after_registers, setup.imu.protocol != "stream"
     if corrected:
         before = found = np.zeros(len(NAMES))
-    return replace(applied([_block(parts)], context, before, found), corrected=corrected, named=said)
+    return replace(applied([_block(parts)], context, before, found), corrected=corrected, named=named)
 
 
 def _with_the_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> ResolvedConfiguration:
-    """The virtual bench with the recording's unit in its fixture: drawn as in its run, or by the truth beside it."""
+    """The virtual bench with the recording's unit: from its run's seed, or from the truth beside the recording."""
     seed = None if meta.run is None else meta.run.seed
     truth = {name: value for name, value in read_truth(path).items() if name in NAMES}
     known = seed is not None or bool(truth)
@@ -110,7 +114,7 @@ def _with_the_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> R
 
 
 def _product_like(imu: ImuSection, chosen: Path | None) -> Path | None:
-    """The product whose units are as quiet as the recording's, the chosen one first."""
+    """The product with the noise of the recording's unit, the chosen one first."""
     shipped = [library.find("products", name) for name in library.names("products")]
     for path in (chosen, *shipped):
         noise = load_imu_profile(library.find("imus", load_product(path)[1].imu)).noise

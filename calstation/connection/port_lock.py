@@ -1,7 +1,7 @@
-"""One owner for every port of this computer: whoever opens a device holds its lock, which the system takes back
-when he dies. A virtual bench has none: its ports are its run's own.
+"""Locks the ports of this computer: one process at a time uses a device.
 
-The locks are of this computer, for all its users and folders; they say nothing of another computer at the same table.
+The operating system releases a lock when its process ends. The locks hold for all users and folders of this computer,
+not for another computer at the same table. A virtual bench needs none: its ports are private to its run.
 """
 
 import ipaddress
@@ -18,53 +18,52 @@ from urllib.parse import quote, urlsplit
 from calstation.config.request import computer_user
 from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.errors import DeviceFaultError
+from calstation.messages.rendering import os_reason
 from calstation.records.locked import take
 
-#: What another that is just closing is given to let go, s.
+#: Host time for another process that is just closing to release a lock, s.
 _WITHIN = 3.0
 
 
 @contextmanager
-def owned(ports: Iterable[str]) -> Iterator[None]:
-    """Own ports, by any of their names. Raises DeviceFaultError naming who has one already."""
-    places = {place: port for port in ports for place in _places(port)}
+def lock_ports(ports: Iterable[str]) -> Iterator[None]:
+    """Lock ports, by any of their names. Raises DeviceFaultError naming the process that uses one."""
+    devices = {device: port for port in ports for device in _devices(port)}
     with ExitStack() as stack:
-        for place in sorted(places):  # in one order, so that no two wait for each other
-            stack.enter_context(_owned(place, places[place]))
+        for device in sorted(devices):  # in one order, so that no two processes wait for each other
+            stack.enter_context(_locked(device, devices[device]))
         yield
 
 
 @contextmanager
-def _owned(place: str, port: str) -> Iterator[None]:
-    path = _folder() / f"{quote(place, safe='')}.lock"
+def _locked(device: str, port: str) -> Iterator[None]:
+    path = _folder() / f"{quote(device, safe='')}.lock"
     try:
         handle = _open(path)
     except OSError as exc:
         raise DeviceFaultError(
-            f"port {port}: its lock {path} cannot be opened ({exc.strerror or exc}); make the folder writable"
+            "connection.lock_failed", port=port, path=str(path), cause=os_reason(exc)
         ) from exc
     try:
         if not take(handle, _WITHIN):
-            raise DeviceFaultError(
-                f"port {port} is in use by {_holder(handle)}; wait for its end, or end it there"
-            )
-        who = {
+            raise _in_use(port, handle)
+        owner = {
             "pid": os.getpid(),
             "user": computer_user(),
             "since": f"{datetime.now(UTC).astimezone():%Y-%m-%d %H:%M:%S}",
         }
         os.ftruncate(handle, 0)
         os.lseek(handle, 0, os.SEEK_SET)
-        os.write(handle, json.dumps(who).encode())
+        os.write(handle, json.dumps(owner).encode())
         yield
     finally:
         os.close(handle)
 
 
 def _open(path: Path) -> int:
-    """The file of a lock, made where it is missing, for every user of this computer."""
+    """Open a lock file, created if missing, for every user of this computer."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with suppress(OSError):  # another user's folder already
+    with suppress(OSError):  # the folder may belong to another user
         path.parent.chmod(0o1777)
     flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
     while True:
@@ -77,34 +76,35 @@ def _open(path: Path) -> int:
             return handle
 
 
-def _holder(handle: int) -> str:
-    """Who holds the lock, as he has written it."""
+def _in_use(port: str, handle: int) -> DeviceFaultError:
+    """The fault that names the owner, as it has written itself into the lock file."""
     os.lseek(handle, 0, os.SEEK_SET)
     try:
-        who = json.loads(os.read(handle, 4096))
-        return f"another calstation (process {who['pid']} of {who['user']}, since {who['since']})"
+        owner = json.loads(os.read(handle, 4096))
+        pid, user, since = owner["pid"], owner["user"], owner["since"]
     except (ValueError, KeyError, TypeError):
-        return "another calstation"
+        return DeviceFaultError("connection.port_in_use_unknown", port=port)
+    return DeviceFaultError("connection.port_in_use", port=port, pid=pid, user=user, since=since)
 
 
-def _places(port: str) -> Iterator[str]:
-    """What a port's name leads to, the same for all names of one place; nothing where it leads nowhere."""
+def _devices(port: str) -> Iterator[str]:
+    """What a port's name leads to, equal for all names of one device; nothing if it leads nowhere."""
     if "://" in port:
         yield from _addresses(port)
         return
     try:
         device = os.path.realpath(resolve(port, "port"))
-    except DeviceFaultError:  # told when it is opened
+    except DeviceFaultError:  # reported when it is opened
         return
     usb = next((found.usb for found in found_ports() if os.path.realpath(found.device) == device), None)
     if usb is not None:
-        yield usb  # a device's name may go to another adapter when this one is pulled out
+        yield usb  # the device's name may pass to another adapter when this one is unplugged
     elif sys.platform == "win32" or Path(device).exists():
         yield device
 
 
 def _addresses(url: str) -> Iterator[str]:
-    """Every address of host:port, so that two names of one host are alike."""
+    """Every address of host:port, so that two names of one host are equal."""
     with suppress(ValueError):
         parts = urlsplit(url)
         host, number = parts.hostname, parts.port
@@ -121,7 +121,7 @@ def _addresses(url: str) -> Iterator[str]:
 
 
 def _folder() -> Path:
-    """Where the locks are: the same for every user."""
+    """The folder of the locks, the same for every user."""
     if sys.platform == "win32":
         return Path(os.environ.get("PROGRAMDATA", "C:\\ProgramData")) / "calstation" / "locks"
-    return Path("/tmp/calstation-locks")  # sticky: nobody else takes a file away
+    return Path("/tmp/calstation-locks")  # sticky: no other user removes a file

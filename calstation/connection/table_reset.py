@@ -1,11 +1,13 @@
-"""The operator's reset of a fault that the table has latched; nothing moves and no axis is switched on."""
+"""Reads the table's state, and resets a fault that it has latched; nothing moves and no axis is switched on."""
 
 import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
-from calstation.connection.devices import open_table, wires
+from calstation.connection.devices import link_settings, open_table
 from calstation.connection.identify import identify
 from calstation.connection.link_test import LinkTestRequest, link_test_configuration, open_endpoints
 from calstation.devices.interfaces import LOCAL_CONTROL, Table, TableIdentity, TableStatus
@@ -15,21 +17,21 @@ from calstation.jobs.queue import ProgressCallback
 
 Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
 
-#: Host time that a drive is given to clear what it has latched, s.
+#: Host time that a drive has to clear what it has latched, s.
 _CLEARED_WITHIN = 2.0
 
-_LOOK_EVERY = 0.1
+_POLL_INTERVAL = 0.1
 
 
 @dataclass(frozen=True)
 class TableState:
-    """How the table of a station stands.
+    """The state of a station's table.
 
     Attributes
     ----------
-    outer_deg, inner_deg : of the joints, None where nothing measures them
-    watchdog_s : 0 where it is off, None where the table has none
-    fault : what is latched, None where nothing is
+    outer_deg, inner_deg : joint angles, None if they are not measured
+    watchdog_s : 0 if it is off, None if the table has none
+    fault : what is latched, or None
     """
 
     model: str
@@ -46,14 +48,14 @@ class TableState:
 
 @dataclass(frozen=True)
 class TableReset:
-    """What came of a reset.
+    """The outcome of a reset.
 
     Attributes
     ----------
     outcome : ``nothing`` was latched; ``cleared``; not sent: ``interlock_open``, ``moving``, ``local_control``; sent,
-        but ``refused`` by the table, or the fault ``stays`` because its cause does
-    latched : the fault found, left : the one that is there now; None for none
-    words : of the table's refusal
+        but ``refused`` by the table, or the fault ``stays`` because its cause persists
+    latched : the fault found, or None; left : the fault that is latched now, or None
+    words : the table's refusal
     """
 
     outcome: Outcome
@@ -67,37 +69,38 @@ class TableReset:
         return self.left is None
 
 
-def read_table(tell: ProgressCallback, order: LinkTestRequest) -> TableState:
-    """Ask the table how it stands; writes nothing. Raises CalstationError."""
-    setup = link_test_configuration(order)
-    with open_endpoints(tell, setup) as at:
-        table = open_table(setup, at.table)
-        try:
-            tell(0.5, note="asking")
-            identity = identify(table, None, wires(setup, at.table, at.imu))
-            return _standing(identity, table.status())
-        finally:
-            table.close()
+def read_table(progress: ProgressCallback, request: LinkTestRequest) -> TableState:
+    """Read the table's state; writes nothing. Raises CalstationError."""
+    with _identified(progress, request) as (table, identity):
+        return _state(identity, table.status())
 
 
-def reset_table(tell: ProgressCallback, order: LinkTestRequest) -> TableReset:
-    """Work for the workshop: reset what the station's table has latched. Raises CalstationError."""
-    setup = link_test_configuration(order)
-    with open_endpoints(tell, setup) as at:
+def reset_table(progress: ProgressCallback, request: LinkTestRequest) -> TableReset:
+    """Reset what the station's table has latched. Raises CalstationError."""
+    with _identified(progress, request) as (table, _):
+        return reset(table)
+
+
+@contextmanager
+def _identified(
+    progress: ProgressCallback, request: LinkTestRequest
+) -> Iterator[tuple[Table, TableIdentity]]:
+    """The open table of a station with its identity."""
+    setup = link_test_configuration(request)
+    with open_endpoints(progress, setup) as at:
         table = open_table(setup, at.table)
         try:
-            tell(0.5, note="asking")
-            identify(table, None, wires(setup, at.table, at.imu))
-            return reset(table)
+            progress(0.5, note="asking")
+            yield table, identify(table, None, link_settings(setup, at.table, at.imu))
         finally:
             table.close()
 
 
 def reset(table: Table) -> TableReset:
-    """Reset an open table's fault, where there is one and nothing speaks against it.
+    """Reset an open table's fault, if there is one and it is safe to do so.
 
-    Nothing is sent to another model than the profile's, to a table that still turns (the reset drops the drive's
-    power), nor while the interlock is open: whoever is inside the guard must not have the table made ready from here.
+    Nothing is sent to a table of another model than the profile's, to a moving table (the reset drops the drive's
+    power), nor while the interlock is open: a person inside the guard must not have the table made ready from here.
     """
     table.identify()
     before = table.status()
@@ -120,14 +123,14 @@ def reset(table: Table) -> TableReset:
 
 
 def _left(table: Table) -> str | None:
-    """What is latched once the drive has had its time to clear it."""
+    """What is still latched after the drive's time to clear it."""
     deadline = time.monotonic() + _CLEARED_WITHIN
     while (left := table.status().fault) is not None and time.monotonic() < deadline:
-        time.sleep(_LOOK_EVERY)
+        time.sleep(_POLL_INTERVAL)
     return left
 
 
-def _standing(identity: TableIdentity, status: TableStatus) -> TableState:
+def _state(identity: TableIdentity, status: TableStatus) -> TableState:
     outer, inner = (math.degrees(angle) if math.isfinite(angle) else None for angle in status.angles)
     return TableState(
         model=identity.model,

@@ -1,4 +1,4 @@
-"""Slow work beside the window: one warmed process does jobs in order and can be killed in the middle of one."""
+"""Background jobs: one warm process does them in order and can be killed in the middle of one."""
 
 import multiprocessing
 import pickle
@@ -17,113 +17,50 @@ from typing import Any, Literal, Protocol
 from calstation.errors import CalstationError
 from calstation.jobs.process import PipeReader, spawn_process
 
-#: Progress told more often than this, s, is left out: a listener that is late must not slow the work down.
-_TELL_EVERY = 0.05
+State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
-#: Host time after which kernels are made ready, s: while the window opens the computer has enough to do.
+#: Shortest interval between two progress reports, s, so that a slow listener does not slow the work down.
+_PROGRESS_INTERVAL = 0.05
+
+#: Host time after which the worker warms up, s: the computer is busy while the window opens.
 _WARM_AFTER = 2.0
 
-READY = ("ready",)
+#: Host time that `JobQueue.close` gives to a job that uses a device and must not be killed, s.
+_DEVICE_WORK_WITHIN = 10.0
+
+#: Host time for a killed process to end, s.
+_END_WITHIN = 2.0
+
+#: Fraction from which the time left is estimated if the work does not report it.
+_ESTIMATE_FROM = 0.02
+
+_READY = ("ready",)
 
 
 class ProgressCallback(Protocol):
-    """How a work says how far it is; also where it learns that nobody wants it any more."""
+    """Called by work to report its progress; raises if the work is no longer wanted."""
 
     def __call__(self, fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-        """`fraction` 0..1 done, `remaining_s` s left where known, `note` what is being done."""
-
-
-class _HungUp(BaseException):
-    """The workshop has gone; no work catches this."""
-
-
-def serve(connection: "Connection[Any, Any]") -> None:
-    """Entry of the worker's process: ends when the workshop hangs up."""
-    with suppress(ValueError, OSError):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the listener
-    import calstation.results.resolve  # noqa: F401 - what most jobs need, before the first of them
-
-    warm = threading.Timer(_WARM_AFTER, _warm)
-    warm.daemon = True
-    warm.start()
-    with suppress(_HungUp, EOFError, OSError):
-        connection.send(READY)
-        while True:
-            _do(connection, connection.recv_bytes())
-
-
-def _warm() -> None:
-    from calstation.estimation.navigation.stage import warm_up
-
-    with suppress(Exception):  # a job that needs it meets the same error, and its listener is told
-        warm_up()
-
-
-def _do(connection: "Connection[Any, Any]", job: bytes) -> None:
-    """Do one job and answer with its result or its error."""
-    try:
-        work, args, kwargs = pickle.loads(job)
-        result = work(_teller(connection), *args, **kwargs)
-        answer = bytes(ForkingPickler.dumps(("done", result)))
-    except CalstationError as error:
-        answer = bytes(ForkingPickler.dumps(("failed", CalstationError(error.args[0], **error.values))))
-    except Exception as error:  # noqa: BLE001 - told to the listener, whose process this is not
-        answer = bytes(ForkingPickler.dumps(("failed", internal(error))))
-    connection.send_bytes(answer)
-
-
-def internal(error: BaseException) -> CalstationError:
-    """An unexpected exception as an error of the program."""
-    text = " ".join(str(error).split())
-    detail = f"{type(error).__name__}: {text}" if text else type(error).__name__
-    return CalstationError("program.internal", detail=detail)
-
-
-def _teller(connection: "Connection[Any, Any]") -> Callable[..., None]:
-    last = float("-inf")
-
-    def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-        nonlocal last
-        now = time.monotonic()
-        if now - last < _TELL_EVERY:
-            return
-        last = now
-        try:
-            connection.send(("progress", float(fraction), remaining_s, note))
-        except OSError:
-            raise _HungUp from None
-
-    return tell
-
-
-State = Literal["waiting", "running", "done", "failed", "cancelled"]
-
-#: What `JobQueue.close` gives to a job that must not be cancelled, s: it talks to a device.
-_DEVICE_WORK_WITHIN = 10.0
-
-#: What a killed process is given to be gone, s.
-_END_WITHIN = 2.0
-
-#: Fraction from which the time left is estimated where the work does not say it.
-_ESTIMATE_FROM = 0.02
+        """Report the fraction done (0 to 1), the time left, s, if known, and what is being done."""
 
 
 class Job:
-    """One piece of work, looked at from outside. Nothing here waits.
+    """One piece of work as its owner sees it; no method waits.
 
     Attributes
     ----------
-    state : waiting, running, done, failed or cancelled
-    fraction : 0..1 done; note : what is being done, as the work says
-    result : what the work returned, once done; error : what went wrong, once failed
-    cancellable : False for work that talks to a device
+    fraction : share that is done, 0 to 1
+    note : what is being done, as the work reports it
+    result : what the work returned, once it is done
+    error : what went wrong, once it has failed
+    cancellable : false for work that uses a device
     """
 
     def __init__(self, job_queue: "JobQueue", call: bytes, cancellable: bool) -> None:
         self._job_queue = job_queue
         self._call = call
-        self._told_remaining: float | None = None
-        self._told_at = self._begun = 0.0
+        self._reported_remaining: float | None = None
+        self._reported_at = self._begun = 0.0
         self.cancellable = cancellable
         self.state: State = "waiting"
         self.fraction = 0.0
@@ -133,38 +70,38 @@ class Job:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the job is done, failed or cancelled."""
         return self.state in ("done", "failed", "cancelled")
 
     @property
     def remaining(self) -> float | None:
-        """Seconds left as the work said, else estimated from its fraction; None where nobody can tell."""
+        """Time left, s, as reported or else estimated from the fraction; None if unknown."""
         if self.state != "running":
             return None
         now = time.monotonic()
-        if self._told_remaining is not None:
-            return max(0.0, self._told_remaining - (now - self._told_at))
+        if self._reported_remaining is not None:
+            return max(0.0, self._reported_remaining - (now - self._reported_at))
         if self.fraction < _ESTIMATE_FROM:
             return None
-        spent = self._told_at - self._begun
-        return max(0.0, spent * (1.0 - self.fraction) / self.fraction - (now - self._told_at))
+        spent = self._reported_at - self._begun
+        return max(0.0, spent * (1.0 - self.fraction) / self.fraction - (now - self._reported_at))
 
     def poll(self) -> State:
-        """Take what the worker has told; returns the state. To be called from a timer."""
+        """Process the messages of the worker and return the state. To be called from a timer."""
         self._job_queue.poll()
         return self.state
 
     def cancel(self) -> bool:
-        """Give the job up; a running one is killed. False where it has ended or must not be cancelled."""
+        """Cancel the job, killing it if it runs. Returns false if it has ended or must not be cancelled."""
         return self._job_queue.cancel(self)
 
     def _begin(self) -> None:
         self.state = "running"
-        self._begun = self._told_at = time.monotonic()
+        self._begun = self._reported_at = time.monotonic()
 
     def _progress(self, fraction: float, remaining: float | None, note: str) -> None:
         self.fraction = min(1.0, max(0.0, fraction))
-        self._told_remaining, self._told_at = remaining, time.monotonic()
+        self._reported_remaining, self._reported_at = remaining, time.monotonic()
         self.note = note
 
     def _end(self, state: State, result: Any = None, error: CalstationError | None = None) -> None:
@@ -174,13 +111,18 @@ class Job:
 
 
 class JobQueue:
-    """Takes jobs and does them in order in one process of its own, started at once.
+    """Does jobs in order in a process of its own, which starts at once.
 
-    Everything moves on in `poll` (of the workshop or of any of its jobs), which never waits, not even for the rest of
-    a large result. A job is sent only to a worker that is waiting for one, so that sending does not wait either.
+    Everything proceeds in `poll` (of the queue or of any of its jobs), which never waits, not even for the rest of a
+    large result. A job is sent only to a worker that is ready for one, so that sending does not wait either.
+
+    Parameters
+    ----------
+    warm_up : a function at the top level of a module that imports and compiles what most jobs need
     """
 
-    def __init__(self) -> None:
+    def __init__(self, warm_up: Callable[[], None] | None = None) -> None:
+        self._warm_up = warm_up
         self._waiting: deque[Job] = deque()
         self._running: Job | None = None
         self._process: BaseProcess | None = None
@@ -192,15 +134,15 @@ class JobQueue:
         self._start()
 
     def submit(self, work: Callable[..., Any], /, *args: Any, cancellable: bool = True, **kwargs: Any) -> Job:
-        """Have ``work(tell, *args, **kwargs)`` done; see `worker.Tell`.
+        """Queue the call ``work(progress, *args, **kwargs)``; see `ProgressCallback`.
 
         Parameters
         ----------
         work : a function at the top level of a module; arguments and result must be picklable
-        cancellable : False for work that talks to a device: it is never killed
+        cancellable : false for work that uses a device: it is never killed
         """
         if self._closed:
-            raise RuntimeError("the workshop is closed")
+            raise RuntimeError("the job queue is closed")
         job = Job(self, bytes(ForkingPickler.dumps((work, args, kwargs))), cancellable)
         self._waiting.append(job)
         self.poll()
@@ -213,15 +155,15 @@ class JobQueue:
 
     @property
     def at_device(self) -> bool:
-        """Whether a job that talks to a device, and is therefore not to be cancelled, runs or waits."""
+        """Whether a job that uses a device, and is therefore not to be cancelled, runs or waits."""
         jobs = [*self._waiting, *([] if self._running is None else [self._running])]
         return any(not job.cancellable for job in jobs)
 
     def poll(self) -> None:
-        """Take what the worker has told and give it the next job. Never waits."""
+        """Process the messages of the worker and send it the next job. Never waits."""
         if self._closed:
             return
-        self._reap()
+        self._dying = [process for process in self._dying if process.is_alive()]
         self._take()
         if self._ready and self._running is None and not self._alive():
             self._lost()
@@ -231,7 +173,7 @@ class JobQueue:
             self._send(self._waiting.popleft())
 
     def cancel(self, job: Job) -> bool:
-        """Give a job up, see `Job.cancel`."""
+        """Cancel a job; see `Job.cancel`."""
         self.poll()
         if job in self._waiting:
             self._waiting.remove(job)
@@ -244,7 +186,7 @@ class JobQueue:
         return True
 
     def close(self) -> None:
-        """Give all jobs up and end the process. A job that must not be cancelled has 10 s to end itself."""
+        """Cancel all jobs and end the process; a job that uses a device has 10 s to end."""
         if self._closed:
             return
         for job in self._waiting:
@@ -271,12 +213,12 @@ class JobQueue:
             except (EOFError, OSError):
                 self._lost()
                 return
-            except Exception as error:  # noqa: BLE001 - a result that cannot be unpacked here
-                message = ("failed", internal(error))
-            self._hear(message)
+            except Exception as error:  # noqa: BLE001 - a result that cannot be unpickled here
+                message = ("failed", _internal(error))
+            self._handle(message)
 
-    def _hear(self, message: tuple[Any, ...]) -> None:
-        if message == READY:
+    def _handle(self, message: tuple[Any, ...]) -> None:
+        if message == _READY:
             self._ready = True
         elif self._running is not None:
             kind, *values = message
@@ -293,7 +235,7 @@ class JobQueue:
         assert self._connection is not None
         try:
             self._connection.send_bytes(job._call)
-        except OSError:  # it died while idle: the next one gets the job
+        except OSError:  # the worker died while idle: the next one gets the job
             self._waiting.appendleft(job)
             self._lost()
             return
@@ -304,7 +246,7 @@ class JobQueue:
         return self._process is not None and self._process.is_alive()
 
     def _lost(self) -> None:
-        """The process died by itself: the job in hand fails, or the first in line where it never got ready."""
+        """Fail the running job of a process that died, or the first waiting one if it never got ready."""
         code = None
         if self._process is not None:
             self._process.join(0.02)
@@ -319,7 +261,9 @@ class JobQueue:
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
-        process = context.Process(target=serve, args=(there,), name="calstation worker", daemon=True)
+        process = context.Process(
+            target=_serve, args=(there, self._warm_up), name="calstation worker", daemon=True
+        )
         spawn_process(process)
         there.close()
         self._process, self._connection, self._pipe_reader = process, here, PipeReader(here)
@@ -334,5 +278,62 @@ class JobQueue:
         self._process = self._connection = self._pipe_reader = self._running = None
         self._ready = False
 
-    def _reap(self) -> None:
-        self._dying = [process for process in self._dying if process.is_alive()]
+
+class _QueueClosedError(BaseException):
+    """The job queue is gone; no work catches this."""
+
+
+def _serve(connection: "Connection[Any, Any]", warm_up: Callable[[], None] | None) -> None:
+    """Do jobs in the worker process until the queue closes the pipe."""
+    with suppress(ValueError, OSError):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner
+    if warm_up is not None:
+        warm = threading.Timer(_WARM_AFTER, _try, (warm_up,))
+        warm.daemon = True
+        warm.start()
+    with suppress(_QueueClosedError, EOFError, OSError):
+        connection.send(_READY)
+        while True:
+            _do(connection, connection.recv_bytes())
+
+
+def _try(warm_up: Callable[[], None]) -> None:
+    with suppress(Exception):  # a job that needs it fails with the same error and reports it
+        warm_up()
+
+
+def _do(connection: "Connection[Any, Any]", call: bytes) -> None:
+    """Do one job and send its result or its error."""
+    try:
+        work, args, kwargs = pickle.loads(call)
+        result = work(_progress_of(connection), *args, **kwargs)
+        answer = bytes(ForkingPickler.dumps(("done", result)))
+    except CalstationError as error:
+        answer = bytes(ForkingPickler.dumps(("failed", CalstationError(error.args[0], **error.values))))
+    except Exception as error:  # noqa: BLE001 - reported to the owner in its process
+        answer = bytes(ForkingPickler.dumps(("failed", _internal(error))))
+    connection.send_bytes(answer)
+
+
+def _internal(error: BaseException) -> CalstationError:
+    """An unexpected exception as an error of the program."""
+    text = " ".join(str(error).split())
+    detail = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    return CalstationError("program.internal", detail=detail)
+
+
+def _progress_of(connection: "Connection[Any, Any]") -> ProgressCallback:
+    last = float("-inf")
+
+    def progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last < _PROGRESS_INTERVAL:
+            return
+        last = now
+        try:
+            connection.send(("progress", float(fraction), remaining_s, note))
+        except OSError:
+            raise _QueueClosedError from None
+
+    return progress

@@ -14,6 +14,10 @@ Language = Literal["en", "zh_CN"]
 #: What a message may carry: JSON values, or another message as a part of its sentence.
 Value = Any
 
+#: Values that the command line adds, so that the commands in remedies can be typed as they stand: options that name
+#: station and product, and the folder of the runs. Without them, and in the window, they are empty.
+COMMAND_OPTIONS = ("station_options", "out_option")
+
 _OS_REASONS = {
     errno.ENOENT: "os.not_found",
     errno.EACCES: "os.no_permission",
@@ -78,7 +82,11 @@ class Rendered:
 
 
 def render(
-    code: str, values: Mapping[str, Value], language: Language = "en", *, window: bool = False
+    code: str,
+    values: Mapping[str, Value],
+    language: Language = "en",
+    *,
+    window: bool = False,
 ) -> Rendered:
     """The sentences of a message.
 
@@ -95,7 +103,8 @@ def render(
         The catalogue lacks the code, or a value is missing.
     """
     found = entry(code)
-    form = _Formatter(language, window)
+    options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
+    form = _Formatter(language, window, options)
     source = term("source", found.source, language) if found.source else ""
     text, remedy = _templates(found, language, window)
     return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values))
@@ -129,15 +138,22 @@ def values_from_json(values: Mapping[str, Any]) -> dict[str, Value]:
 
 
 class _Formatter(string.Formatter):
-    """`str.format` with two additions: messages are rendered, and ``{axis:@joint}`` shows a term of a family."""
+    """`str.format` with additions: messages are rendered, and ``{axis:@joint}`` shows a term of a family."""
 
-    def __init__(self, language: Language, window: bool) -> None:
+    def __init__(self, language: Language, window: bool, options: Mapping[str, Value]) -> None:
         self._language: Language = language
         self._window = window
+        self._options = options
+
+    def get_value(self, key: int | str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        if key in COMMAND_OPTIONS:
+            return self._options.get(str(key), "")
+        return super().get_value(key, args, kwargs)
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if isinstance(value, Text):
-            text = render(value.code, value.values, self._language, window=self._window)
+            values = {**value.values, **self._options}
+            text = render(value.code, values, self._language, window=self._window)
             return text.remedy if format_spec == "remedy" else text.text
         if isinstance(value, list | tuple):
             between = "、" if self._language == "zh_CN" else ", "

@@ -1,4 +1,4 @@
-"""Transfers that were interrupted: found at the next start, settled on a person's word before or outside a run."""
+"""Recovers transfers that were interrupted: found at the next start, finished or restored as a person decides."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,13 +7,11 @@ from typing import Literal
 
 from calstation.config.resolved import ResolvedConfiguration
 from calstation.connection.imu_session import ImuSession, capture_rest
-from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.imu.transfer import Closing, Holds, Transferred, finish, recognise, restore
 from calstation.devices.interfaces import Imu, Table
-from calstation.errors import DeviceFaultError
-from calstation.registers import journal as register_journal
-from calstation.registers.journal import Transfer, journal_folder
-from calstation.registers.preconditions import check_register_map, check_unit_model
+from calstation.registers import journal
+from calstation.registers.journal import journal_folder
+from calstation.registers.preconditions import check_unit_model, register_map, undecided
 from calstation.registers.verification import finish_verification
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.context import Clock, Emit
@@ -23,25 +21,25 @@ from calstation.sequencer.guard import check_power
 
 Decision = Literal["finish", "restore"]
 
-#: What may be done about an interrupted transfer: go on to the new registers and prove them, or take them back.
+#: What can be done about an interrupted transfer: complete and verify the new registers, or restore the old ones.
 DECISIONS: tuple[Decision, ...] = ("finish", "restore")
 
 
 @dataclass
 class UnverifiedTransfer:
-    """A transfer that was finished before a run, whose own table is to prove it before its first stage."""
+    """A transfer that was finished before a run, to be verified with the run's table before its first stage."""
 
     setup: ResolvedConfiguration
     imu: Imu
     done: Transferred
-    tell: Callable[[], None]
+    on_verified: Callable[[], None]
     open: bool = True
 
-    def verify_output(self, fresh: VerificationData, run_in_background: RunInBackground) -> None:
-        """Judge it. Raises DeviceFaultError where the output is wrong; the unit has its old registers then."""
+    def verify_output(self, data: VerificationData, run_in_background: RunInBackground) -> None:
+        """Verify it. Raises DeviceFaultError if the output is wrong; the old registers are restored then."""
         self.open = False
-        finish_verification(self.setup, self.imu, self.done, fresh, run_in_background)
-        self.tell()
+        finish_verification(self.setup, self.imu, self.done, data, run_in_background)
+        self.on_verified()
 
 
 def recover_interrupted(
@@ -53,19 +51,33 @@ def recover_interrupted(
     emit: Emit,
     check_cancelled: Callable[[], None],
 ) -> UnverifiedTransfer | None:
-    """Before a run: see whether an earlier transfer to its unit was interrupted.
+    """Recover an interrupted transfer to the unit before a run.
 
-    A unit that still holds its old registers is as it was, and is told so. Of any other the request's
-    `unfinished` decides; without a decision the run is refused and the offers are told. New registers are left
-    for the run's own table to prove, once that is ready; where hands turn the rails they are proved here, at rest.
-    Raises DeviceFaultError, StopRequested.
+    A unit that still holds its old registers is unchanged, which is reported. For any other the request's `unfinished`
+    decides; without a decision the run is refused and the choices are reported. New registers are left for the run's
+    own table to verify once it is ready; on a manual rig they are verified here, at rest.
+
+    Parameters
+    ----------
+    imu, table, clock : open devices
+    setup : the run's configuration
+    runs : folder of the runs
+    emit : receives messages
+    check_cancelled : called from time to time; may raise
+
+    Raises
+    ------
+    DeviceFaultError
+        No decision was made, the output is wrong, or the link failed.
     """
     request = setup.request
-    entry = register_journal.interrupted(runs, request.serial, journal_folder(setup.station))
+    entry = journal.interrupted(runs, request.serial, journal_folder(setup.station))
     if entry is None:
         return None
-    check_unit_model(entry, imu.identify().model)
-    holds = recognise(imu, entry, register_map(setup))
+    identity = imu.identify()
+    check_unit_model(entry, identity.model)
+    registers = register_map(setup)
+    holds = recognise(imu, entry, registers)
     about = {"serial": entry.serial, "holds": holds, "utc": entry.utc, "by": entry.by, "why": entry.why}
     if holds is Holds.OLD:
         entry.close(Closing.KEPT)
@@ -74,64 +86,23 @@ def recover_interrupted(
         return None
     if request.unfinished is None:
         emit(Message("transfer_open", {**about, "offers": list(DECISIONS)}))
-        raise _undecided(entry, holds)
+        raise undecided(entry, holds)
 
-    def tell() -> None:
+    def report() -> None:
         emit(Message("transfer_settled", {**about, "closing": str(entry.closing)}))
 
-    unproved = None
+    unverified = None
     if request.unfinished == "restore":
-        restore(imu, register_map(setup), entry)
-        tell()
+        restore(imu, registers, entry)
+        report()
     elif setup.by_hand:
-        done = finish(imu, register_map(setup), entry)
-        finish_verification(
-            setup, imu, done, capture_rest(ImuSession(imu, imu.identify(), clock), setup, check_cancelled)
-        )
-        tell()
+        done = finish(imu, registers, entry)
+        session = ImuSession(imu, imu.identify(), clock)
+        finish_verification(setup, imu, done, capture_rest(session, setup, check_cancelled))
+        report()
     else:
         table.identify()
-        check_power(
-            table.status()
-        )  # a table that may not move proves nothing: then nothing is written either
-        unproved = UnverifiedTransfer(setup, imu, finish(imu, register_map(setup), entry), tell)
+        check_power(table.status())  # nothing is written if the table could not verify it
+        unverified = UnverifiedTransfer(setup, imu, finish(imu, registers, entry), report)
     imu.start()
-    return unproved
-
-
-def check_interrupted(setup: ResolvedConfiguration, runs: Path) -> None:
-    """Before anything is opened: a unit's interrupted transfer belongs to a unit of the same sort.
-
-    Raises InputError with the mend.
-    """
-    entry = register_journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
-    if entry is not None:
-        check_register_map(entry, setup)
-
-
-def check_no_interrupted(imu: Imu, setup: ResolvedConfiguration, runs: Path, serial: str) -> None:
-    """Raises DeviceFaultError where a transfer to the unit waits for a decision; one that left no trace is closed."""
-    entry = register_journal.interrupted(runs, serial, journal_folder(setup.station))
-    if entry is not None:
-        check_unit_model(entry, imu.identify().model)
-        holds = recognise(imu, entry, register_map(setup))
-        if holds is not Holds.OLD:
-            raise _undecided(entry, holds)
-        entry.close(Closing.KEPT)
-
-
-def register_map(setup: ResolvedConfiguration) -> RegisterMap:
-    """Of the unit's profile."""
-    return RegisterMap(tuple(setup.imu.registers))
-
-
-def _undecided(entry: Transfer, holds: Holds) -> DeviceFaultError:
-    which = (
-        "its new registers, which were never proved"
-        if holds is Holds.NEW
-        else "neither its old nor its new registers"
-    )
-    return DeviceFaultError(
-        f"IMU: a transfer to unit '{entry.serial}' was interrupted ({entry.utc}) and it holds {which}; finish or"
-        f" restore it: calstation registers finish {entry.serial}, or restore {entry.serial}"
-    )
+    return unverified

@@ -1,8 +1,8 @@
-"""Registers written, finished or restored outside a run: the same guards, the same turns, the same safe stop.
+"""Register operations outside a run: write, finish or restore, with the guards and the safe stop of a run.
 
-Where a table is driven it is made ready before the first register is written, and turns the restarted unit behind it.
-Rails that hands turn, and a table that is to be left alone, prove at rest. Who wanted what stands in the unit's journal
-(`register_journal`), with the old values, on disk before the first register is written.
+If a table is driven, it is made ready before the first register is written, and turns the restarted unit afterwards. On
+a manual rig, or if the table is to be left alone, the output is verified at rest. Who wanted what is in the unit's
+journal, with the old values, on disk before the first register is written.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from calstation.config.request import OR_AT_REST, RegisterOperation
+from calstation.config.request import RegisterOperation
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.connection.devices import Devices, connected
 from calstation.connection.imu_session import capture_rest, open_imu_session
@@ -27,17 +27,18 @@ from calstation.devices.imu.transfer import (
 )
 from calstation.devices.interfaces import Imu, ImuIdentity
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
-from calstation.registers import journal as register_journal
-from calstation.registers.interrupted import check_no_interrupted, register_map
+from calstation.messages.catalogue import entry as catalogue_entry
+from calstation.registers import journal
 from calstation.registers.journal import Transfer, UnitType, journal_folder
-from calstation.registers.preconditions import check_flash, check_register_map, check_unit_model
-from calstation.registers.unit_registers import held
-from calstation.registers.verification import (
-    finish_verification,
-    judge_restored,
-    run_inline,
-    verification_step,
+from calstation.registers.preconditions import (
+    check_flash,
+    check_no_interrupted,
+    check_register_map,
+    check_unit_model,
+    register_map,
 )
+from calstation.registers.unit_registers import unit_registers
+from calstation.registers.verification import finish_restored, finish_verification, verification_step
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.context import Emit, RunContext, Slot
 from calstation.sequencer.control import Control, State, StopRequested
@@ -45,35 +46,39 @@ from calstation.sequencer.driving import Driving, RunInBackground
 from calstation.sequencer.events import Message, Settled, StateChanged
 from calstation.sequencer.task import Output
 
-#: Beginnings of what is told of a table, and of moves that it cannot make.
-_OF_TABLES = ("table:", "schedule:")
-_TABLE_FAMILIES = ("table", "motion")
-
 #: Takes the operator's commands; raises StopRequested.
 CheckCancelled = Callable[[], None]
 
-
-def moves_table(errand: RegisterOperation) -> bool:
-    """Whether a table is going to move for it. Raises InputError where there is nothing to do, ConfigurationError."""
-    setup = resolve_configuration(errand.request)
-    _Work.of(errand, setup, lambda event: None)
-    return not (errand.at_rest or setup.by_hand)
+_PROOFS = {Step.TURNED: "turn", Step.AT_REST: "rest"}
 
 
-def run_operation(errand: RegisterOperation, emit: Emit, control: Control) -> None:
-    """Do an errand to its end: its last event is `Settled`, or the `Fault` that ended it.
+def moves_table(operation: RegisterOperation) -> bool:
+    """Whether a table moves for an operation. Raises InputError if there is nothing to do, ConfigurationError."""
+    setup = resolve_configuration(operation.request)
+    _Work.of(operation, setup, lambda event: None)
+    return not (operation.at_rest or setup.by_hand)
 
-    New registers that turn out wrong are taken back. A stop, or a fault of the table, behind the write leaves them
-    written and their transfer open: the next start offers to finish or to restore it.
+
+def run_operation(operation: RegisterOperation, emit: Emit, control: Control) -> None:
+    """Do a register operation; its last event is `Settled`, or the `Fault` that ended it.
+
+    New registers with a wrong output are taken back. After a stop or a fault of the table following the write they
+    stay written and their transfer stays open: the next start offers to finish or to restore it.
+
+    Parameters
+    ----------
+    operation : what to do
+    emit : receives events
+    control : the operator's commands
 
     Raises
     ------
     InputError
-        where there is nothing to finish, or the journal knows no such set.
+        There is nothing to finish, or the journal does not know the transfer.
     ConfigurationError
-        where the journal cannot be written; nothing was written to the unit then.
+        The journal cannot be written; nothing was written to the unit.
     DeviceFaultError
-        where another unit answers, an earlier transfer is open, a value does not fit, or the link fails.
+        Another unit answers, an earlier transfer is open, a value is out of range, or the link fails.
     """
 
     def check_cancelled() -> None:
@@ -81,10 +86,9 @@ def run_operation(errand: RegisterOperation, emit: Emit, control: Control) -> No
         if control.stopping:
             raise StopRequested
 
-    setup = resolve_configuration(errand.request)
-    work = _Work.of(errand, setup, emit)
+    work = _Work.of(operation, resolve_configuration(operation.request), emit)
     try:
-        if errand.at_rest or setup.by_hand:
+        if operation.at_rest or work.setup.by_hand:
             settled: Settled | None = _at_rest(work, check_cancelled)
         else:
             settled = _with_turns(work, control, check_cancelled)
@@ -96,17 +100,17 @@ def run_operation(errand: RegisterOperation, emit: Emit, control: Control) -> No
 
 @dataclass
 class _Work:
-    """An errand in hand.
+    """An operation that is being done.
 
     Attributes
     ----------
-    entry : the interrupted transfer that is to be settled; None where a new one is to begin
+    entry : the interrupted transfer to complete; None for a new one
     values, source : of the new one, SI by parameter, and where they come from
-    earlier : the transfer before which the unit held these values, None for those of a result
-    identity : of the unit, as it answered
+    earlier : the transfer before which the unit held these values; None for those of a result
+    identity : of the unit, once it has answered
     """
 
-    errand: RegisterOperation
+    operation: RegisterOperation
     setup: ResolvedConfiguration
     emit: Emit
     entry: Transfer | None
@@ -116,50 +120,52 @@ class _Work:
     identity: ImuIdentity = field(init=False)
 
     @classmethod
-    def of(cls, errand: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_Work":
-        """Raises InputError where there is nothing to finish or restore, or what there is belongs to another sort of
-        unit; ConfigurationError for a worn out flash."""
-        runs, serial, site = errand.request.out, errand.request.serial, journal_folder(setup.station)
-        entry = register_journal.interrupted(runs, serial, site)
+    def of(cls, operation: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_Work":
+        """Find out what there is to do.
+
+        Raises InputError if there is nothing to finish or restore, or if it is of another type of unit;
+        ConfigurationError for a worn out flash.
+        """
+        request, site = operation.request, journal_folder(setup.station)
+        runs, serial = request.out, request.serial
+        entry = journal.interrupted(runs, serial, site)
         if entry is not None:
             check_register_map(entry, setup)
-        if errand.what == "write":
+        if operation.what == "write":
             check_flash(setup, runs, emit)
-            return cls(errand, setup, emit, None, errand.values, errand.source)
-        if entry is not None and errand.transfer is None:
-            return cls(errand, setup, emit, entry, {}, "")
-        if errand.what == "finish":
-            raise InputError(
-                f"{site or runs}: no transfer to unit '{serial}' is open; there is nothing to finish"
-            )
-        wanted = _earlier(runs, serial, errand.transfer, site)
-        check_register_map(wanted, setup)
+            return cls(operation, setup, emit, None, operation.values, operation.source)
+        if entry is not None and operation.transfer is None:
+            return cls(operation, setup, emit, entry, {}, "")
+        if operation.what == "finish":
+            raise InputError("transfer.nothing_to_finish", folder=str(site or runs), serial=serial)
+        earlier = _earlier(runs, serial, operation.transfer, site)
+        check_register_map(earlier, setup)
         check_flash(setup, runs, emit)
-        return cls(errand, setup, emit, None, wanted.old, f"before {wanted.id}", wanted)
+        return cls(operation, setup, emit, None, earlier.old, f"before {earlier.id}", earlier)
 
     @property
-    def back(self) -> bool:
-        """Whether the old registers of an interrupted transfer are put back."""
-        return self.entry is not None and self.errand.what == "restore"
+    def restoring(self) -> bool:
+        """Whether the old registers of an interrupted transfer are restored."""
+        return self.entry is not None and self.operation.what == "restore"
 
     @property
     def stopped(self) -> Settled:
-        """The answer where it was stopped."""
-        return Settled(self.errand.request.serial, "stopped", "")
+        """The last event after a stop."""
+        return Settled(self.operation.request.serial, "stopped", "")
 
-    def untouched(self, imu: Imu) -> Settled | None:
-        """The answer for a unit that has the old registers already; None where something is to be done.
+    def unchanged(self, imu: Imu) -> Settled | None:
+        """The last event for a unit that has its old registers already; None if there is something to do.
 
-        Raises DeviceFaultError for another unit, or one with another transfer open.
+        Raises DeviceFaultError for another unit, or one with another open transfer.
         """
-        request = self.errand.request
+        request = self.operation.request
         check_serial(imu, request.serial)
         self.identity = imu.identify()
         for entry in filter(None, (self.entry, self.earlier)):
             check_unit_model(entry, self.identity.model)
         if self.entry is None:
-            check_no_interrupted(imu, self.setup, request.out, request.serial)
-        elif self.back and recognise(imu, self.entry, register_map(self.setup)) is Holds.OLD:
+            check_no_interrupted(imu, self.setup, request.out)
+        elif self.restoring and recognise(imu, self.entry, register_map(self.setup)) is Holds.OLD:
             self.entry.close(Closing.KEPT)
             return self._settled(self.entry.old, Closing.KEPT, "")
         return None
@@ -168,12 +174,12 @@ class _Work:
         """Write, read back, commit, restart, read again. Raises DeviceFaultError, ConfigurationError."""
         entries = register_map(self.setup)
         if self.entry is not None:
-            return (put_back if self.back else finish)(imu, entries, self.entry)
-        return transfer(imu, entries, self.errand.request.serial, self.values, self._begin)
+            return (put_back if self.restoring else finish)(imu, entries, self.entry)
+        return transfer(imu, entries, self.operation.request.serial, self.values, self._begin)
 
     @contextmanager
-    def looking(self, check_cancelled: CheckCancelled) -> Iterator[None]:
-        """While the restarted unit is looked at; whatever ends that early, it is told how the unit is left."""
+    def verifying(self, check_cancelled: CheckCancelled) -> Iterator[None]:
+        """Report how the unit is left if anything ends the verification of the restarted unit early."""
         try:
             try:
                 check_cancelled()
@@ -183,91 +189,94 @@ class _Work:
             self.emit(Message("verifying"))
             yield
         except (StopRequested, CalstationError):
-            self.emit(Message("old_unproved" if self.back else "transfer_unproved"))
+            self.emit(Message("old_unproved" if self.restoring else "transfer_unproved"))
             raise
 
-    def finish_verification(
-        self, imu: Imu, done: Transferred, fresh: VerificationData, run_in_background: RunInBackground
+    def verify(
+        self,
+        imu: Imu,
+        done: Transferred,
+        data: VerificationData,
+        run_in_background: RunInBackground | None = None,
     ) -> Settled:
-        """Close the journal's entry by the fresh data. Raises DeviceFaultError where they are wrong."""
-        if self.back:
-            judge_restored(self.setup, done, fresh)
+        """Close the transfer by the verification data. Raises DeviceFaultError if the output is wrong."""
+        if self.restoring:
+            finish_restored(self.setup, done, data)
         else:
-            finish_verification(self.setup, imu, done, fresh, run_in_background)
-        proof = {Step.TURNED: "turn", Step.AT_REST: "rest"}.get(verification_step(fresh), "read_back")
-        told = "registers_read_back" if proof == "read_back" else "registers_proved"
-        self.emit(Message(told, {"count": len(done.found), "proof": proof}))
-        return self._settled(done.found, Closing.RESTORED if self.back else Closing.DONE, proof)
+            finish_verification(self.setup, imu, done, data, run_in_background)
+        proof = _PROOFS.get(verification_step(data), "read_back")
+        message = "registers_read_back" if proof == "read_back" else "registers_proved"
+        self.emit(Message(message, {"count": len(done.found), "proof": proof}))
+        return self._settled(done.found, Closing.RESTORED if self.restoring else Closing.DONE, proof)
 
     def _settled(self, found: Mapping[str, float], closing: Closing, proof: str) -> Settled:
-        request = self.errand.request
-        unit = held(self.setup, self.identity, found, request.out)
+        request = self.operation.request
+        unit = unit_registers(self.setup, self.identity, found, request.out)
         return Settled(request.serial, str(closing), proof, unit.to_json())
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Transfer:
-        request = self.errand.request
-        why = "hand" if self.errand.what == "write" else "restore"
-        return register_journal.begin(
+        request = self.operation.request
+        return journal.begin(
             request.out,
             request.serial,
             old,
             new,
             by=request.operator,
-            why=why,
+            why="hand" if self.operation.what == "write" else "restore",
             source=self.source,
             site=journal_folder(self.setup.station),
-            sort=UnitType.of(self.setup, self.identity.model),
+            unit_type=UnitType.of(self.setup, self.identity.model),
         )
 
 
 def _at_rest(work: _Work, check_cancelled: CheckCancelled) -> Settled:
-    """Leave the table alone."""
-    with open_imu_session(_untold, work.setup, check_cancelled) as unit:
+    """Do the work without the table."""
+    with open_imu_session(_unreported, work.setup, check_cancelled) as unit:
         work.emit(StateChanged(State.PREPARING, State.IDLE))
-        untouched = work.untouched(unit.imu)
-        if untouched is not None:
-            return untouched
+        unchanged = work.unchanged(unit.imu)
+        if unchanged is not None:
+            return unchanged
         check_cancelled()
         work.emit(StateChanged(State.RUNNING, State.PREPARING))
         work.emit(Message("registers_writing"))
         done = work.write(unit.imu)
-        with work.looking(check_cancelled):
-            fresh = capture_rest(unit, work.setup, check_cancelled)
-        return work.finish_verification(unit.imu, done, fresh, run_inline)
+        with work.verifying(check_cancelled):
+            data = capture_rest(unit, work.setup, check_cancelled)
+        return work.verify(unit.imu, done, data)
 
 
 def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) -> Settled | None:
-    """Make the table ready, write, turn the unit, and bring it to the load angle; None where a fault was told."""
+    """Make the table ready, write, turn the unit, move to the load position; None after a fault that was emitted."""
     settled: Settled | None = None
     with ExitStack() as stack:
-        with _or_at_rest():
+        with _offering_at_rest():
             devices = stack.enter_context(connected(work.setup, check_cancelled))
         imu = devices.imu
-        untouched = work.untouched(imu)
-        if untouched is not None:
-            return untouched
+        unchanged = work.unchanged(imu)
+        if unchanged is not None:
+            return unchanged
         imu.start()
-        imu.read()  # what came before belongs to nothing
+        imu.read()  # discards earlier samples
         drive = Driving(_context(work, devices, control))
 
         def write_and_turn() -> State:
             nonlocal settled
             drive.go(State.PREPARING)
-            with _or_at_rest():
+            with _offering_at_rest():
                 drive.begin()
                 drive.preflight()
                 drive.check_turns()
             drive.go(State.RUNNING)
             if work.entry is None or work.setup.corrected is Output.ASKED:
                 work.emit(Message("reference"))
-                with _or_at_rest():
+                with _offering_at_rest():
                     drive.reference()
             drive.control_loop.check_cancelled()
             work.emit(Message("registers_writing"))
             done = drive.run_in_background(lambda: work.write(imu))
-            with work.looking(drive.control_loop.check_cancelled):
-                fresh = drive.verification_data()
-            settled = work.finish_verification(imu, done, fresh, drive.run_in_background)
+            with work.verifying(drive.control_loop.check_cancelled):
+                data = drive.verification_data()
+            settled = work.verify(imu, done, data, drive.run_in_background)
             drive.finish()
             return State.DONE
 
@@ -277,7 +286,7 @@ def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) 
 
 
 def _context(work: _Work, devices: Devices, control: Control) -> RunContext:
-    """A run without stages, log and solvers; the output of registers that may be wrong is not checked before."""
+    """A run without stages, log and solvers; the output is not checked before wrong registers are replaced."""
     setup = work.setup
     unit = setup.unit_task()
     preflight = replace(unit.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
@@ -288,30 +297,31 @@ def _context(work: _Work, devices: Devices, control: Control) -> RunContext:
 
 
 def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> Transfer:
-    """The transfer before which the unit held what is to be restored. Raises InputError."""
-    known = register_journal.history(runs, serial, site)
+    """The transfer before which the unit held the wanted registers. Raises InputError."""
+    folder = str(site or runs)
+    known = journal.history(runs, serial, site)
     if not known:
-        mend = "check the number" if site else "give the folder of its runs with --out"
-        raise InputError(f"{site or runs}: no transfer to unit '{serial}' is known; {mend}")
+        raise InputError(
+            "transfer.none_known" if site else "transfer.none_known_here", folder=folder, serial=serial
+        )
     found = [transfer_ for transfer_ in known if ident in (None, transfer_.id)]
     if not found:
-        raise InputError(
-            f"{site or runs}: unit '{serial}' has no transfer '{ident}'; see calstation registers list {serial}"
-        )
+        raise InputError("transfer.unknown_id", folder=folder, serial=serial, id=ident)
     return found[-1]
 
 
 @contextmanager
-def _or_at_rest() -> Iterator[None]:
-    """Nothing is written yet: what keeps the table from moving is told with the way around it."""
+def _offering_at_rest() -> Iterator[None]:
+    """Add to errors of the table, before anything is written, that the operation is possible without it."""
     try:
         yield
     except CalstationError as error:
-        if error.family not in _TABLE_FAMILIES and not str(error).startswith(_OF_TABLES):
+        if error.code and catalogue_entry(error.code).source == "imu":
             raise
         kind = DeviceFaultError if isinstance(error, DeviceFaultError) else ConfigurationError
-        raise kind(f"{error}{OR_AT_REST}") from error
+        code = "transfer.at_rest_possible_after_reset" if error.resettable else "transfer.at_rest_possible"
+        raise kind(code, cause=error.as_text) from error
 
 
-def _untold(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Events tell how it gets on."""
+def _unreported(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Events report the progress."""

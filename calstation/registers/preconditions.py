@@ -1,75 +1,108 @@
-"""What a unit's flash has left: said in time, and no new registers for one that is worn out.
+"""What must hold before registers are written: flash cycles left, the right type of unit, no interrupted transfer.
 
-Putting old registers back, and finishing what was begun, is never refused: a unit must not be left half written.
+Restoring old registers and finishing an interrupted transfer is never refused for flash wear: a unit must not be left
+half written.
 """
 
 from pathlib import Path
 
 from calstation.config.resolved import ResolvedConfiguration
 from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.transfer import Closing, Holds, recognise
+from calstation.devices.interfaces import Imu
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
-from calstation.registers import journal as register_journal
+from calstation.registers import journal
 from calstation.registers.journal import Transfer, journal_folder, map_digest
 from calstation.sequencer.context import Emit
 from calstation.sequencer.events import Message
 
-#: Share of the cycles from which on it is told.
+#: Share of the flash cycles from which a warning is given.
 _NEAR = 0.9
 
 
-def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
-    """Before new registers, and before anything is opened: may the unit's flash be written once more?
+def register_map(setup: ResolvedConfiguration) -> RegisterMap:
+    """The register map of the unit's profile."""
+    return RegisterMap(tuple(setup.imu.registers))
 
-    Raises ConfigurationError where its profile's `flash_cycles_max` is reached, or its journal is damaged.
+
+def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
+    """Check that the unit's flash may be written once more, before anything is opened.
+
+    Parameters
+    ----------
+    setup : the unit and its profile
+    runs : folder of the runs
+    emit : receives warnings
+
+    Raises
+    ------
+    ConfigurationError
+        The profile's `flash_cycles_max` is reached, or the journal is damaged.
     """
     serial = setup.request.serial
     site = journal_folder(setup.station)
-    used = register_journal.cycles(runs, serial, site)
-    torn = register_journal.torn(runs, serial, site)
-    if torn is not None:
-        emit(Message("journal_torn", {"serial": serial, "file": str(torn)}))
+    used = journal.cycles(runs, serial, site)
+    truncated = journal.truncated(runs, serial, site)
+    if truncated is not None:
+        emit(Message("journal_torn", {"serial": serial, "file": str(truncated)}))
     most = setup.imu.flash_cycles_max
     if most is None or not setup.imu.registers:
         return
     if used >= most:
         raise ConfigurationError(
-            f"IMU: unit '{serial}' has had its flash written {used} times of the {most} that IMU profile"
-            f" '{setup.imu.name}' allows (flash_cycles_max); take it out of service, or correct the profile where its"
-            " data sheet allows more"
+            "transfer.flash_worn", serial=serial, used=used, most=most, profile=setup.imu.name
         )
     if used >= _NEAR * most:
         emit(Message("flash_near", {"serial": serial, "used": used, "most": most}))
 
 
 def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
-    """Before anything is opened: are a transfer's values for registers as the product's IMU profile has them?
+    """Check, before anything is opened, that a transfer's values fit the registers of the product's IMU profile.
 
-    Of one that was noted without its sort only the parameters tell. Raises InputError with the mend.
+    Without a recorded type only the parameters are compared. Raises InputError.
     """
-    sort, profile = entry.sort, setup.imu
-    about = f"transfer {entry.id} to unit '{entry.serial}'"
-    if sort.profile and sort.profile != profile.name:
+    recorded, profile = entry.unit_type, setup.imu
+    about = {"id": entry.id, "serial": entry.serial, "profile": profile.name}
+    if recorded.profile and recorded.profile != profile.name:
         raise InputError(
-            f"{about} was by IMU profile '{sort.profile}' (product '{sort.product}'), this product's is"
-            f" '{profile.name}'; choose a product with that profile (--product)"
+            "transfer.other_profile", **about, recorded=recorded.profile, product=recorded.product
         )
-    if sort.map and sort.map != map_digest(profile.registers):
-        raise InputError(
-            f"{about}: the registers of IMU profile '{profile.name}' mean something else now than then; bring the"
-            " profile's earlier version back (page Station)"
-        )
-    named = set(RegisterMap(tuple(profile.registers)).parameters)
-    if not sort.map and entry.old and set(entry.old) != named:
-        raise InputError(
-            f"{about} has other parameters than the registers of IMU profile '{profile.name}'; choose the product of"
-            " its unit (--product)"
-        )
+    if recorded.map and recorded.map != map_digest(profile.registers):
+        raise InputError("transfer.other_meaning", **about)
+    if not recorded.map and entry.old and set(entry.old) != set(register_map(setup).parameters):
+        raise InputError("transfer.other_parameters", **about)
 
 
 def check_unit_model(entry: Transfer, model: str) -> None:
-    """Raises DeviceFaultError where a transfer was to another model of unit than the one that answers."""
-    if entry.sort.model and entry.sort.model != model:
+    """Raise DeviceFaultError if a transfer was to another model of unit than the one that answers."""
+    recorded = entry.unit_type.model
+    if recorded and recorded != model:
         raise DeviceFaultError(
-            f"IMU: transfer {entry.id} was to a '{entry.sort.model}' of serial number '{entry.serial}', but a"
-            f" '{model}' answers; put that unit into the fixture"
+            "transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model
         )
+
+
+def check_interrupted(setup: ResolvedConfiguration, runs: Path) -> None:
+    """Check, before anything is opened, that the unit's interrupted transfer was to a unit of the same type.
+
+    Raises InputError.
+    """
+    entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
+    if entry is not None:
+        check_register_map(entry, setup)
+
+
+def check_no_interrupted(imu: Imu, setup: ResolvedConfiguration, runs: Path) -> None:
+    """Raise DeviceFaultError if a transfer to the unit awaits a decision; one that changed nothing is closed."""
+    entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
+    if entry is not None:
+        check_unit_model(entry, imu.identify().model)
+        holds = recognise(imu, entry, register_map(setup))
+        if holds is not Holds.OLD:
+            raise undecided(entry, holds)
+        entry.close(Closing.KEPT)
+
+
+def undecided(entry: Transfer, holds: Holds) -> DeviceFaultError:
+    """The fault of a unit whose interrupted transfer awaits a decision."""
+    return DeviceFaultError("transfer.interrupted", serial=entry.serial, utc=entry.utc, holds=str(holds))

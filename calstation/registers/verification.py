@@ -1,9 +1,14 @@
-"""Is a unit's corrected output right? What it makes of its registers against what they mean, and against the world.
+"""Verifies a unit's output after its registers were written, against their definition and against known references.
 
-Rests and turns are compared with the same ones taken without the registers (`comparison`). Then the output alone with
-what is known to be there: its size at rest against gravity and earth rate, turns against encoders; and where nothing
-measures a turn, gravity at its end with where the gyros carried it. A unit that shows only its raw output is corrected
-here by the registers that it gave back: that says that it works, and nothing of what it makes of them.
+Rests and turns are compared with the same ones captured without the registers (`compare`). The reference is the raw
+output (or that after other registers) of the same unit in the same orientations, corrected by the parameters that were
+written. Mounting, table orientation and encoder errors are in both and cancel; so does the uncertainty of the
+parameters. What remains is noise and the repeatability of the table.
+
+Then the output alone is compared with known values: its magnitude at rest with gravity and earth rate, turns with
+encoders; and if nothing measures a turn, gravity at its end with the gravity that the gyros carried there. A unit that
+provides only raw output is corrected here by the registers that it returned: this shows that it works, not how it
+applies them.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,16 +33,25 @@ from calstation.records.meta import context_from_meta, prior_from_meta
 from calstation.sequencer.capture import Turned, VerificationData
 from calstation.sequencer.driving import RunInBackground
 
-#: Off by more than this many standard deviations is wrong: noise reaches it once in 10^8 times.
+#: A deviation of more than this many standard deviations is wrong; noise reaches it once in 10^8 times.
 SIGMAS = 6.0
 
-#: Bias instabilities that a bias may have wandered since it was found.
-WANDER = 3.0
+#: Bias instabilities by which a bias may have drifted since it was estimated.
+DRIFT = 3.0
+
+#: Names of the comparisons with a reference.
+DIFFERENCES = ("force_difference", "rate_difference", "turn_difference")
+
+#: Largest change of a gyro's scale factor between the rate of its calibration and the rate of the turns.
+_NONLINEARITY = 5e-4
+
+#: Largest cosine between the forces of two rests that are upside down to each other.
+_OPPOSITE = -0.9
 
 
 @dataclass(frozen=True)
 class VerificationCheck:
-    """One comparison: what was measured, what was expected, and how far they may be apart, SI."""
+    """One comparison: measured and expected value, and how far they may differ, SI."""
 
     name: str
     value: float
@@ -47,7 +61,7 @@ class VerificationCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the two agree; what is no number does not."""
+        """Whether the two agree; NaN does not."""
         return abs(self.value - self.expected) <= self.tolerance
 
     def to_json(self) -> dict[str, Any]:
@@ -55,37 +69,163 @@ class VerificationCheck:
         return {**asdict(self), "passed": self.passed}
 
 
-def rate_noise(imu: ImuModel, seconds: float) -> float:
-    """Sigma of one axis of `mean_at_rest` of the gyro, rad/s: 6/5 of a plain mean's variance."""
-    return float(imu.gyro_arw * np.sqrt(1.2 / seconds))
-
-
-def force_noise(context: SolveContext, seconds: float) -> float:
-    """Sigma of one axis of `mean_at_rest` of the accelerometer, m/s².
-
-    Its own noise as the gyro's, and the base's vibration: the slope of a line through velocities of the sigma that the
-    table's profile states, as many as it says, σ √12 / (T √n).
-    """
-    imu, table = context.imu, context.table
-    count = seconds / table.velocity_interval
-    vibration = table.velocity_sigma * np.sqrt(12.0 / count) / seconds
-    return float(np.hypot(imu.accel_vrw * np.sqrt(1.2 / seconds), vibration))
-
-
-#: Names of these comparisons.
-DIFFERENCES = ("force_difference", "rate_difference", "turn_difference")
-
-
 @dataclass(frozen=True)
 class AppliedRegisters:
-    """What the unit holds, and what was in force in the reference; None where that was the raw output. SI by name."""
+    """Registers of the unit, and those applied in the reference (None for raw output); SI by parameter."""
 
     held: Mapping[str, float]
     before: Mapping[str, float] | None = None
 
 
+def finish_verification(
+    setup: ResolvedConfiguration,
+    imu: Imu,
+    done: Transferred,
+    data: VerificationData,
+    run_in_background: RunInBackground | None = None,
+) -> None:
+    """Verify the output after new registers and close the transfer; restore the old registers if it is wrong.
+
+    Parameters
+    ----------
+    setup : the configuration of the unit
+    imu : the unit
+    done : the transfer
+    data : output of the unit
+    run_in_background : runs work while the table is looked after; None if no table moves
+
+    Raises
+    ------
+    DeviceFaultError
+        The output is wrong.
+    """
+    run = run_in_background or _run_inline
+    entry = done.entry
+    wrong = _wrong_checks(setup, done, data, restored=False)
+    if wrong:
+        run(lambda: restore_refuted(imu, RegisterMap(tuple(setup.imu.registers)), entry))
+        raise output_error(wrong[0])
+    run(lambda: close_verified(entry, data))
+
+
+def finish_restored(setup: ResolvedConfiguration, done: Transferred, data: VerificationData) -> None:
+    """Close the transfer of registers that were restored, whatever the output is.
+
+    Raises DeviceFaultError if the output is wrong.
+    """
+    entry = done.entry
+    wrong = _wrong_checks(setup, done, data, restored=True)
+    entry.note(Step.REFUTED if wrong else verification_step(data))
+    entry.close(Closing.RESTORED)
+    if wrong:
+        raise _check_error("verification.old_wrong", wrong[0])
+
+
+def restore_refuted(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, float]:
+    """Restore the old registers of a unit whose output was wrong; returns what it holds then."""
+    entry.note(Step.REFUTED)
+    return restore(imu, registers, entry)
+
+
+def close_verified(entry: Entry, data: VerificationData) -> None:
+    """Close the transfer of registers whose output is right."""
+    entry.note(verification_step(data))
+    entry.close(Closing.DONE)
+
+
+def verification_step(data: VerificationData) -> Step:
+    """The journal's step for a verification."""
+    if not data.corrected:
+        return Step.READ_BACK
+    return Step.TURNED if data.turns or len(data.carried) else Step.AT_REST
+
+
+def verified_on(data: VerificationData) -> str:
+    """What was verified: "corrected_output", or "read_back" if the unit provides none."""
+    return "corrected_output" if data.corrected else "read_back"
+
+
+def output_error(check: VerificationCheck) -> DeviceFaultError:
+    """The fault of a unit whose output with new registers is wrong and whose old registers were restored."""
+    return _check_error("verification.differs" if check.name in DIFFERENCES else "verification.wrong", check)
+
+
+def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
+    return DeviceFaultError(
+        code,
+        check=check.name,
+        value=check.value,
+        unit=check.unit,
+        expected=check.expected,
+        tolerance=check.tolerance,
+    )
+
+
+def _run_inline(work: Callable[[], Any]) -> Any:
+    return work()
+
+
+def _wrong_checks(
+    setup: ResolvedConfiguration, done: Transferred, data: VerificationData, *, restored: bool
+) -> list[VerificationCheck]:
+    """Failed checks without a run's own estimate: tolerances allow for any unit of the type."""
+    meta = setup.log_meta()
+    entry = done.entry
+    registers = AppliedRegisters(
+        entry.old if restored else entry.new, entry.old if setup.after_registers else None
+    )
+    prior = prior_from_meta(meta).covariance
+    checks = verify_output(data, registers, prior, context_from_meta(meta), setup.repeatability)
+    return [check for check in checks if not check.passed]
+
+
+def verify_output(
+    data: VerificationData,
+    registers: AppliedRegisters,
+    covariance: FloatArray,
+    context: SolveContext,
+    repeatability: float,
+) -> tuple[VerificationCheck, ...]:
+    """Compare a unit's corrected output with what it should be.
+
+    Parameters
+    ----------
+    data : output of the unit
+    registers : that the unit applies
+    covariance : of the parameters in the registers, SI, shape (30, 30)
+    context : site, noise and table
+    repeatability : of the table's positions, rad, one sigma
+    """
+    checks: list[VerificationCheck] = []
+    if data.reference is not None:
+        checks += compare(data, data.reference, registers, context, repeatability)
+    own = np.zeros(COUNT) if data.corrected else _vector(registers.held)
+    correction = compensation(own)
+    rests = np.array(data.rests)
+    omega, force = compensate(correction, rests[:, :3], rests[:, 3:])
+    site, imu, seconds = context.site, context.imu, data.seconds
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    noises = _force_noise(context, seconds), _rate_noise(imu, seconds)
+    for f, w in zip(force, omega, strict=True):
+        tolerance = _tolerance(covariance, "accel", f, noises[0], imu.accel_bias_instability)
+        checks.append(VerificationCheck("gravity", float(np.linalg.norm(f)), gravity, tolerance, "m/s²"))
+        tolerance = _tolerance(covariance, "gyro", w, noises[1], imu.gyro_bias_instability)
+        checks.append(VerificationCheck("earth_rate", float(np.linalg.norm(w)), RATE, tolerance, "rad/s"))
+    pair = _opposite(force)
+    if pair is not None:
+        checks.append(_earth_rate_up(omega[pair], force[pair], covariance, context, noises[1]))
+    for turned in data.turns:
+        mean, _ = compensate(correction, (turned.angle / turned.seconds)[None], np.zeros((1, 3)))
+        net = (mean[0] - omega[turned.turn.still]) * turned.seconds
+        checks.append(_turn(turned, net, covariance, context, repeatability, noises[1]))
+    if len(data.carried):
+        turning, _ = compensate(correction, data.carried[:, :3], data.carried[:, 3:])
+        checks.append(_carried_turn(turning * data.period, force, covariance, context))
+    return tuple(checks)
+
+
 def compare(
-    fresh: VerificationData,
+    data: VerificationData,
     reference: VerificationData,
     registers: AppliedRegisters,
     context: SolveContext,
@@ -95,48 +235,147 @@ def compare(
 
     Parameters
     ----------
-    repeatability : of the table, rad: how far apart it stands after two moves to the same angle, one sigma
+    data, reference : output with and without the registers
+    registers : that the unit applies, and that the reference has
+    context : site, noise and table
+    repeatability : of the table's positions, rad, one sigma
     """
-    seen, meant = np.array(fresh.rests), _meant(np.array(reference.rests), registers)
+    seen, expected = np.array(data.rests), _expected(np.array(reference.rests), registers)
     checks = []
-    for own, here in zip(seen, meant, strict=True):
+    for own, here in zip(seen, expected, strict=True):
         force, rate = own[3:] - here[3:], own[:3] - here[:3]
-        checks.append(
-            _within(
-                "force_difference",
-                force,
-                _force_scatter(here[3:], fresh.seconds, context, repeatability),
-                "m/s²",
-            )
-        )
-        checks.append(
-            _within("rate_difference", rate, _rate_scatter(fresh.seconds, context.imu) * np.eye(3), "rad/s")
-        )
-    for own_turn, before in zip(fresh.turns, reference.turns, strict=True):
-        there = _net(before, _meant_turn(before, registers), meant)
-        apart = _net(own_turn, own_turn.angle, seen) - there
-        scatter = _turn_scatter(there, before.seconds, fresh.seconds, context.imu, repeatability)
+        force_scatter = _force_scatter(here[3:], data.seconds, context, repeatability)
+        rate_scatter = _rate_scatter(data.seconds, context.imu) * np.eye(3)
+        checks.append(_difference("force_difference", force, force_scatter, "m/s²"))
+        checks.append(_difference("rate_difference", rate, rate_scatter, "rad/s"))
+    for own_turn, before in zip(data.turns, reference.turns, strict=True):
+        there = _net(before, _expected_turn(before, registers), expected)
+        difference = _net(own_turn, own_turn.angle, seen) - there
+        scatter = _turn_scatter(there, (before.seconds, data.seconds), context.imu, repeatability)
         # The earth turns on while one turn takes longer than the other.
         more = 2.0 * RATE * abs(own_turn.seconds - before.seconds)
-        checks.append(_within("turn_difference", apart, scatter, "rad", more))
+        checks.append(_difference("turn_difference", difference, scatter, "rad", more))
     return tuple(checks)
 
 
-def _meant(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
-    """What the reference's rests are with the registers that are held now, shape (n, 6)."""
-    raw = _undone(rests, registers.before)
+def without_register(belief: Belief, held: Mapping[str, float]) -> FloatArray:
+    """Covariance of a belief, shape (30, 30), widened by the parameters for which the unit has no register.
+
+    `held` has the registers by parameter.
+    """
+    left = np.array([0.0 if name in held else value for name, value in zip(NAMES, belief.mean, strict=True)])
+    return np.asarray(belief.covariance + np.diag(left**2))
+
+
+def _opposite(force: FloatArray) -> list[int] | None:
+    """Two rests upside down to each other, or None."""
+    up = force / np.linalg.norm(force, axis=1, keepdims=True)
+    cosines = up @ up.T
+    first, second = np.unravel_index(int(np.argmin(cosines)), cosines.shape)
+    return [int(first), int(second)] if cosines[first, second] < _OPPOSITE else None
+
+
+def _earth_rate_up(
+    omega: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext, noise: float
+) -> VerificationCheck:
+    """Vertical earth rate from two rests upside down to each other, free of gyro bias.
+
+    It reveals a wrong latitude, and with it a wrong normal gravity.
+    """
+    up = force / np.linalg.norm(force, axis=1, keepdims=True)
+    left = up.mean(axis=0)  # part of the biases that does not cancel
+    biases = group_indices("gyro_bias")
+    bias = float(np.sqrt(max(left @ covariance[np.ix_(biases, biases)] @ left, 0.0)))
+    drift = DRIFT * context.imu.gyro_bias_instability
+    scale = float(np.sqrt(np.diag(covariance)[group_indices("gyro_scale")].max()))
+    sigma = np.sqrt(bias**2 + noise**2 / 2.0 + drift**2 + (scale * RATE) ** 2)
+    value = float((omega * up).sum(axis=1).mean())
+    expected = RATE * float(np.sin(context.site.latitude))
+    return VerificationCheck("earth_rate_up", value, expected, SIGMAS * float(sigma), "rad/s")
+
+
+def _turn(
+    turned: Turned,
+    net: FloatArray,
+    covariance: FloatArray,
+    context: SolveContext,
+    repeatability: float,
+    noise: float,
+) -> VerificationCheck:
+    """Angle of a turn against the encoder, whatever its axis in the body; `net` is free of bias and earth rate, rad."""
+    size, measured = abs(turned.turn.amount), float(np.linalg.norm(net))
+    jacobian = np.zeros(COUNT)
+    for i, p in enumerate(PARAMETERS):
+        if p.group in ("gyro_scale", "gyro_misalign"):
+            jacobian[i] = net[p.row] * net[p.column] / max(measured, 1e-9)
+    encoder = repeatability if turned.turn.whole else context.table.encoder_sigma
+    variance = max(float(jacobian @ covariance @ jacobian), 0.0) + 2.0 * encoder**2
+    variance += context.imu.gyro_arw**2 * turned.seconds + (noise * turned.seconds) ** 2
+    name = "outer_turn" if turned.turn.joint == OUTER else "inner_turn"
+    tolerance = SIGMAS * float(np.sqrt(variance)) + _NONLINEARITY * size
+    return VerificationCheck(name, measured, size, tolerance, "rad")
+
+
+def _carried_turn(
+    angles: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext
+) -> VerificationCheck:
+    """Angle between gravity at the second rest and gravity carried there by the gyros, rad; needs no encoder.
+
+    Parameters
+    ----------
+    angles : corrected output of every sample between the rests, rad, shape (n, 3)
+    force : corrected mean at both rests, m/s², shape (2, 3)
+    covariance : of the parameters, SI, shape (30, 30)
+    context : site, noise and table
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    seconds = len(angles) / context.imu.sample_rate
+    path = float(np.linalg.norm(angles, axis=1).sum())
+    before, after = force / np.linalg.norm(force, axis=1, keepdims=True)
+    for angle in angles:
+        before = rotation_matrix(angle).T @ before
+    value = float(np.arctan2(np.linalg.norm(np.cross(before, after)), before @ after))
+    matrix = max(sigma[group_indices(group)].max() for group in ("gyro_scale", "gyro_misalign"))
+    bias = sigma[group_indices("gyro_bias")].max() + DRIFT * context.imu.gyro_bias_instability
+    tilt = max(sigma[group_indices(group)].max() for group in ("accel_scale", "accel_misalign"))
+    size = float(np.linalg.norm(force[0]))
+    level = np.sqrt(2.0) * (tilt + sigma[group_indices("accel_bias")].max() / size)
+    noise = context.imu.gyro_arw * np.sqrt(seconds)
+    known = np.sqrt((matrix * path) ** 2 + (bias * seconds) ** 2 + level**2 + noise**2)
+    return VerificationCheck("carried_turn", value, 0.0, SIGMAS * float(known) + RATE * seconds, "rad")
+
+
+def _tolerance(
+    covariance: FloatArray, sensor: str, seen: FloatArray, noise: float, instability: float
+) -> float:
+    """Tolerance of the magnitude of a corrected vector `seen`, whatever its direction."""
+    jacobian = np.zeros((3, COUNT))
+    for i, p in enumerate(PARAMETERS):
+        if p.group == f"{sensor}_bias":
+            jacobian[p.row, i] = 1.0
+        elif p.group in (f"{sensor}_scale", f"{sensor}_misalign"):
+            jacobian[p.row, i] = seen[p.column]
+        elif p.group == f"{sensor}_quadratic":
+            jacobian[p.row, i] = seen[p.row] ** 2
+    variance = float(np.linalg.eigvalsh(jacobian @ covariance @ jacobian.T)[-1])
+    return SIGMAS * float(np.sqrt(max(variance, 0.0) + noise**2 + (DRIFT * instability) ** 2))
+
+
+def _expected(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
+    """The reference's rests with the registers that are held now, shape (n, 6)."""
+    raw = _raw(rests, registers.before)
     omega, force = compensate(compensation(_vector(registers.held)), raw[:, :3], raw[:, 3:])
     return np.hstack([omega, force])
 
 
-def _meant_turn(turned: Turned, registers: AppliedRegisters) -> FloatArray:
+def _expected_turn(turned: Turned, registers: AppliedRegisters) -> FloatArray:
     """Integral of the reference's rate over a turn with the registers that are held now, rad, shape (3,)."""
     mean = np.hstack([turned.angle / turned.seconds, np.zeros(3)])[None]
-    return _meant(mean, registers)[0, :3] * turned.seconds
+    return _expected(mean, registers)[0, :3] * turned.seconds
 
 
-def _undone(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
-    """The raw output behind what a unit gave with registers, shape (n, 6); the size effect, 0 at rest, left aside."""
+def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
+    """The raw output of a unit that applied registers, shape (n, 6); the size effect, 0 at rest, is left out."""
     if registers is None:
         return output
     p = _vector(registers)
@@ -153,294 +392,68 @@ def _undone(output: FloatArray, registers: Mapping[str, float] | None) -> FloatA
 
 
 def _net(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
-    """A turn without what the gyro shows at rest, its bias and the earth's rate along the axis, rad, shape (3,)."""
+    """A turn without the gyro's output at rest (bias and earth rate along the axis), rad, shape (3,)."""
     return np.asarray(angle - rests[turned.turn.still, :3] * turned.seconds)
 
 
 def _force_scatter(
     force: FloatArray, seconds: float, context: SolveContext, repeatability: float
 ) -> FloatArray:
-    """Covariance of a force's difference, (m/s²)², shape (3, 3): across it the table's tilt shows, along it not."""
+    """Covariance of a force difference, (m/s²)², shape (3, 3); the table's tilt shows across the force only."""
     size = float(np.linalg.norm(force))
     up = force / size
-    noise = (
-        2.0 * force_noise(context, seconds) ** 2 + (WANDER * context.imu.accel_bias_instability) ** 2
-    ) * np.eye(3)
+    drift = DRIFT * context.imu.accel_bias_instability
+    noise = (2.0 * _force_noise(context, seconds) ** 2 + drift**2) * np.eye(3)
     return np.asarray(noise + 2.0 * (repeatability * size) ** 2 * (np.eye(3) - np.outer(up, up)))
 
 
 def _rate_scatter(seconds: float, imu: ImuModel) -> float:
-    """Variance of a rate's difference, (rad/s)²."""
-    return 2.0 * rate_noise(imu, seconds) ** 2 + (WANDER * imu.gyro_bias_instability) ** 2
+    """Variance of a rate difference, (rad/s)²."""
+    return 2.0 * _rate_noise(imu, seconds) ** 2 + (DRIFT * imu.gyro_bias_instability) ** 2
 
 
 def _turn_scatter(
-    turn: FloatArray, seconds: float, rest: float, imu: ImuModel, repeatability: float
+    turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float
 ) -> FloatArray:
-    """Covariance of a turn's difference, rad², shape (3, 3): along it the joint's angle, across it the other's."""
+    """Covariance of a turn difference, rad², shape (3, 3): the joint's angle along it, the other joint's across it.
+
+    `seconds` are the durations of the turn and of a rest.
+    """
+    duration, rest = seconds
     size = float(np.linalg.norm(turn))
     along = np.outer(turn, turn) / size**2
-    noise = 2.0 * (imu.gyro_arw**2 * seconds + (rate_noise(imu, rest) * seconds) ** 2)
-    noise += 2.0 * (imu.gyro_bias_instability * seconds) ** 2
+    noise = 2.0 * (imu.gyro_arw**2 * duration + (_rate_noise(imu, rest) * duration) ** 2)
+    noise += 2.0 * (imu.gyro_bias_instability * duration) ** 2
     joint, other = 4.0 * repeatability**2, 2.0 * (repeatability * size) ** 2
     return np.asarray(noise * np.eye(3) + joint * along + other * (np.eye(3) - along))
 
 
-def _within(
-    name: str, apart: FloatArray, scatter: FloatArray, unit: str, more: float = 0.0
+def _difference(
+    name: str, difference: FloatArray, scatter: FloatArray, unit: str, more: float = 0.0
 ) -> VerificationCheck:
-    """How far a vector is off, and how far it may be in that direction."""
-    size = float(np.linalg.norm(apart))
-    way = apart / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
+    """Magnitude of a difference, and its tolerance in that direction."""
+    size = float(np.linalg.norm(difference))
+    way = difference / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
     sigma = 1.0 / np.sqrt(way @ np.linalg.solve(scatter, way))
     return VerificationCheck(name, size, 0.0, SIGMAS * float(sigma) + more, unit)
 
 
+def _rate_noise(imu: ImuModel, seconds: float) -> float:
+    """Sigma of one axis of `mean_at_rest` of the gyro, rad/s: 6/5 of a plain mean's variance."""
+    return float(imu.gyro_arw * np.sqrt(1.2 / seconds))
+
+
+def _force_noise(context: SolveContext, seconds: float) -> float:
+    """Sigma of one axis of `mean_at_rest` of the accelerometer, m/s².
+
+    Its own noise as the gyro's, and the vibration of the base: the slope of a line through the velocities that the
+    table's profile states, σ √12 / (T √n).
+    """
+    imu, table = context.imu, context.table
+    count = seconds / table.velocity_interval
+    vibration = table.velocity_sigma * np.sqrt(12.0 / count) / seconds
+    return float(np.hypot(imu.accel_vrw * np.sqrt(1.2 / seconds), vibration))
+
+
 def _vector(values: Mapping[str, float]) -> FloatArray:
     return np.array([values.get(name, 0.0) for name in NAMES])
-
-
-#: By which a gyro's scale at the rate of the turns may differ from that at the rate it was calibrated at.
-_LINEAR = 5e-4
-
-#: Cosine between the forces of two rests that are upside down to each other.
-_OPPOSITE = -0.9
-
-
-def verify_output(
-    fresh: VerificationData,
-    registers: AppliedRegisters,
-    covariance: FloatArray,
-    context: SolveContext,
-    repeatability: float,
-) -> tuple[VerificationCheck, ...]:
-    """Compare a unit's corrected output with what it should be.
-
-    Parameters
-    ----------
-    covariance : of the parameters that the registers hold, SI, shape (30, 30)
-    context : site, noise and table
-    repeatability : of the table, rad: how far apart it stands after two moves to the same angle, one sigma
-    """
-    checks: list[VerificationCheck] = []
-    if fresh.reference is not None:
-        checks += compare(fresh, fresh.reference, registers, context, repeatability)
-    own = np.zeros(COUNT) if fresh.corrected else np.array([registers.held.get(n, 0.0) for n in NAMES])
-    correction = compensation(own)
-    rests = np.array(fresh.rests)
-    omega, force = compensate(correction, rests[:, :3], rests[:, 3:])
-    site, imu, seconds = context.site, context.imu, fresh.seconds
-    gravity = site.gravity or normal_gravity(site.latitude, site.height)
-    noises = force_noise(context, seconds), rate_noise(imu, seconds)
-    for f, w in zip(force, omega, strict=True):
-        tolerance = _tolerance(covariance, "accel", f, noises[0], imu.accel_bias_instability)
-        checks.append(VerificationCheck("gravity", float(np.linalg.norm(f)), gravity, tolerance, "m/s²"))
-        tolerance = _tolerance(covariance, "gyro", w, noises[1], imu.gyro_bias_instability)
-        checks.append(VerificationCheck("earth_rate", float(np.linalg.norm(w)), RATE, tolerance, "rad/s"))
-    pair = _opposite(force)
-    if pair is not None:
-        checks.append(_earth_rate_up(omega[pair], force[pair], covariance, context, noises[1]))
-    for turned in fresh.turns:
-        mean, _ = compensate(correction, (turned.angle / turned.seconds)[None], np.zeros((1, 3)))
-        net = (mean[0] - omega[turned.turn.still]) * turned.seconds
-        checks.append(_turn(turned, net, covariance, context, repeatability, noises[1]))
-    if len(fresh.carried):
-        turning, _ = compensate(correction, fresh.carried[:, :3], fresh.carried[:, 3:])
-        checks.append(_carried_turn(turning * fresh.period, force, covariance, context))
-    return tuple(checks)
-
-
-def output_error(check: VerificationCheck, so: str) -> DeviceFaultError:
-    """The fault of a unit whose corrected output is wrong; `so` : what became of its registers."""
-    if check.name in DIFFERENCES:
-        return DeviceFaultError(
-            f"IMU: the unit makes of its new registers something else than they mean: {check.name}"
-            f" {check.value:.6g} {check.unit}, at most {check.tolerance:.2g}; {so}; look whether the table was"
-            " disturbed, and correct the IMU profile's convention, sign, order and places of the registers; then run"
-            " again"
-        )
-    return DeviceFaultError(
-        f"IMU: with its new registers {check.name} measures {check.value:.6g} {check.unit}, expected"
-        f" {check.expected:.6g} within {check.tolerance:.2g}; {so}; look whether the table was disturbed,"
-        " whether latitude and gravity in the station file are right, and whether the IMU profile's registers"
-        " mean what the unit makes of them; then run again"
-    )
-
-
-def verified_on(fresh: VerificationData) -> str:
-    """What a proof was made on: the unit's "corrected_output", or "read_back" where it shows none."""
-    return "corrected_output" if fresh.corrected else "read_back"
-
-
-def without_register(belief: Belief, held: Mapping[str, float]) -> FloatArray:
-    """Covariance of a belief, shape (30, 30), widened by what the unit has no register for and so cannot take off.
-
-    held : registers that it has, by parameter
-    """
-    left = np.array([0.0 if name in held else value for name, value in zip(NAMES, belief.mean, strict=True)])
-    return np.asarray(belief.covariance + np.diag(left**2))
-
-
-def _opposite(force: FloatArray) -> list[int] | None:
-    """Two rests upside down to each other."""
-    up = force / np.linalg.norm(force, axis=1, keepdims=True)
-    cosines = up @ up.T
-    first, second = np.unravel_index(int(np.argmin(cosines)), cosines.shape)
-    return [int(first), int(second)] if cosines[first, second] < _OPPOSITE else None
-
-
-def _earth_rate_up(
-    omega: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext, noise: float
-) -> VerificationCheck:
-    """The earth's rate about the vertical, of two rests upside down to each other: a gyro's bias is not in it.
-
-    It shows a wrong latitude, and with it a wrong normal gravity.
-    """
-    up = force / np.linalg.norm(force, axis=1, keepdims=True)
-    left = up.mean(axis=0)  # what of the biases the turn does not cancel
-    biases = group_indices("gyro_bias")
-    bias = float(np.sqrt(max(left @ covariance[np.ix_(biases, biases)] @ left, 0.0)))
-    wander = WANDER * context.imu.gyro_bias_instability
-    scale = float(np.sqrt(np.diag(covariance)[group_indices("gyro_scale")].max()))
-    sigma = np.sqrt(bias**2 + noise**2 / 2.0 + wander**2 + (scale * RATE) ** 2)
-    value = float((omega * up).sum(axis=1).mean())
-    return VerificationCheck(
-        "earth_rate_up", value, RATE * float(np.sin(context.site.latitude)), SIGMAS * float(sigma), "rad/s"
-    )
-
-
-def _turn(
-    turned: Turned,
-    net: FloatArray,
-    covariance: FloatArray,
-    context: SolveContext,
-    repeatability: float,
-    noise: float,
-) -> VerificationCheck:
-    """The size of a turn against the encoder, whatever its axis in the body; `net` : without bias and earth, rad."""
-    size, measured = abs(turned.turn.amount), float(np.linalg.norm(net))
-    jacobian = np.zeros(COUNT)
-    for i, p in enumerate(PARAMETERS):
-        if p.group in ("gyro_scale", "gyro_misalign"):
-            jacobian[i] = net[p.row] * net[p.column] / max(measured, 1e-9)
-    encoder = repeatability if turned.turn.whole else context.table.encoder_sigma
-    variance = max(float(jacobian @ covariance @ jacobian), 0.0) + 2.0 * encoder**2
-    variance += context.imu.gyro_arw**2 * turned.seconds + (noise * turned.seconds) ** 2
-    name = "outer_turn" if turned.turn.joint == OUTER else "inner_turn"
-    return VerificationCheck(name, measured, size, SIGMAS * float(np.sqrt(variance)) + _LINEAR * size, "rad")
-
-
-def _carried_turn(
-    angles: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext
-) -> VerificationCheck:
-    """Between gravity at the second rest and where the gyros carried it from the first, rad: no encoder is needed.
-
-    Parameters
-    ----------
-    angles : corrected output of every sample on the way, rad, shape (n, 3)
-    force : corrected mean at both rests, m/s², shape (2, 3)
-    """
-    sigma = np.sqrt(np.diag(covariance))
-    seconds = len(angles) / context.imu.sample_rate
-    path = float(np.linalg.norm(angles, axis=1).sum())
-    before, after = force / np.linalg.norm(force, axis=1, keepdims=True)
-    for angle in angles:
-        before = rotation_matrix(angle).T @ before
-    value = float(np.arctan2(np.linalg.norm(np.cross(before, after)), before @ after))
-    matrix = max(sigma[group_indices(group)].max() for group in ("gyro_scale", "gyro_misalign"))
-    bias = sigma[group_indices("gyro_bias")].max() + WANDER * context.imu.gyro_bias_instability
-    tilt = max(sigma[group_indices(group)].max() for group in ("accel_scale", "accel_misalign"))
-    size = float(np.linalg.norm(force[0]))
-    level = np.sqrt(2.0) * (tilt + sigma[group_indices("accel_bias")].max() / size)
-    noise = context.imu.gyro_arw * np.sqrt(seconds)
-    known = np.sqrt((matrix * path) ** 2 + (bias * seconds) ** 2 + level**2 + noise**2)
-    return VerificationCheck("carried_turn", value, 0.0, SIGMAS * float(known) + RATE * seconds, "rad")
-
-
-def _tolerance(
-    covariance: FloatArray, sensor: str, seen: FloatArray, noise: float, instability: float
-) -> float:
-    """How far the size of a corrected vector `seen` may be off, whatever its direction."""
-    jacobian = np.zeros((3, COUNT))
-    for i, p in enumerate(PARAMETERS):
-        if p.group == f"{sensor}_bias":
-            jacobian[p.row, i] = 1.0
-        elif p.group in (f"{sensor}_scale", f"{sensor}_misalign"):
-            jacobian[p.row, i] = seen[p.column]
-        elif p.group == f"{sensor}_quadratic":
-            jacobian[p.row, i] = seen[p.row] ** 2
-    variance = float(np.linalg.eigvalsh(jacobian @ covariance @ jacobian.T)[-1])
-    return SIGMAS * float(np.sqrt(max(variance, 0.0) + noise**2 + (WANDER * instability) ** 2))
-
-
-def run_inline(work: Callable[[], Any]) -> Any:
-    """Does a work where no table needs to be looked after meanwhile."""
-    return work()
-
-
-def finish_verification(
-    setup: ResolvedConfiguration,
-    imu: Imu,
-    done: Transferred,
-    fresh: VerificationData,
-    run_in_background: RunInBackground = run_inline,
-) -> None:
-    """Close the journal's entry of new registers; where the output is wrong with them, the old ones are put back.
-
-    Raises DeviceFaultError.
-    """
-    entry = done.entry
-    wrong = _wrong(setup, done, fresh, back=False)
-    if wrong:
-        run_in_background(lambda: restore_refuted(imu, RegisterMap(tuple(setup.imu.registers)), entry))
-        raise output_error(wrong[0], "its old registers were put back")
-    run_in_background(lambda: close_verified(entry, fresh))
-
-
-def restore_refuted(imu: Imu, entries: RegisterMap, entry: Entry) -> Mapping[str, float]:
-    """Give a unit whose output was refuted its old registers back; what it holds then."""
-    entry.note(Step.REFUTED)
-    return restore(imu, entries, entry)
-
-
-def close_verified(entry: Entry, fresh: VerificationData) -> None:
-    """Close the journal's entry of registers whose output is right."""
-    entry.note(verification_step(fresh))
-    entry.close(Closing.DONE)
-
-
-def judge_restored(setup: ResolvedConfiguration, done: Transferred, fresh: VerificationData) -> None:
-    """Close the entry of registers that were put back: the unit is as it was, whatever its output is worth.
-
-    Raises DeviceFaultError where that is wrong.
-    """
-    entry = done.entry
-    wrong = _wrong(setup, done, fresh, back=True)
-    entry.note(Step.REFUTED if wrong else verification_step(fresh))
-    entry.close(Closing.RESTORED)
-    if wrong:
-        check = wrong[0]
-        raise DeviceFaultError(
-            f"IMU: its old registers are back, but with them {check.name} measures {check.value:.6g} {check.unit},"
-            f" expected {check.expected:.6g} within {check.tolerance:.2g}; calibrate the unit before it is used"
-        )
-
-
-def _wrong(
-    setup: ResolvedConfiguration, done: Transferred, fresh: VerificationData, *, back: bool
-) -> list[VerificationCheck]:
-    meta = setup.log_meta()
-    entry = done.entry
-    registers = AppliedRegisters(
-        entry.old if back else entry.new, entry.old if setup.after_registers else None
-    )
-    prior = prior_from_meta(meta).covariance
-    checks = verify_output(fresh, registers, prior, context_from_meta(meta), setup.repeatability)
-    return [check for check in checks if not check.passed]
-
-
-def verification_step(fresh: VerificationData) -> Step:
-    """What the journal says of a proof."""
-    if not fresh.corrected:
-        return Step.READ_BACK
-    return Step.TURNED if fresh.turns or len(fresh.carried) else Step.AT_REST

@@ -14,6 +14,13 @@ from calstation.results.result import DamagedRange, Result
 from calstation.results.solver_chain import Watch, solve
 
 
+def warm_up() -> None:
+    """Compile the kernels that solving needs; importing this module imports the rest."""
+    from calstation.estimation.navigation.stage import warm_up as compile_kernels
+
+    compile_kernels()
+
+
 @dataclass(frozen=True)
 class Resolved:
     """The result JSON and the stages' remarks, (message id, values).

@@ -137,7 +137,7 @@ class Finalization:
         wrong = [check for check in checks if not check.passed]
         if wrong:
             run.registers["new"] = run_in_background(lambda: restore_refuted(self._imu, self._entries, entry))
-            raise output_error(wrong[0], "its old registers were put back")
+            raise output_error(wrong[0])
         run_in_background(lambda: close_verified(entry, data))
         written = datetime.now(UTC).isoformat(timespec="seconds")
         run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
@@ -178,7 +178,7 @@ class Finalization:
             why="run",
             source=log.name,
             site=journal_folder(self._setup.station),
-            sort=UnitType.of(self._setup, self._imu.identify().model),
+            unit_type=UnitType.of(self._setup, self._imu.identify().model),
         )
 
     def _log_old(self, old: Mapping[str, float], run_in_background: RunInBackground) -> None:

@@ -16,8 +16,8 @@ from calstation.messages.rendering import Text, os_reason
 from calstation.physics.parameters import INDEX
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RESERVE, RawLogWriter, free_space
-from calstation.registers.interrupted import UnverifiedTransfer, check_interrupted
-from calstation.registers.preconditions import check_flash
+from calstation.registers.interrupted import UnverifiedTransfer
+from calstation.registers.preconditions import check_flash, check_interrupted
 from calstation.results.handover import register_pending
 from calstation.results.history import History
 from calstation.results.solver_chain import StageChain

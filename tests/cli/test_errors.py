@@ -139,18 +139,18 @@ def test_wrong_usage(calstation: Run, arguments: list[str]) -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("resolve a.csv --from abc", "--from abc: must be a whole number (calstation resolve --help"),
+        ("resolve a.csv --from abc", "--from abc: must be a whole number. See calstation resolve --help."),
         ("resolve a.csv --to=1.5", "--to 1.5: must be a whole number"),
-        ("run --seed x", "--seed x: must be a whole number (calstation run --help"),
+        ("run --seed x", "--seed x: must be a whole number. See calstation run --help."),
         ("run --speed fast", "--speed fast: must be a number"),
-        ("run --speed", "Option '--speed' requires an argument. (calstation run --help"),
-        ("soak --runs 0", "--runs 0: must be at least 1 (calstation soak --help"),
-        ("export a.h5", "export needs -o FILE (calstation export --help"),
-        ("import a.csv", "import needs -o LOG ("),
-        ("registers finish", "registers finish needs SERIAL (calstation registers finish --help"),
+        ("run --speed", "Option '--speed' requires an argument. See calstation run --help."),
+        ("soak --runs 0", "--runs 0: must be at least 1. See calstation soak --help."),
+        ("export a.h5", "export needs -o FILE. See calstation export --help."),
+        ("import a.csv", "import needs -o LOG. See "),
+        ("registers finish", "registers finish needs SERIAL. See calstation registers finish --help."),
     ],
 )
-def test_wrong_usage_is_told_in_our_words(calstation: Run, line: str, said: str) -> None:
+def test_wrong_usage_is_reported_in_our_words(calstation: Run, line: str, said: str) -> None:
     check(calstation(*line.split()), 2, f"calstation: {said}")
 
 

@@ -51,7 +51,7 @@ def test_what_is_wrong_is_told_with_its_mend(calstation: Run, tmp_path: Path) ->
     assert lines[wrong + 1].startswith("       Set the watchdog's time in the drive")
     assert "calstation table reset" in done.out
     assert set(fake.functions) == {3}
-    assert "is unknown; choose from table, imu" in calstation("test", "oven").err
+    assert "is unknown. Choose from table, imu" in calstation("test", "oven").err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
@@ -94,7 +94,7 @@ def test_all_that_is_wrong_in_a_file_is_told_with_its_line(calstation: Run, tmp_
     [
         ("127.0.0.1:39551", "/dev/ttyUSB0", 11, "write tcp://127.0.0.1:39551, or socket://"),
         ("/dev/ttyUSB0", "10.0.0.7:4001", 15, "write socket://10.0.0.7:4001 for a serial server"),
-        ("/dev/ttyUSB0", "/dev/ttyUSB0", 15, "a port has one owner; give each device its own"),
+        ("/dev/ttyUSB0", "/dev/ttyUSB0", 15, "two devices cannot share a port. Give each device its own"),
     ],
 )
 def test_ports_that_no_run_would_open_are_told_with_their_mend(
@@ -115,7 +115,7 @@ def test_a_gravity_that_a_run_refuses_is_told_before(calstation: Run, tmp_path: 
     assert (done.code, "site.gravity_mps2 = 9.83 does not belong to latitude 34.25°" in done.out) == (2, True)
     done = calstation("test", "imu", "--station", file)
     assert done.code == 3
-    assert "LOOK   site.gravity_mps2 = 9.83 does not belong to latitude 34.25°" in done.out
+    assert "LOOK   site.gravity_mps2 = 9.83 does not match latitude 34.25°" in done.out
     assert done.out.splitlines()[-1] == "The link works, but a run would not start like this."
 
 
@@ -137,12 +137,12 @@ def test_all_that_keeps_a_product_from_this_station_is_told_at_once(calstation: 
         mems = calstation(
             "test", "imu", "--station", file, "--product", shipped_folder() / "products" / "mems_c.toml"
         )
-    assert "Looked at as a unit of “carried”, by the profile “Bench IMU, navigation grade”." in carried.out
-    assert "LOOK   “Bench table” is driven, but stages of “carried” are carried by hand" in carried.out, (
+    assert "Tested as a unit of “carried”, with the profile “Bench IMU, navigation grade”." in carried.out
+    assert "LOOK   “Bench table” is driven, but stages of “carried” are turned by hand" in carried.out, (
         carried.out
     )
     assert "LOOK   Surveyed gravity is missing" in mems.out, mems.out
-    assert "LOOK   Nobody has said at this computer" in mems.out
+    assert "LOOK   The site has not been confirmed on this computer" in mems.out
     assert "site.confirmed_on of the station file" in mems.out
     for done in (carried, mems):
         assert done.code == 3

@@ -29,7 +29,7 @@ def test_without_a_screen_it_says_so_in_a_line_and_runs(
     assert [request.station for request in ran] == [None]
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 1
-    assert "no screen here" in told[0]
+    assert "No screen here" in told[0]
 
 
 @pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")

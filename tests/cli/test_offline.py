@@ -64,7 +64,7 @@ def test_a_stage_cut_short_is_told_and_those_before_are_solved(
     assert done.code == 2
     assert (done.json["stages"], list(done.json["lacking"])) == (["six_position"], ["rate"])
     assert "No whole turn about +x" in done.err
-    assert done.err.rstrip().endswith("solved without it, as --stages six_position does")
+    assert done.err.rstrip().endswith("solved without it, as --stages six_position does.")
     done = calstation("resolve", log)
     assert "Not every stage of the log could be solved." in done.out
     assert calstation("resolve", log, "--stages", "six_position").code == 0

@@ -39,7 +39,7 @@ def test_a_stopped_run_is_carried_on(
     assert done.code == 0, done.err
     assert done.json["resumed_from"] == Path(before.log).name
     assert done.json["stages"] == ["rate", "six_position"]
-    assert "Carrying on" in done.err
+    assert "Resuming" in done.err
     assert "rate" in done.err
 
     again = calstation("run", *where, "--resume", done.json["log"]["file"])

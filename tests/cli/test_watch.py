@@ -15,7 +15,7 @@ def test_what_was_off_is_calibrated_kept_and_good_the_next_time(calstation: Run,
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
     first = calstation("watch", log, "--pairs", pairs)
     assert first.code == 0, first.out
-    assert "imu2 calibrated; what was found is kept" in first.out
+    assert "imu2 calibrated; the result is stored" in first.out
     assert "off: imu2; waiting for motion" in first.out
     assert re.search(r"imu2 gyro: [\d.]+ °/[sh] at rest \(threshold [\d.]+ °/[sh]\)", first.out)
     assert re.search(r"imu2 accel: [\d.]+ (µg|m/s²) at rest", first.out)

@@ -19,6 +19,7 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.jobs.queue import JobQueue
+from calstation.results.resolve import warm_up
 from calstation.results.result import Result
 from tests.gui.works import live_in
 
@@ -125,9 +126,9 @@ def lent() -> Iterator[list[LentJobQueue]]:
 def job_queue(place: Place, lent: list[LentJobQueue], monkeypatch: pytest.MonkeyPatch) -> LentJobQueue:
     """The workshop of this test's windows."""
     if not lent or lent[0]._closed:
-        lent[:] = [LentJobQueue()]
+        lent[:] = [LentJobQueue(warm_up)]
     lent[0].move_to(place)
-    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda: lent[0])
+    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda warm_up: lent[0])
     return lent[0]
 
 

@@ -41,7 +41,7 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
-from calstation.messages.finding_words import WORDED
+from calstation.messages.catalogue import family
 from calstation.sequencer.events import Fault
 from tests.gui.conftest import STATION as STATION_DATA
 
@@ -585,7 +585,7 @@ def test_every_finding_and_reason_has_words() -> None:
     ids = set(re.findall(r'Finding\(\s*"(\w+)"', source)) | set(get_args(Reason))
     ids |= set(re.findall(r'Finding\(\s*"(\w+)" if [^"]+ else "(\w+)"', source).__iter__().__next__())
     assert len(ids) > 40
-    assert ids <= set(WORDED)
+    assert {f"finding.{name}" for name in ids} <= set(family("finding"))
 
 
 def test_a_rule_that_the_page_does_not_know_is_told_in_the_loaders_words() -> None:

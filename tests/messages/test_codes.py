@@ -10,6 +10,7 @@ from pathlib import Path
 
 from calstation.messages import catalogue
 from calstation.messages.catalogue import Entry, entry, known
+from calstation.messages.rendering import COMMAND_OPTIONS
 
 ROOT = Path(__file__).parents[2]
 
@@ -139,7 +140,7 @@ def placeholders(text: str) -> set[str]:
 def all_placeholders(found: Entry) -> set[str]:
     """Names of the values of all texts of an entry."""
     texts = (found.text, found.remedy, found.window, found.zh, found.zh_remedy)
-    return set().union(*map(placeholders, texts))
+    return set().union(*map(placeholders, texts)) - set(COMMAND_OPTIONS)
 
 
 def all_entries() -> list[Entry]:

@@ -36,7 +36,7 @@ class Errands:
         if isinstance(last, Settled):
             return last
         (fault,) = [event for event in self.events if isinstance(event, Fault)]
-        raise getattr(errors, fault.kind)(fault.text)
+        raise getattr(errors, fault.kind)(fault.code or fault.text, **fault.values)
 
     def write(self, values: Mapping[str, float], *, at_rest: bool = False) -> Settled:
         """Write by hand."""

@@ -11,7 +11,7 @@ import pytest
 import tomli_w
 import wires
 from serial.tools import list_ports
-from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal
+from wires import FakeImu, FakeTable, order, rtu, server, silent, terminal, word_finding
 
 from calstation.config.library import find
 from calstation.config.site_check import confirmation_key
@@ -21,7 +21,6 @@ from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError
 from calstation.messages.finding import Finding, Report
-from calstation.messages.finding_words import word_finding
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 

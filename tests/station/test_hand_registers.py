@@ -9,9 +9,11 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.config import library
-from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.registers.journal import FOLDER, history
 from calstation.registers.unit_registers import UnitRegisters, compose, read_unit, wanted_registers
+from calstation.results.result import Result
+from tests.helpers import raises_code
 from tests.station.conftest import Place, behind_registers
 from tests.station.errands import Errands
 
@@ -29,13 +31,18 @@ def unit(place: Place) -> Place:
     return place
 
 
-def result_of(place: Place, **values: float) -> dict[str, object]:
-    """As much of a result as registers need."""
-    return {
-        "unit": {"serial": SERIAL},
-        "parameters": {name: {"value": value} for name, value in values.items()},
-        "log": {"file": str(place.folder / "no.h5")},
-    }
+def result_of(place: Place, **values: float) -> Result:
+    """A result with these parameters."""
+    return Result.from_json(
+        {
+            "schema": "calstation.result/1",
+            "unit": {"serial": SERIAL},
+            "stages": [],
+            "outcome": "passed",
+            "parameters": {name: {"value": value, "sigma": 0.0} for name, value in values.items()},
+            "log": {"file": str(place.folder / "no.h5")},
+        }
+    )
 
 
 def test_what_is_written_is_what_the_unit_then_holds(unit: Place) -> None:
@@ -81,7 +88,7 @@ def test_what_a_unit_holds_can_be_read_in_a_terminal(unit: Place, capsys: pytest
     assert (unit.folder / "flash.bin").read_bytes() == flash, "nothing was written"
     unit.write(serial=SERIAL)
     assert run_app(["registers", "read", "SN-000043", *where]) == 3
-    assert f"unit '{SERIAL}' is in the fixture, not 'SN-000043'" in capsys.readouterr().err
+    assert f"Unit '{SERIAL}' is in the fixture, not 'SN-000043'" in capsys.readouterr().err
 
 
 def test_another_unit_than_meant_is_refused(unit: Place) -> None:
@@ -103,7 +110,7 @@ def test_no_journal_no_write(unit: Place) -> None:
     runs = unit.folder / "runs"
     runs.mkdir()
     (runs / FOLDER).write_text("a file where the folder should be", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match="nothing further was written to the unit"):
+    with raises_code(ConfigurationError, "journal.unwritable"):
         Errands(unit.request()).write({"gyro_bias_x": 1e-6}, at_rest=True)
     (runs / FOLDER).unlink()
     assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] == 0.0
@@ -118,13 +125,15 @@ def test_a_result_behind_the_registers_is_put_together_with_them(
     (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(home))
     result = dict(place.run("six_position").result)
-    wanted = wanted_registers(tell, place.request(), result)
+    wanted = wanted_registers(tell, place.request(), Result.from_json(result))
     found = {name: row["value"] for name, row in result["parameters"].items()}
     expected = compose(result["registers"]["old"], found)
     for name, value in wanted.values.items():
         assert value == pytest.approx(np.float32(expected[name]), abs=1e-12)
     moved = replace(place.request(), out=Path("elsewhere"))
     Path(result["log"]["file"]).unlink()
-    assert wanted_registers(tell, moved, result).values == wanted.values  # as the run wrote them
-    with pytest.raises(Exception, match="needs its log"):
-        wanted_registers(tell, moved, {**result, "registers": None})
+    assert (
+        wanted_registers(tell, moved, Result.from_json(result)).values == wanted.values
+    )  # as the run wrote them
+    with raises_code(InputError, "transfer.log_missing"):
+        wanted_registers(tell, moved, Result.from_json({**result, "registers": None}))

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.cli.wording import MESSAGES
 from calstation.config.request import computer_user
 from calstation.estimation.common.context import Belief
 from calstation.gui.text.messages import event_sentence
+from calstation.messages.progress import event_text
+from calstation.messages.rendering import sentence
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.results.history import History
 from calstation.results.merge_previous import VerifiedRegister, better_previous_values, condition_on
@@ -102,6 +103,6 @@ def test_a_part_keeps_and_says_so(place: Place, monkeypatch: pytest.MonkeyPatch)
     assert registers["new"]["accel_scale_y"] != registers["old"]["accel_scale_y"]
     assert registers["verified"]
     (told,) = (message for message in place.told(Message) if message.id == "better_kept")
-    for said in (event_sentence(told.id, told.values), MESSAGES[told.id].format(**told.values)):
+    for said in (event_sentence(told.id, told.values), sentence(event_text(told.id, told.values))):
         assert said.startswith("accel_scale_x kept: ")
         assert said.endswith(" ppm now.")

@@ -6,14 +6,13 @@ from typing import Any
 
 import pytest
 import tomli_w
-from wires import order, silent, terminal
+from wires import order, silent, terminal, word_finding
 
 from calstation.connection.imu_test import diagnose_text
 from calstation.connection.link_test import check_imu_link
 from calstation.devices.codecs.frame_checks import check_function
 from calstation.devices.profiles.frame import FrameSection
 from calstation.messages.finding import Finding
-from calstation.messages.finding_words import word_finding
 
 NAMES = ["counter", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 FRAME: dict[str, Any] = {

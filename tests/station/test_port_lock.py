@@ -17,20 +17,21 @@ from calstation.cli.app import run_app
 from calstation.config.request import RunRequest
 from calstation.connection import port_lock
 from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
-from calstation.connection.port_lock import owned
+from calstation.connection.port_lock import lock_ports
 from calstation.connection.table_reset import read_table, reset_table
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.registers.unit_registers import read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
+from tests.helpers import raises_code
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes and paths")
 
 _OWNER = """
 import sys
-from calstation.connection.port_lock import owned
-with owned(sys.argv[1:]):
+from calstation.connection.port_lock import lock_ports
+with lock_ports(sys.argv[1:]):
     print("owned", flush=True)
     sys.stdin.read()
 """
@@ -113,9 +114,9 @@ def test_a_second_owner_is_refused_before_a_byte_is_sent(
     hall, heard = opened
     with owner(f"socket://{hall.address}") as first, pytest.raises(CalstationError) as told:
         use(hall)
-    assert f"is in use by another calstation (process {first.pid} of " in str(told.value)
-    assert ", since 20" in str(told.value)
-    assert "; wait for its end" in str(told.value)
+    assert told.value.code == "connection.port_in_use"
+    assert told.value.values["pid"] == first.pid
+    assert str(told.value.values["since"]).startswith("20")
     assert heard == []
 
 
@@ -125,7 +126,7 @@ def test_the_terminal_says_it_in_a_line(
     hall, _ = opened
     with owner(f"tcp://{hall.address}"):
         assert run_app(["table", "status", "--station", str(hall.station)]) == 3
-    assert f"calstation: port tcp://{hall.address} is in use by another" in capsys.readouterr().err
+    assert f"calstation: Port tcp://{hall.address} is in use by another" in capsys.readouterr().err
 
 
 def test_the_death_of_its_owner_frees_a_port(opened: tuple[Hall, list[bytes]]) -> None:
@@ -138,20 +139,20 @@ def test_the_death_of_its_owner_frees_a_port(opened: tuple[Hall, list[bytes]]) -
 
 def test_a_port_is_free_again_behind_whatever_ended_its_use(opened: tuple[Hall, list[bytes]]) -> None:
     port = f"tcp://{opened[0].address}"
-    with pytest.raises(OSError, match="cut"), owned([port]):
+    with pytest.raises(OSError, match="cut"), lock_ports([port]):
         raise OSError("cut")
-    with owned([port]):
+    with lock_ports([port]):
         pass
 
 
 def test_another_port_of_the_same_host_is_another_port() -> None:
-    with owned(["tcp://127.0.0.1:40001"]), owned(["tcp://127.0.0.1:40002", "socket://[::1]:40003"]):
+    with lock_ports(["tcp://127.0.0.1:40001"]), lock_ports(["tcp://127.0.0.1:40002", "socket://[::1]:40003"]):
         pass
 
 
 def refused(port: str) -> bool:
     try:
-        with owned([port]):
+        with lock_ports([port]):
             return False
     except DeviceFaultError:
         return True
@@ -161,12 +162,12 @@ def test_a_serial_port_is_the_same_by_all_its_names(tmp_path: Path, monkeypatch:
     device, link = tmp_path / "ttyX0", tmp_path / "by-id"
     device.touch()
     link.symlink_to(device)
-    with owned([str(device)]):
+    with lock_ports([str(device)]):
         assert refused(str(link))
     adapter = {"name": "ttyX0", "description": None, "manufacturer": None, "serial_number": "FT1"}
     listed = [SimpleNamespace(device=str(device), location="1-2", **adapter)]
     monkeypatch.setattr(list_ports, "comports", lambda: listed)
-    with owned(["usb:FT1"]):
+    with lock_ports(["usb:FT1"]):
         for name in (str(device), str(link), "usb:FT1@1-2"):
             assert refused(name)
         listed[0].device = str(tmp_path / "ttyX1")
@@ -175,21 +176,20 @@ def test_a_serial_port_is_the_same_by_all_its_names(tmp_path: Path, monkeypatch:
 
 
 def test_what_does_not_exist_is_nobodys(tmp_path: Path) -> None:
-    with owned(["usb:NONE", str(tmp_path / "none"), "tcp://"]):
+    with lock_ports(["usb:NONE", str(tmp_path / "none"), "tcp://"]):
         assert not refused("usb:NONE")
 
 
 def test_a_lock_that_cannot_be_had_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setattr(port_lock, "_folder", lambda: tmp_path / "file")
-    words = r"its lock .* cannot be opened \(.*make the folder writable"
-    with pytest.raises(DeviceFaultError, match=words), owned(["tcp://127.0.0.1:40001"]):
+    with raises_code(DeviceFaultError, "connection.lock_failed"), lock_ports(["tcp://127.0.0.1:40001"]):
         pass
 
 
 def test_locks_are_for_every_user_and_follow_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(port_lock, "_folder", lambda: tmp_path / "locks")
-    with owned(["tcp://127.0.0.1:40001"]):
+    with lock_ports(["tcp://127.0.0.1:40001"]):
         (lock,) = (tmp_path / "locks").iterdir()
         assert lock.stat().st_mode & 0o777 == 0o666
         assert (tmp_path / "locks").stat().st_mode & 0o7777 == 0o1777
@@ -206,5 +206,5 @@ def test_a_name_that_nobody_knows_is_its_own(monkeypatch: pytest.MonkeyPatch) ->
         raise socket.gaierror("unknown")
 
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
-    with owned(["tcp://table.invalid:502"]):
+    with lock_ports(["tcp://table.invalid:502"]):
         assert refused("socket://table.invalid:502")

@@ -20,6 +20,7 @@ from calstation.registers import operation as register_errand
 from calstation.registers.unit_registers import UnitRegisters
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Message, StateChanged, StepStarted
+from tests.helpers import raises_code
 from tests.station.conftest import STATION, Place
 from tests.station.errands import Errands
 
@@ -95,7 +96,7 @@ def test_a_wrong_sign_that_no_rest_shows_is_refuted_by_the_turn(floor: Floor) ->
     floor.write_station(parameters={"gyro_scale_x": SCALE})
     floor.errands.write({"gyro_scale_x": SCALE})
     assert floor.entry.steps[-1] == "turned"
-    with pytest.raises(DeviceFaultError, match=r"outer_turn measures .* its old registers were put back"):
+    with raises_code(DeviceFaultError, "verification.wrong"):
         floor.errands.write({"gyro_scale_x": -SCALE})
     assert (floor.entry.closing, "refuted" in floor.entry.steps) == ("restored", True)
     assert floor.left_alone()
@@ -153,7 +154,7 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
     floor.write_station(**bench)
     with pytest.raises(CalstationError, match=words) as refused:
         floor.errands.write(VALUES)
-    assert str(refused.value).endswith("; or leave the table alone: --at-rest")
+    assert str(refused.value).endswith(" Or leave the table alone: --at-rest.")
     assert register_journal.history(floor.runs, SERIAL) == []
     assert floor.report["flash_cycles"] == 0
     assert floor.left_alone()
@@ -260,7 +261,7 @@ def test_old_registers_that_are_put_back_are_looked_at_as_well(floor: Floor) -> 
     floor.errands.on_event = stop_at("verifying")
     floor.errands.write({"gyro_scale_x": 0.0})
     floor.errands.on_event = lambda errands, event: None
-    with pytest.raises(DeviceFaultError, match=r"its old registers are back, but .* calibrate the unit"):
+    with raises_code(DeviceFaultError, "verification.old_wrong"):
         floor.errands.do("restore")
     assert (floor.entry.closing, floor.entry.steps[-1]) == ("restored", "refuted")
 
@@ -314,7 +315,7 @@ def test_the_terminal_says_what_will_move_and_how_it_was_proved(
     assert json.loads(shown.out)["proof"] == "rest"
     assert run_app(["registers", "list", SERIAL, "--out", str(floor.runs)]) == 0
     listed = capsys.readouterr().out
-    assert listed.count("done, proved at rest") == 2
+    assert listed.count("done, verified at rest, without a turn") == 2
     assert listed.count("done, proved with a turn") == 1
     assert run_app(["registers", "finish", SERIAL, *place]) == 2
     shown = capsys.readouterr()

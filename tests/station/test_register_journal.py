@@ -13,6 +13,7 @@ from calstation.devices.imu.transfer import Closing, Step
 from calstation.errors import ConfigurationError
 from calstation.records.checked_lines import append_line
 from calstation.registers import journal
+from tests.helpers import raises_code
 
 OLD, NEW = {"gyro_bias_x": 1e-6, "gyro_bias_y": float("nan")}, {"gyro_bias_x": 2e-6, "gyro_bias_y": -0.0}
 
@@ -71,8 +72,9 @@ def test_the_latest_intention_is_the_one_that_may_be_open(tmp_path: Path) -> Non
 
 def test_a_journal_that_cannot_be_written_says_so_and_what_to_do(tmp_path: Path) -> None:
     (tmp_path / journal.FOLDER).write_text("in the way", encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"register journal cannot be (read|written)"):
+    with pytest.raises(ConfigurationError) as refused:
         begin(tmp_path)
+    assert refused.value.code in ("journal.unreadable", "journal.unwritable")
 
 
 def begun(runs: Path) -> journal.Transfer:
@@ -104,7 +106,7 @@ def test_no_byte_can_be_wrong_unseen(tmp_path: Path) -> None:
         for wrong in {whole[place] ^ 1, whole[place] ^ 128, 0, ord("\n")} - {whole[place]}:
             made.path.write_bytes(whole[:place] + bytes([wrong]) + whole[place + 1 :])
             line = whole[:place].count(b"\n") + 1
-            lines = tuple(f"{made.path}, line {number}: " for number in (line, line + 1))
+            lines = tuple(f"Data: {made.path}, line {number}: " for number in (line, line + 1))
             assert told(tmp_path).startswith(lines), (place, wrong)
 
 
@@ -118,7 +120,7 @@ def test_every_line_has_its_place(tmp_path: Path, order: tuple[int, ...], line: 
     lines = made.path.read_bytes().splitlines(keepends=True)
     assert len(lines) == 3
     made.path.write_bytes(b"".join(lines[i] for i in order))
-    assert told(tmp_path).startswith(f"{made.path}, line {line}: ")
+    assert told(tmp_path).startswith(f"Data: {made.path}, line {line}: ")
 
 
 Spoil = Callable[[bytes], bytes]
@@ -141,10 +143,10 @@ def test_a_damaged_journal_refuses_its_unit_with_file_line_and_mend(
     path = begun(tmp_path).path
     path.write_bytes(spoil(path.read_bytes()))
     words = told(tmp_path)
-    assert words.startswith(f"{path}, line {line}: ")
-    assert "compare the unit's registers with those of its last result" in words
+    assert words.startswith(f"Data: {path}, line {line}: ")
+    assert "Compare the unit's registers with those of its last result" in words
     assert "\n" not in words
-    with pytest.raises(ConfigurationError, match="move this file away"):
+    with raises_code(ConfigurationError, "journal.damaged"):
         begin(tmp_path)
     path.rename(tmp_path / "away")
     assert journal.interrupted(tmp_path, "SN-1") is None
@@ -173,7 +175,7 @@ def test_a_damaged_journal_refuses_its_unit_with_file_line_and_mend(
 def test_a_line_of_unknown_meaning_refuses_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
     made = begun(tmp_path)
     append_line(made.path, {"id": made.id, "utc": "", **content})
-    assert told(tmp_path).startswith(f"{made.path}, line 4: says nothing that this program knows")
+    assert told(tmp_path).startswith(f"Data: {made.path}, line 4: its content is unknown to this program")
 
 
 def before_checks(path: Path) -> None:
@@ -206,7 +208,7 @@ def test_a_journal_without_checks_is_not_believed_everything(tmp_path: Path, rig
     before_checks(made.path)
     text = made.path.read_text(encoding="utf-8")
     made.path.write_text(text.replace(right, wrong), encoding="utf-8")
-    assert "says nothing that this program knows" in told(tmp_path)
+    assert "its content is unknown to this program" in told(tmp_path)
 
 
 def test_a_torn_last_line_announces_nothing_and_is_told(tmp_path: Path) -> None:
@@ -217,10 +219,10 @@ def test_a_torn_last_line_announces_nothing_and_is_told(tmp_path: Path) -> None:
         for tail in (b"", bytes(30)):  # a file system may have made room that it never filled
             made.path.write_bytes(whole[:cut] + tail)
             assert told(tmp_path) == ""
-            assert journal.torn(tmp_path, "SN-1") == made.path
+            assert journal.truncated(tmp_path, "SN-1") == made.path
             assert journal.cycles(tmp_path, "SN-1") == 0
     made.path.write_bytes(whole[:-1])
-    assert journal.torn(tmp_path, "SN-1") is None
+    assert journal.truncated(tmp_path, "SN-1") is None
     assert journal.cycles(tmp_path, "SN-1") == 1, "only its end is missing"
 
 

@@ -12,6 +12,7 @@ from calstation.config.station import StationConfig
 from calstation.connection.devices import endpoints
 from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
 from calstation.errors import ConfigurationError
+from tests.helpers import raises_code
 from tests.station.conftest import STATION, Place
 
 
@@ -47,23 +48,23 @@ def hardware(place: Place, profile: str, table: str, imu: str) -> ResolvedConfig
 
 
 @pytest.mark.parametrize(
-    ("profile", "table", "imu", "told"),
+    ("profile", "table", "imu", "code"),
     [
-        ("mn_ascii", "/dev/ttyNONE7", "/dev/ttyNONE7", "table.port and imu.port are both /dev/ttyNONE7"),
-        ("bench", "tcp://127.0.0.1:9", "socket://127.0.0.1:9", "a port has one owner"),
+        ("mn_ascii", "/dev/ttyNONE7", "/dev/ttyNONE7", "connection.same_port"),
+        ("bench", "tcp://127.0.0.1:9", "socket://127.0.0.1:9", "connection.same_port"),
         (
             "indexing_unit",
             "/dev/ttyNONE7",
             "/dev/ttyNONE8",
-            "behind the IMU's link; give both the same port",
+            "connection.different_ports",
         ),
     ],
 )
 def test_a_port_that_cannot_be_shared_or_must_be_is_told(
-    place: Place, profile: str, table: str, imu: str, told: str
+    place: Place, profile: str, table: str, imu: str, code: str
 ) -> None:
     setup = hardware(place, profile, table, imu)
-    with pytest.raises(ConfigurationError, match=told), endpoints(setup):
+    with raises_code(ConfigurationError, code), endpoints(setup):
         raise AssertionError("never opened")
 
 
@@ -72,7 +73,7 @@ def test_two_names_of_one_port_are_one_port(place: Place) -> None:
     device.touch()
     link.symlink_to(device)
     with (
-        pytest.raises(ConfigurationError, match="a port has one owner"),
+        raises_code(ConfigurationError, "connection.same_port"),
         endpoints(hardware(place, "mn_ascii", str(device), str(link))),
     ):
         raise AssertionError("never opened")

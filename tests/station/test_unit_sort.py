@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from calstation.cli.app import run_app
+from calstation.cli.registers import largest_change
 from calstation.config import library
 from calstation.config.request import RegisterOperation
 from calstation.config.resolved import resolve_configuration
@@ -17,11 +18,12 @@ from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError, InputError
 from calstation.registers import journal as register_journal
 from calstation.registers.journal import Transfer, UnitType, map_digest
-from calstation.registers.listing import largest_change
 from calstation.registers.operation import moves_table
 from calstation.registers.unit_registers import wanted_registers
+from calstation.results.result import Result
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
+from tests.helpers import raises_code
 from tests.station.conftest import Place
 from tests.station.errands import Errands
 
@@ -52,7 +54,7 @@ class Known:
         names = RegisterMap(tuple(registers())).parameters
         old = dict.fromkeys(names, 1e-6) if old is None else old
         made = register_journal.begin(
-            self.runs, SERIAL, old, dict.fromkeys(old, 2e-6), by="li", why="hand", source="", sort=sort
+            self.runs, SERIAL, old, dict.fromkeys(old, 2e-6), by="li", why="hand", source="", unit_type=sort
         )
         if not open_:
             made.note(Step.COMMITTING)
@@ -72,7 +74,7 @@ def known(place: Place) -> Known:
 def test_a_set_says_what_sort_of_unit_it_is_of(known: Known) -> None:
     settled = Errands(known.place.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
     (entry,) = register_journal.history(known.runs, SERIAL)
-    assert entry.sort == UnitType(settled.unit["model"], NAV, "short", known.own.map)
+    assert entry.unit_type == UnitType(settled.unit["model"], NAV, "short", known.own.map)
     assert known.restores()
 
 
@@ -80,29 +82,33 @@ def test_a_set_says_what_sort_of_unit_it_is_of(known: Known) -> None:
 def test_a_run_says_what_sort_of_unit_it_wrote(known: Known) -> None:
     assert known.place.run("rate").outcome == "passed"
     (entry,) = register_journal.history(known.runs, SERIAL)
-    assert (entry.sort.profile, entry.sort.product, entry.sort.map) == (NAV, "short", known.own.map)
-    assert entry.sort.model.startswith("bench-imu")
+    assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (
+        NAV,
+        "short",
+        known.own.map,
+    )
+    assert entry.unit_type.model.startswith("bench-imu")
 
 
 @pytest.mark.parametrize(
-    ("sort", "words"),
+    ("sort", "code"),
     [
-        (UnitType("bench-imu", MEMS, "MEMS grade C", map_digest(registers())), f"by IMU profile '{MEMS}'"),
-        (UnitType("bench-imu", NAV, "short", "0123456789abcdef"), "mean something else now than then"),
+        (UnitType("bench-imu", MEMS, "MEMS grade C", map_digest(registers())), "transfer.other_profile"),
+        (UnitType("bench-imu", NAV, "short", "0123456789abcdef"), "transfer.other_meaning"),
     ],
 )
 @pytest.mark.parametrize("open_", [False, True])
 def test_a_set_of_another_register_map_is_refused_before_anything_is_opened(
-    known: Known, sort: UnitType, words: str, open_: bool
+    known: Known, sort: UnitType, code: str, open_: bool
 ) -> None:
     known.transfer(sort, open_=open_)
-    with pytest.raises(InputError, match=words):
+    with raises_code(InputError, code):
         known.restores()
     for what in ("finish", "restore"):
-        with pytest.raises(InputError, match=words if open_ or what == "restore" else "nothing to finish"):
+        with raises_code(InputError, code if open_ or what == "restore" else "transfer.nothing_to_finish"):
             Errands(known.place.request()).do(what)
     if open_:
-        with pytest.raises(InputError, match=words):
+        with raises_code(InputError, code):
             execute(known.place.request("rate"), lambda event: None, Control())
         assert list(known.runs.glob("*.h5")) == []
 
@@ -110,7 +116,7 @@ def test_a_set_of_another_register_map_is_refused_before_anything_is_opened(
 @pytest.mark.parametrize("open_", [False, True])
 def test_a_set_of_another_model_is_not_written(known: Known, open_: bool) -> None:
     known.transfer(UnitType("other-imu", NAV, "short", known.own.map), open_=open_)
-    with pytest.raises(DeviceFaultError, match=r"was to a 'other-imu' .* but a 'bench-imu.*' answers"):
+    with raises_code(DeviceFaultError, "transfer.other_model"):
         Errands(known.place.request()).do("restore", at_rest=True)
     assert len(register_journal.history(known.runs, SERIAL)) == 1
 
@@ -119,7 +125,7 @@ def test_a_set_without_its_sort_is_told_by_its_parameters(known: Known) -> None:
     known.transfer(None)
     assert known.restores()
     known.transfer(None, {"gyro_bias_x": 1e-6})
-    with pytest.raises(InputError, match="has other parameters than the registers of IMU profile"):
+    with raises_code(InputError, "transfer.other_parameters"):
         known.restores()
 
 
@@ -136,10 +142,14 @@ def test_a_result_of_another_profile_is_not_offered_to_the_unit(known: Known) ->
         "unit": {"serial": SERIAL},
         "product": "MEMS grade C",
         "configuration": {"imu": {"name": "bench_mems", "version": None, "sha256": ""}},
-        "parameters": {"gyro_bias_x": {"value": 1e-6}},
+        "parameters": {"gyro_bias_x": {"value": 1e-6, "sigma": 0.0}},
+        "schema": "calstation.result/1",
+        "stages": [],
+        "outcome": "passed",
+        "log": {"file": ""},
     }
-    with pytest.raises(InputError, match="IMU profile 'bench_mems', product 'short' has 'bench_nav'; choose"):
-        wanted_registers(tell, known.place.request(), result)
+    with raises_code(InputError, "transfer.result_other_profile"):
+        wanted_registers(tell, known.place.request(), Result.from_json(result))
 
 
 def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known) -> None:
@@ -148,7 +158,7 @@ def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known
 
     def largest(profile: str) -> str | None:
         made = register_journal.begin(
-            known.runs, SERIAL, old, new, by=None, why="run", source="", sort=UnitType("", profile)
+            known.runs, SERIAL, old, new, by=None, why="run", source="", unit_type=UnitType("", profile)
         )
         return largest_change(made)
 
@@ -170,7 +180,7 @@ def test_units_of_hardware_and_bench_are_listed_apart(
     known.transfer(UnitType("bench-imu", MEMS, "MEMS grade C"))
     for _ in range(2):
         made = register_journal.begin(
-            known.runs, SERIAL, {}, {}, by=None, why="run", source="", site=home, sort=known.own
+            known.runs, SERIAL, {}, {}, by=None, why="run", source="", site=home, unit_type=known.own
         )
         made.note(Step.COMMITTING)
         made.close(Closing.KEPT)
@@ -185,4 +195,4 @@ def test_units_of_hardware_and_bench_are_listed_apart(
     (row,) = listed["virtual"]["transfers"]
     assert (row["station"], row["model"], row["profile"]) == ("virtual", "bench-imu", MEMS)
     assert run_app(["registers", "list", "SN-000099", "--out", str(known.runs)]) == 0
-    assert "no transfer is known" in capsys.readouterr().out
+    assert "No transfer is known" in capsys.readouterr().out

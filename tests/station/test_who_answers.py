@@ -21,6 +21,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict
+from tests.helpers import raises_code
 from tests.station.conftest import PRODUCT, STATION
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
@@ -119,8 +120,11 @@ def test_a_run_tells_nothing_to_what_refuses_to_say_its_model(
 
     with server(refuse) as address:
         fault = run(f"tcp://{address}", imu, unit=7)
-    assert f"(Modbus exception {code})" in fault.text
-    assert ("as unit 7" in fault.text) == (code == 4)
+    if code == 4:
+        assert fault.code == "connection.refused"
+        assert (fault.values["unit"], fault.values["exception"]) == (7, 4)
+    else:
+        assert f"(Modbus exception {code})" in fault.text
     assert set(functions) == {READ}
 
 
@@ -173,7 +177,7 @@ def test_the_reset_tells_nothing_to_another_model(work: Any, monkeypatch: pytest
 def test_exchanged_ports_are_told(run: Callable[..., Fault], imu: str) -> None:
     bus = Bus()
     with terminal(bus.answer) as line:
-        assert "exchange table.port and imu.port in the station file" in run(imu, line).text
+        assert run(imu, line).code == "connection.swapped"
     assert set(bus.functions) <= {READ}
 
 
@@ -183,15 +187,17 @@ def test_exchanged_ports_are_told_of_a_unit_that_does_not_stream_by_itself(
 ) -> None:
     bus, unit = Bus(), FakeImu(rate=0.0)
     with terminal(bus.answer) as line, terminal(unit.answer, unit.sends) as port:
-        assert "exchange table.port and imu.port" in run(port, line).text
+        assert run(port, line).code == "connection.swapped"
 
 
 @needs_terminals
 def test_the_number_of_the_unit_that_answers_is_told(run: Callable[..., Fault], imu: str) -> None:
     bus = Bus(unit=3)
     with terminal(bus.answer) as line:
-        text = run(line, imu, unit=7).text
-    assert "'bench-table' answers as unit 3, not as unit 7; correct table.unit" in text
+        fault = run(line, imu, unit=7)
+    assert fault.code == "connection.other_unit"
+    assert fault.values["model"] == "bench-table"
+    assert (fault.values["found"], fault.values["unit"]) == (3, 7)
     assert set(bus.functions) == {READ}
 
 
@@ -199,8 +205,9 @@ def test_the_number_of_the_unit_that_answers_is_told(run: Callable[..., Fault], 
 def test_nobody_is_told_with_the_number_that_was_asked(run: Callable[..., Fault], imu: str) -> None:
     other = Bus(unit=3, model=b"pump")  # another device on the line is not what the profile is for
     with terminal(other.answer) as line:
-        assert "nothing answers in Modbus on" in (text := run(line, imu, unit=7).text)
-    assert "as unit 7; check cable, power, baud, parity and unit number" in text
+        fault = run(line, imu, unit=7)
+    assert fault.code == "connection.silent_line"
+    assert fault.values["unit"] == 7
 
 
 @needs_terminals
@@ -249,12 +256,12 @@ def test_the_reset_of_exchanged_links_says_so(imu: str) -> None:
     bus = Bus()
     with (
         terminal(bus.answer) as line,
-        pytest.raises(DeviceFaultError, match=r"exchange table\.port and imu\.port"),
+        raises_code(DeviceFaultError, "connection.swapped"),
     ):
         reset_table(tell, order(table={"port": imu}, imu={"port": line}))
     with (
         terminal(Bus(unit=3).answer) as line,
-        pytest.raises(DeviceFaultError, match="answers as unit 3, not as unit 7"),
+        raises_code(DeviceFaultError, "connection.other_unit"),
     ):
         read_table(tell, order(table={"port": line, "unit": 7}))
 

@@ -6,8 +6,10 @@ from typing import Any
 import pytest
 
 from calstation.config import library
+from calstation.errors import DeviceFaultError
 from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
+from tests.helpers import raises_code
 from tests.station.conftest import Place
 from tests.station.errands import Errands
 
@@ -56,7 +58,7 @@ def test_a_run_refutes_it_and_the_unit_has_its_old_registers(
     misread(place, monkeypatch, *WRONG[what])
     verdict = place.run("rate", "six_position")
     assert verdict.outcome == "fault", verdict.result["registers"]
-    assert "makes of its new registers something else than they mean" in place.fault().text
+    assert place.fault().code == "verification.differs"
     registers = verdict.result["registers"]
     assert not registers["verified"]
     assert set(registers["new"].values()) == {0.0}
@@ -75,7 +77,7 @@ def test_registers_written_by_hand_are_refuted_at_rest_as_well(
         'parameters = ["accel_bias_x", ',
         'scale = -1.0\nparameters = ["accel_bias_x", ',
     )
-    with pytest.raises(Exception, match="something else than they mean: force_difference"):
+    with raises_code(DeviceFaultError, "verification.differs"):
         Errands(place.request()).write({"accel_bias_x": 5e-3}, at_rest=True)
 
 

@@ -15,6 +15,8 @@ from calstation.bench.links.lines import open_raw
 from calstation.config.station import StationConfig
 from calstation.connection.link_test import LinkTestRequest
 from calstation.devices.codecs.frame_checks import check_bytes
+from calstation.messages.finding import Finding
+from calstation.messages.rendering import render
 from calstation.schema import validate
 
 #: Where nothing listens; of each process of tests another, for a port has one owner.
@@ -22,6 +24,12 @@ NOBODY = f"tcp://127.0.0.1:{1 + int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')
 
 SITE = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0}
 Answer = Callable[[bytes], bytes]
+
+
+def word_finding(finding: Finding) -> tuple[str, str]:
+    """Text and remedy as the window shows them in English."""
+    shown = render(finding.message.code, finding.message.values, window=True)
+    return shown.text, shown.remedy
 
 
 def order(product: Path | None = None, **sections: dict[str, Any]) -> LinkTestRequest:

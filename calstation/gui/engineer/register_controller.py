@@ -52,7 +52,7 @@ class RegisterController(QObject):
         self._run = run
         self.view.show_wanted(None)
         if run.result_json["parameters"]:
-            job = self._app.job_queue.submit(wanted_registers, self._request(), dict(run.result_json))
+            job = self._app.job_queue.submit(wanted_registers, self._request(), run.result)
             self._wanting.watch(job)
 
     def _take_again(self) -> None:

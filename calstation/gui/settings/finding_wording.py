@@ -1,20 +1,17 @@
-"""What a connection test found, in the language in force."""
+"""Sentences of a link test in the language of the window."""
 
-from PySide6.QtCore import QCoreApplication
-
-from calstation.messages import finding_words
+from calstation.gui.text import language
 from calstation.messages.finding import Finding
+from calstation.messages.rendering import render, term
 
 
 def word_finding(finding: Finding) -> tuple[str, str]:
-    """What was found, and the mend ("" where there is nothing to mend)."""
-    return finding_words.word_finding(finding, _say)
+    """What was found, and the remedy; the latter may be empty."""
+    message = finding.message
+    shown = render(message.code, message.values, language.current(), window=True)
+    return shown.text, shown.remedy
 
 
 def word_note(note: str) -> str:
-    """What a running test is doing."""
-    return finding_words.word_note(note, _say)
-
-
-def _say(text: str) -> str:
-    return QCoreApplication.translate("station_finding", text)
+    """What a running test does; empty for no note."""
+    return term("note", note, language.current()) if note else ""

@@ -13,6 +13,7 @@ from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
+from calstation.results.resolve import warm_up
 
 
 class AppContext(QObject):
@@ -43,7 +44,7 @@ class AppContext(QObject):
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
         super().__init__()
         self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
-        self.job_queue = JobQueue()
+        self.job_queue = JobQueue(warm_up)
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.role = RoleLock(self)

@@ -1,0 +1,96 @@
+"""Errors on the command line: wrong usage, and faults with the commands that correct them."""
+
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import typer
+from pydantic import ValidationError
+
+from calstation.errors import CalstationError, ConfigurationError
+from calstation.messages.rendering import render
+
+_USAGE = {
+    "int_parsing": "cli.not_whole",
+    "float_parsing": "cli.not_a_number",
+    "greater_than_equal": "cli.too_small",
+}
+
+
+def complain(text: str) -> None:
+    """Write an error in one line to standard error."""
+    sys.stderr.write(f"calstation: {text}\n")
+
+
+def usage_error(error: typer.TyperException, arguments: list[str]) -> CalstationError:
+    """What is wrong with a command line. `arguments` tell the command if the parser does not."""
+    context = getattr(error, "ctx", None)
+    program, command = "calstation", ""
+    if context is not None:
+        program = context.command_path
+        command = program.removeprefix("calstation").strip()
+    elif arguments and not arguments[0].startswith("-"):
+        program = f"calstation {arguments[0]}"
+    parameter = getattr(error, "param", None)
+    if parameter is None:
+        return ConfigurationError("cli.usage", message=error.format_message(), program=program)
+    cause = error.__cause__
+    if not isinstance(cause, ValidationError):
+        return ConfigurationError("cli.needs", command=command, name=_needed(parameter), program=program)
+    detail = cause.errors()[0]
+    code = _USAGE.get(detail["type"])
+    if code is None:
+        return ConfigurationError("cli.usage", message=error.format_message(), program=program)
+    return ConfigurationError(
+        code,
+        option=parameter.opts[0],
+        value=detail["input"],
+        least=detail.get("ctx", {}).get("ge", 0),
+        program=program,
+    )
+
+
+def _needed(parameter: Any) -> str:
+    """An option with its value, or an argument as the help names it."""
+    if parameter.param_type_name == "option":
+        return f"{parameter.opts[0]} {parameter.metavar or 'FILE'}"
+    return str(parameter.metavar or parameter.name.upper())
+
+
+def station_options(station: Path | None, product: Path | None) -> str:
+    """The options that name a station and a product unless they are the default."""
+    named = (("--station", station), ("--product", product))
+    return shlex.join(word for option, path in named if path is not None for word in (option, str(path)))
+
+
+def command_options(station: Path | None, product: Path | None, out: Path | None = None) -> dict[str, str]:
+    """Values that complete the commands in a remedy.
+
+    Parameters
+    ----------
+    station, product : files; None for the default
+    out : folder of the runs; None for the default
+    """
+    where = station_options(station, product)
+    return {
+        "station_options": f" {where}" if where else "",
+        "out_option": "" if out in (None, Path("runs")) else f" --out {shlex.quote(str(out))}",
+    }
+
+
+def error_line(code: str, values: dict[str, Any], options: dict[str, str]) -> str:
+    """An error in one line, with commands that can be typed as they stand."""
+    return render(code, {**values, **options}).line
+
+
+@contextmanager
+def complete_commands(options: dict[str, str]) -> Iterator[None]:
+    """Complete the commands in remedies of the errors that are raised inside."""
+    try:
+        yield
+    except CalstationError as error:
+        error.values = {**error.values, **options}
+        raise
