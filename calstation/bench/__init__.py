@@ -1,1 +1,4 @@
-"""The virtual bench: truth of its own, a table and an IMU behind real protocols."""
+"""The virtual bench: a unit and a table that answer real protocols, and the truth that they follow.
+
+It has its own mathematics and shares only constants, units and parameter names with the estimators.
+"""

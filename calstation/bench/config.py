@@ -1,4 +1,4 @@
-"""What a virtual bench is told at its start: unit, site, table, transports, faults to come."""
+"""Configuration of a virtual bench: unit, site, table, transports, planned faults."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -61,7 +61,7 @@ OrderName = Literal[
 
 
 class Order(BaseModel):
-    """A fault on order.
+    """An ordered fault.
 
     order : of the table interlock (value 1 closed, 0 open), drive_fault, limit_fault, stall, trip_watchdog (each trips
         and latches), jam (its joints stand still and it says nothing), overshoot (degrees that the next move goes too
@@ -89,7 +89,7 @@ class Order(BaseModel):
 
 
 class BenchConfig(BaseModel):
-    """All of a bench; people write it, so angles are in degrees.
+    """Configuration of a bench, with angles in degrees as in station files.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ class BenchConfig(BaseModel):
         return replace(drawn, imu=replace(drawn.imu, parameters=parameters))
 
     def rig(self) -> ManualRig:
-        """The rails at this place."""
+        """The manual rig at this site."""
         return ManualRig(
             latitude=np.deg2rad(self.latitude_deg),
             height=self.height_m,

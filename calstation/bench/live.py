@@ -1,4 +1,4 @@
-"""The bench in time: joints, controller, stream and unit moved on together, faults at their hour."""
+"""The bench over time: joints, controller, stream and unit advance together; faults occur at their times."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ from calstation.bench.truth.stream import SensorStream
 
 TABLE_MODEL = "bench-table"
 
-#: Units by what their commands are.
+#: Units by protocol.
 UNITS = {"framed": ImuUnit, "modbus": DspUnit, "vectornav": VectorNavUnit}
 
 _FAULTS = {
@@ -46,7 +46,7 @@ _START = np.deg2rad(15.0)
 
 
 class LiveBench:
-    """All devices on one time; knows no socket.
+    """All devices on one time, without links.
 
     Parameters
     ----------
@@ -127,12 +127,12 @@ class LiveBench:
         return self._stream.produced
 
     def talk(self) -> Callable[[bytes], list[bytes]]:
-        """What the unit makes of the bytes of one connection: its replies."""
-        check_cancelled = self.unit.conversation()
-        return lambda data: check_cancelled(data, self.device_time)
+        """A parser for one connection: takes received bytes, returns the unit's replies."""
+        answer = self.unit.conversation()
+        return lambda data: answer(data, self.device_time)
 
     def table_clocks(self) -> dict[str, Callable[[], float]]:
-        """What a controller of the table tells time by."""
+        """Clocks of the table's controller."""
         return {
             "device_time": lambda: self.device_time,
             "host_time": self._host_time,
@@ -140,11 +140,11 @@ class LiveBench:
         }
 
     def watch(self) -> None:
-        """Let the table's watchdog look at the host's clock."""
+        """Let the table's watchdog check the host's clock."""
         self.machine.watch(self._host_time(), self.device_time)
 
     def advance(self, now: float) -> bytes:
-        """Move on to `now`, s; the frames that the unit sends on the way."""
+        """Advance to `now`, s; returns the frames that the unit sends meanwhile."""
         parts = []
         while self._orders and self._orders[0].at <= now * self._gain:
             due = self._orders.pop(0)
@@ -154,7 +154,7 @@ class LiveBench:
         return b"".join(parts)
 
     def _stretch(self, now: float) -> list[bytes]:
-        """Move on to `now`, s, cut where a fault of the stream ends: how time passes does not change what it spoils."""
+        """Advance to `now`, s, in steps that end with timed faults: their effect is independent of the caller."""
         ends = (end / self._gain for end in self.faults.ends())
         return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
 
@@ -194,7 +194,7 @@ class LiveBench:
             self.on_link(order)
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Ask the hands to bring the rails to angles, rad, and to leave them for `rest` s; a table has no hands."""
+        """Have the hands bring the rails to angles, rad, and leave them for `rest` s; no effect on a driven table."""
         if isinstance(self._stream, HandStream):
             self._stream.carry((outer, inner), rest, self.device_time)
 

@@ -1,4 +1,4 @@
-"""The bench as a process: opens the devices' links, announces them, lives until its standard input closes."""
+"""The bench as a process: opens the devices' links, announces them, runs until its standard input closes."""
 
 import asyncio
 import json
@@ -18,23 +18,23 @@ from calstation.bench.table.text import LANGUAGES, Axes
 from calstation.bench.truth.simulate import Simulator
 from calstation.physics.motion import Dwell, Move, Step
 
-#: Host time between looks of the watchdog and, where time follows the host's, between its steps, s.
+#: Host time between checks of the watchdog, and between steps of a bench that follows host time, s.
 TICK = 0.005
-#: Device time produced at once: keeps an advance of hours from holding its samples in memory, s.
+#: Device time produced at once, s: limits the samples in memory during a long advance.
 SLICE = 0.5
-#: The same where time follows the host's: between two, whoever asks is answered, s.
+#: The same for a bench that follows host time, s: requests are answered in between.
 PACED_SLICE = 0.1
-#: Host time that is made up for at most; a computer that cannot keep the pace lets device time pass slower, s.
+#: Largest backlog of host time, s; a slower computer lets device time pass more slowly.
 BEHIND = 1.0
-#: Turns of the event loop in which a request that waits on the table's line is heard: the computer may have been late,
-#: not who asks, so the watchdog looks behind them.
-_HEARD = 3
-#: Device time that a table is given to come to rest when nobody lets time pass any more, s.
+#: Turns of the event loop before the watchdog is checked: a request that waits on the table's line is served first,
+#: since the computer and not the client may have been late.
+_TURNS = 3
+#: Device time for the table to come to rest after the last client has gone, s.
 COASTING = 2.0
 
 
 class BenchProcess:
-    """Runs a bench on an event loop until `stop`; says where its ports are, and again when one has changed its name."""
+    """Runs a bench on an event loop until `stop`; announces its ports, and again when one changes its name."""
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
@@ -95,7 +95,7 @@ class BenchProcess:
         print(json.dumps(self.endpoints()), flush=True)
 
     def endpoints(self) -> dict[str, Any]:
-        """What is announced: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
+        """The announcement: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
         return {
             "table": self._line.endpoint if self._table is None else self._table.endpoint,
             "table_transport": self._config.table_transport,
@@ -105,11 +105,11 @@ class BenchProcess:
         }
 
     async def _tick(self) -> None:
-        """Watchdog on host time; device time too where it follows the host's."""
+        """Check the watchdog on host time, and advance device time if it follows host time."""
         speed, last, due = self._config.speed, time.monotonic(), 0.0
         while True:
             await asyncio.sleep(0.0 if due > PACED_SLICE else TICK)
-            for _ in range(_HEARD):
+            for _ in range(_TURNS):
                 await asyncio.sleep(0)
             self._bench.watch()
             if speed > 0.0:
@@ -138,7 +138,7 @@ class BenchProcess:
         return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": self._line.sent}
 
     def _obey(self, order: Order) -> None:
-        """Orders that are the links' matter."""
+        """Carry out orders that concern the links."""
         table = self._table
         if order.order == "hang_up_imu":
             self._line.hang_up()
@@ -157,7 +157,7 @@ class BenchProcess:
                 table.refuse = int(order.value)
 
     async def _outlive(self) -> None:
-        """A table goes on after the computer: its watchdog may still have something to do."""
+        """Let the table run on after its client, until its watchdog has acted."""
         machine, deadline = self._bench.machine, time.monotonic() + self._bench.machine.watchdog + 1.0
         while machine.power is Power.ENABLED and machine.watchdog > 0.0 and time.monotonic() < deadline:
             await asyncio.sleep(TICK)
@@ -179,7 +179,7 @@ class BenchProcess:
 
 
 def warm_up(config: BenchConfig) -> None:
-    """Compile, or load from the cache, all that would else hold up the first samples."""
+    """Compile, or load from the cache, the code that would delay the first samples."""
     steps: list[Step] = [Move(0.01, 0.01, 1.0, 1.0), Dwell(0.1)]
     Simulator(config.truth(), 0).run(steps, "")
 

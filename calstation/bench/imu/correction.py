@@ -1,4 +1,4 @@
-"""What a unit's processor makes of its sensors' output by its registers, as each unit's own documentation has it."""
+"""Correction of the sensors' output by a unit's registers, after the documentation of each unit."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from calstation.physics.arrays import FloatArray
 
-#: In which the second-order term is worked off: its share of itself is some 10^-5.
+#: Iterations for the second-order term; each reduces its error by a factor of about 10^-5.
 _ROUNDS = 4
 
 
@@ -38,14 +38,14 @@ class Correction:
             f = self.accel @ straight
             for _ in range(_ROUNDS):
                 f = self.accel @ (straight - self.quadratic * f * f)
-            # An accelerometer out on its own axis feels what pulls it outwards about the two others.
+            # An accelerometer displaced along its own axis senses the centripetal acceleration about the two others.
             outwards = np.array([w[1] ** 2 + w[2] ** 2, w[2] ** 2 + w[0] ** 2, w[0] ** 2 + w[1] ** 2])
             result[n, :3], result[n, 3:] = w, f + self.levers * outwards
         return result
 
 
 class Requantiser:
-    """Puts corrected output into the unit's counts again; of increments what is left over goes into the next."""
+    """Converts corrected output to the unit's counts; the remainder of an increment is carried to the next."""
 
     def __init__(self) -> None:
         self._left = np.zeros(6)

@@ -1,8 +1,8 @@
-"""The unit's flash: an image of its registers, burnt byte by byte, that a power cut may leave half written.
+"""The unit's flash: an image of its registers, written byte by byte, that a power cut may leave incomplete.
 
-A sound unit has two banks and burns the one not in force; the image with a right check and the higher number counts
-at power-up, so a cut leaves it old or new. A poor one has a single bank: cut short, its check fails and the unit
-wakes with its defaults.
+A robust unit has two banks and writes the inactive one; the image with a valid checksum and the higher number is active
+at power-up, so that a power cut leaves the old or the new image. A simple unit has a single bank: after a power cut its
+checksum fails and the unit starts with its defaults.
 """
 
 import struct
@@ -11,27 +11,27 @@ from pathlib import Path
 
 import numpy as np
 
-#: Before and behind what an image holds: its number, CRC-32 of all before.
+#: Number before the content of an image, and CRC-32 of both after it.
 _NUMBER, _CHECK = struct.Struct("<I"), struct.Struct("<I")
 
 
-class PowerCut(Exception):  # noqa: N818 - what happens to the unit, not an error of the program
-    """The supply breaks down."""
+class PowerCut(Exception):  # noqa: N818 - an event of the unit, not an error of the program
+    """The unit's supply fails."""
 
 
 class Flash:
-    """Banks that hold one image each.
+    """Banks with one image each.
 
     Parameters
     ----------
-    size : bytes that an image holds
-    banks : 2, or 1 for a unit that a cut during a commit leaves without any
-    file : keeps the banks over runs; None keeps them in memory
+    size : size of the content of an image, bytes
+    banks : 2, or 1 for a unit that loses its image if a commit is cut short
+    file : keeps the banks between runs; None keeps them in memory
 
     Attributes
     ----------
-    cycles : times that it was burnt
-    image_bytes : of an image with its number and check
+    cycles : number of times the flash was written
+    image_bytes : size of an image with its number and checksum
     """
 
     def __init__(self, size: int, banks: int = 2, file: Path | None = None) -> None:
@@ -46,12 +46,12 @@ class Flash:
             self._banks = [content[4 + i * self.image_bytes :][: self.image_bytes] for i in range(banks)]
 
     def load(self) -> bytes | None:
-        """What is in force at power-up, None where no image is whole."""
+        """Content of the active image; None if no image is valid."""
         images = [image for image in map(self._read, self._banks) if image is not None]
         return max(images, key=lambda image: image[0])[1] if images else None
 
     def burn(self, content: bytes, power_for: int | None = None) -> None:
-        """Erase a bank and write it; the power breaks down after `power_for` bytes. Raises PowerCut."""
+        """Erase the inactive bank and write it; raises PowerCut after `power_for` bytes if given."""
         numbers = [image[0] if image is not None else 0 for image in map(self._read, self._banks)]
         bank = int(np.argmin(numbers))
         body = _NUMBER.pack(max(numbers) + 1) + content
@@ -65,7 +65,7 @@ class Flash:
             raise PowerCut
 
     def _read(self, bank: bytes) -> tuple[int, bytes] | None:
-        """Number and content of an image, None where its check is wrong."""
+        """Number and content of an image; None if its checksum is wrong."""
         body = bank[: -_CHECK.size]
         if len(bank) != self.image_bytes or _CHECK.pack(zlib.crc32(body)) != bank[-_CHECK.size :]:
             return None

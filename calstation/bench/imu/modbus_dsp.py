@@ -1,4 +1,4 @@
-"""A unit whose processor answers Modbus RTU on the line of its stream, and streams the bench's own frames.
+"""A unit that answers Modbus RTU on the line of its stream and streams the bench's own frames.
 
 Holding registers, 0-based, unit 1, high byte first:
 
@@ -30,8 +30,8 @@ COMMIT_WORD, RESET_WORD = 0x5A5A, 0xA5A5
 #: Calibration registers of each page, as (first, count).
 PAGES = {1: (100, 30), 2: (200, 27)}
 
-#: Looks at the commit register that still show it busy.
-_BUSY_LOOKS = 2
+#: Reads of the commit register that still return busy.
+_BUSY_READS = 2
 
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
 READ, WRITE, WRITE_MANY = 3, 6, 16
@@ -77,7 +77,7 @@ class DspUnit(ImuUnit):
         """See `ImuUnit.conversation`."""
         pending = b""
 
-        def check_cancelled(data: bytes, time: float) -> list[bytes]:
+        def answer(data: bytes, time: float) -> list[bytes]:
             nonlocal pending
             pending += data
             replies = []
@@ -92,7 +92,7 @@ class DspUnit(ImuUnit):
                 replies.append(self._answer_rtu(frame[1], frame[2:-2], time))
             return replies
 
-        return check_cancelled
+        return answer
 
     def _answer_rtu(self, function: int, data: bytes, time: float) -> bytes:
         try:
@@ -157,7 +157,7 @@ class DspUnit(ImuUnit):
             self._page = word
         elif address == COMMIT and word == COMMIT_WORD:
             self._burn()
-            self._busy = _BUSY_LOOKS
+            self._busy = _BUSY_READS
         elif address == RESET and word == RESET_WORD:
             self.restart(time)
         else:
@@ -196,7 +196,7 @@ def _signed(word: int, bits: int) -> int:
 
 
 def _request_size(data: bytes) -> int | None:
-    """Bytes of the request that data begin with: None until it can be told, 0 where none begins."""
+    """Size of the request at the start of `data`; None if not known yet, 0 if there is no request."""
     if len(data) < 2:
         return None
     if data[0] != UNIT or data[1] not in (READ, WRITE, WRITE_MANY):

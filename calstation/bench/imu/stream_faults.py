@@ -1,4 +1,4 @@
-"""What may happen to the unit's samples between its sensors and the line: on order, for a while or some frames."""
+"""Faults of the unit's samples and stream frames, injected on order for a time or a number of frames."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ _SATURATED = 2**31 - 1
 
 
 class StreamFaults:
-    """Spoils samples and frames until what was ordered is used up.
+    """Modifies samples and frames according to the active faults.
 
     Parameters
     ----------
@@ -20,12 +20,12 @@ class StreamFaults:
 
     Attributes
     ----------
-    corrupt, drop, duplicate, reorder, noise : frames still to get a flipped bit, not to be sent, to be sent twice, to
-        change places with the one behind, to have bytes of noise before them
-    silent_until, garbled_until, saturated_until, invalid_until, frozen_until : device time, s, up to which nothing is
-        sent, bytes come as at a wrong baud, the first channel of the gyro saturates or is no number, or one channel
-        shows what it showed last
-    frozen : number of that channel
+    corrupt, drop, duplicate, reorder, noise : number of frames still to get a flipped bit, to be omitted, to be sent
+        twice, to be swapped with the next one, to be preceded by random bytes
+    silent_until, garbled_until, saturated_until, invalid_until, frozen_until : device time, s, until which nothing is
+        sent, bytes are random as at a wrong baud, the first gyro channel saturates or is not a number, one channel
+        repeats its last value
+    frozen : number of the frozen channel
     frame_size : bytes of a frame
     """
 
@@ -39,11 +39,11 @@ class StreamFaults:
         self._last: float | None = None
 
     def ends(self) -> tuple[float, ...]:
-        """Device times at which what lasts for a while is over, s."""
+        """Device times at which timed faults end, s."""
         return (self.silent_until, self.garbled_until, self.saturated_until, self.invalid_until)
 
     def samples(self, output: StreamOutput, time: float) -> StreamOutput:
-        """What the sensors seem to measure in samples around device time `time`, s."""
+        """Samples around device time `time`, s, with the faults of the sensors."""
         counts, saturated = output.counts, output.saturated
         if time < self.saturated_until:
             counts, saturated = counts.copy(), np.ones_like(saturated)
@@ -60,7 +60,7 @@ class StreamFaults:
         return StreamOutput(counts, saturated)
 
     def frames(self, data: bytes, time: float) -> bytes:
-        """What of frames sent around device time `time`, s, comes out of the line."""
+        """Bytes that leave the line for frames sent around device time `time`, s."""
         if time < self.silent_until:
             return b""
         if time < self.garbled_until:

@@ -1,4 +1,4 @@
-"""The IMU's processor: identity, calibration registers with a flash image, power-up, frames sent."""
+"""The IMU's processor: identity, calibration registers with a flash image, power-up, stream frames."""
 
 import struct
 from collections.abc import Callable
@@ -33,12 +33,12 @@ REGISTERS = 30
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, READ_WORDS, WRITE_WORDS, ERROR = 1, 2, 3, 4, 5, 6, 7, 8, 0xFF
 BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
 
-#: What the stream is switched to: off, as the sensors give it, or corrected by the registers.
+#: States of the stream: off, raw sensor output, or corrected by the registers.
 OFF, RAW, CORRECTED = 0, 1, 2
 
 #: Device time during which the flash is busy after a commit, and silence after power-up or reset, s.
 FLASH_TIME = 0.2
-#: Commands that a busy flash refuses at most: time that is granted may stand still meanwhile.
+#: Largest number of commands that a busy flash refuses: virtual time may stand still meanwhile.
 FLASH_REFUSALS = 3
 BOOT_TIME = 0.1
 
@@ -48,20 +48,22 @@ class ImuUnit:
 
     Parameters
     ----------
-    serial : what the unit says it is
+    serial : serial number in the unit's answer
     ready_time : from power-up or reset to the ready bit, s
     ambient, warm_up, warm_up_time : °C, °C, s: temperature rises as warm_up·(1 − e^(−t/warm_up_time))
     flash_file, flash_banks : see `flash.Flash`
 
     Attributes
     ----------
-    axes : registers of its own axes, where its line carries them
-    scale : of a count of the sensors, rad/s and m/s², shape (6,); increments : a count is one, over the sample
-    corrected : the stream is behind the registers as it was told; behind : it always is
+    axes : registers of the table's axes, if the unit's line carries them
+    scale : size of a count, rad/s and m/s², shape (6,)
+    increments : whether counts are increments over the sample
+    corrected : whether the stream was switched to corrected samples
+    behind : whether the stream is always corrected
     counter : of the next sample
-    flash : what survives its power
-    fails_writing, fails_committing : bytes after which the power breaks down for a moment while registers are
-        written, or flash is burnt; None for a sound supply
+    flash : memory that survives a power cut
+    fails_writing, fails_committing : number of bytes after which the power fails briefly while registers or flash are
+        written; None for a sound supply
     """
 
     def __init__(
@@ -91,12 +93,12 @@ class ImuUnit:
 
     @property
     def flash_cycles(self) -> int:
-        """Times that the flash was burnt."""
+        """Number of times the flash was written."""
         return self.flash.cycles
 
     @property
     def flash_bytes(self) -> int:
-        """Of what its flash holds."""
+        """Size of the content of the flash, bytes."""
         return 4 * REGISTERS
 
     def _start(self, time: float) -> None:
@@ -110,15 +112,15 @@ class ImuUnit:
         self._requantiser = Requantiser()
 
     def _take(self, held: bytes) -> None:
-        """Registers as its flash holds them."""
+        """Take the registers from the content of the flash."""
         self.registers = np.frombuffer(held, "<f4").astype(np.float32)
 
     def _given(self) -> bytes:
-        """Registers as its flash is to hold them."""
+        """The registers as content of the flash."""
         return self.registers.astype("<f4").tobytes()
 
     def _burn(self) -> None:
-        """All registers to flash. Raises PowerCut."""
+        """Write all registers to flash. Raises PowerCut."""
         power_for, self.fails_committing = self.fails_committing, None
         self.flash.burn(self._given(), power_for)
 
@@ -132,7 +134,7 @@ class ImuUnit:
         self._start(time)
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
-        """Frames of samples that end at `ends`, s, shape (n,); none while it boots or its stream is off."""
+        """Frames of samples that end at `ends`, s, shape (n,); none while the unit boots or the stream is off."""
         awake = ends > self._started + BOOT_TIME
         counter = self.counter + np.cumsum(awake) - 1
         self.counter += int(awake.sum())
@@ -147,7 +149,7 @@ class ImuUnit:
         return stream_frames(counter[awake], counts, self.temperature(float(ends[-1])), status[awake])
 
     def correction(self) -> Correction:
-        """What the registers say now."""
+        """The correction by the present registers."""
         held: FloatArray = self.registers.astype(np.float64)
         return Correction(
             gyro=np.asarray(np.linalg.inv(np.eye(3) + held[3:12].reshape(3, 3))),
@@ -160,12 +162,12 @@ class ImuUnit:
         )
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
-        """A fresh ear for one connection: takes bytes as they come and device time, s; gives replies, in order."""
+        """A parser for one connection: takes received bytes and device time, s; returns replies in order."""
         parser = CommandParser()
         return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
 
     def answer(self, op: int, payload: bytes, time: float) -> bytes:
-        """Reply frame to one command at `time`, s; nothing where the power breaks down over it."""
+        """Reply frame to one command at `time`, s; empty if the power fails."""
         handlers = {
             IDENTIFY: self._identify,
             READ: self._read,

@@ -1,4 +1,4 @@
-"""A unit that speaks like a VectorNav VN-100: binary output 1, lines $VN...*check, registers 25 and 84.
+"""A unit with the protocol of a VectorNav VN-100: binary output 1, lines $VN...*check, registers 25 and 84.
 
 Binary output: FA 05 | 0001 001C | time since power-up u64 ns | accel 3 f32 | gyro 3 f32 | temperature f32 |
 CRC-16/XMODEM, high byte first; or compensated: FA 05 | 0001 0610 | time | temperature | accel | gyro | CRC. Registers
@@ -24,7 +24,7 @@ _COMPENSATED_HEAD = bytes.fromhex("FA 05 01 00 10 06")
 _OUTPUT, _COMPENSATED_OUTPUT = ["05", "0001", "001C"], ["05", "0001", "0610"]
 _IMU_RATE = 800.0
 
-#: Ends of its sensors, rad/s and m/s²: ±2000 °/s and ±16 g.
+#: Ranges of the sensors, rad/s and m/s²: ±2000 °/s and ±16 g.
 _REACH = np.repeat([np.deg2rad(2000.0), 16.0 * 9.80665], 3)
 
 #: First of a register's twelve numbers in flash, where C is kept without its ones.
@@ -91,13 +91,13 @@ class VectorNavUnit(ImuUnit):
         """See `ImuUnit.conversation`."""
         pending = b""
 
-        def check_cancelled(data: bytes, time: float) -> list[bytes]:
+        def answer(data: bytes, time: float) -> list[bytes]:
             nonlocal pending
             *lines, pending = (pending + data).split(b"\n")
             pending = pending[-1000:]
             return [self._line(line.decode("ascii", "replace").strip(), time) for line in lines]
 
-        return check_cancelled
+        return answer
 
     def _line(self, line: str, time: float) -> bytes:
         words, _, told = line[line.find("$") + 1 :].rpartition("*")

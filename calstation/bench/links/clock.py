@@ -3,7 +3,7 @@
     {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": n}
     {"now": null}                        -> the same at once
     {"order": name, "value": number}     -> the same, once carried out
-    {"carry": [outer, inner], "rest": s} -> the same; the hands at a manual rig have been asked (rad)
+    {"carry": [outer, inner], "rest": s} -> the same; the hands at a manual rig have been told (rad)
     anything else                        -> {"error": text}
 
 `samples` counts all samples produced, `bytes` what was handed to the IMU link's present client.
@@ -25,10 +25,10 @@ class ClockLink:
 
     Parameters
     ----------
-    advance : lets so many seconds pass, returns when their samples are handed over
+    advance : advances time by seconds; returns when the samples are handed over
     obey : carries out an order
-    carry : asks the hands for rail angles, rad, and a rest, s
-    report : the answer's fields
+    carry : moves the manual rig to rail angles, rad, for a rest, s
+    report : gives the fields of an answer
     deserted : called when the last connection has ended
     """
 

@@ -1,4 +1,7 @@
-"""The unit's serial line: a TCP listener for `socket://`, or a pseudo-terminal; waits for a slow reader."""
+"""Serial lines of the unit and of a table with a text protocol: TCP listeners or pseudo-terminals.
+
+The unit's line waits for a slow reader, so that no samples are lost.
+"""
 
 import asyncio
 import os
@@ -25,28 +28,28 @@ def open_raw() -> tuple[int, int, str]:
     return master, slave, os.ttyname(slave)
 
 
-#: Kernel buffer of the line: a reader that falls further behind stops the bench's time, bytes.
+#: Kernel buffer of the line, bytes: a reader with a larger backlog stops the bench's time.
 BUFFER = 65536
 
-#: Makes what hears the bytes of one connection and gives the unit's replies.
+#: Creates the parser of one connection, which takes received bytes and returns the unit's replies.
 Talk = Callable[[], Callable[[bytes], list[bytes]]]
 
 
 async def _late(reply: bytes, slow: list[float]) -> bytes:
-    """A reply once its time has come."""
+    """The reply, after the ordered delay."""
     if reply and slow:
         await asyncio.sleep(slow.pop(0))
     return reply
 
 
 class SocketLine:
-    """The line as a TCP listener on 127.0.0.1; the last client that came is the one served.
+    """The unit's line as a TCP listener on 127.0.0.1, which serves the client that connected last.
 
     Attributes
     ----------
     endpoint : "socket://host:port"
-    sent : bytes handed to the operating system for the client served now
-    slow : host times that the next replies take, s
+    sent : bytes handed to the operating system for the present client
+    slow : delays of the next replies, host time, s
     """
 
     def __init__(self, talk: Talk) -> None:
@@ -58,13 +61,13 @@ class SocketLine:
         self._writer: asyncio.StreamWriter | None = None
 
     async def open(self, port: int = 0) -> None:
-        """Listen, on a free port where none is told."""
+        """Listen, by default on a free port."""
         self._server = await asyncio.start_server(self._serve, "127.0.0.1", port)
         host, port = self._server.sockets[0].getsockname()[:2]
         self.endpoint = f"socket://{host}:{port}"
 
     async def send(self, data: bytes) -> None:
-        """Hand bytes to the operating system; nobody connected loses them."""
+        """Hand bytes to the operating system; they are lost without a client."""
         writer = self._writer
         if writer is None or not data:
             return
@@ -76,7 +79,7 @@ class SocketLine:
             self._drop(writer)
 
     def hang_up(self) -> None:
-        """Cut the client off."""
+        """Disconnect the client."""
         if self._writer is not None:
             self._drop(self._writer)
 
@@ -93,10 +96,10 @@ class SocketLine:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         writer.transport.set_write_buffer_limits(high=0)
         self._writer, self.sent = writer, 0
-        check_cancelled = self._talk()
+        answer = self._talk()
         try:
             while data := await reader.read(4096):
-                for reply in check_cancelled(data):
+                for reply in answer(data):
                     await self.send(await _late(reply, self.slow))
         except (ConnectionError, asyncio.CancelledError):
             pass
@@ -110,16 +113,16 @@ class SocketLine:
 
 
 class TerminalLine:
-    """The line as a pseudo-terminal (posix); bytes are lost while nobody has it open.
+    """The unit's line as a pseudo-terminal (posix); bytes are lost while no process has it open.
 
     Attributes
     ----------
     endpoint : path to open
-    sent : bytes handed to the terminal that is there now
-    slow : host times that the next replies take, s
+    sent : bytes handed to the present terminal
+    slow : delays of the next replies, host time, s
     """
 
-    #: Host time between looks at the terminal, s.
+    #: Polling interval of the terminal, host time, s.
     POLL = 0.002
 
     def __init__(self, talk: Talk) -> None:
@@ -131,12 +134,12 @@ class TerminalLine:
         self._task: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
-        """Make the terminal."""
+        """Create the terminal."""
         self._make()
         self._task = asyncio.create_task(self._read())
 
     async def send(self, data: bytes) -> None:
-        """Hand bytes to the terminal, waiting for its reader; nobody there loses them."""
+        """Hand bytes to the terminal, waiting for its reader; they are lost without a reader."""
         while data and self._attended():
             try:
                 written = os.write(self._master, data)
@@ -149,13 +152,13 @@ class TerminalLine:
             data = data[written:]
 
     def hang_up(self) -> None:
-        """Unplug the adapter and plug it in again: the terminal goes, and comes back under another name."""
+        """Unplug the adapter and plug it in again: a terminal with another name replaces the present one."""
         gone = self._master
         self._make()
         os.close(gone)
 
     async def close(self) -> None:
-        """Take the terminal away."""
+        """Close the terminal."""
         if self._task is not None:
             self._task.cancel()
         if self._master >= 0:
@@ -165,7 +168,7 @@ class TerminalLine:
     def _make(self) -> None:
         self._master, slave, self.endpoint = open_raw()
         self.sent = 0
-        # With our own end of the slave closed, the master tells whether anybody has it open.
+        # With our own end of the slave closed, the master shows whether another process has it open.
         os.close(slave)
 
     def _attended(self) -> bool:
@@ -176,15 +179,15 @@ class TerminalLine:
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     async def _read(self) -> None:
-        check_cancelled, plugged = self._talk(), self._master
+        answer, plugged = self._talk(), self._master
         while True:
             if plugged != self._master:
-                check_cancelled, plugged = self._talk(), self._master
+                answer, plugged = self._talk(), self._master
             try:
                 data = os.read(self._master, 4096)
             except OSError:
                 data = b""
-            for reply in check_cancelled(data):
+            for reply in answer(data):
                 await self.send(await _late(reply, self.slow))
             await asyncio.sleep(self.POLL)
 
@@ -206,7 +209,7 @@ class TableLine:
         self._terminal: tuple[int, int] | None = None
 
     async def serve_tcp(self, port: int = 0) -> None:
-        """Listen on 127.0.0.1, on a free port where none is told."""
+        """Listen on 127.0.0.1, by default on a free port."""
         self._server = await asyncio.start_server(self._serve, "127.0.0.1", port)
         host, number = self._server.sockets[0].getsockname()[:2]
         self.endpoint = f"{host}:{number}"

@@ -1,6 +1,6 @@
 """The table's controller behind a Modbus server: TCP, or RTU over a pseudo-terminal.
 
-pymodbus changes its server classes in minor releases; this file alone knows them.
+pymodbus changes its server classes in minor releases; only this module uses them.
 """
 
 import asyncio
@@ -38,10 +38,10 @@ class TableUnit(Protocol):
     writable: tuple[tuple[int, int], ...]
 
     def refresh(self) -> None:
-        """Bring them up to date."""
+        """Update the registers."""
 
     def write(self, address: int, values: list[int]) -> None:
-        """Carry out one write request. Raises `table_machine.Refusal`; then nothing of it is stored."""
+        """Carry out one write request. Raises `machine.Refusal` and stores nothing."""
 
 
 class TableLink:
@@ -50,9 +50,10 @@ class TableLink:
     Attributes
     ----------
     endpoint : "host:port" of the TCP server, or the path of the terminal
-    mute : requests still to be left without an answer
-    slow : host times that the next answers take, s; refuse : the exception that the next is, 0 for none
-    garble : answers still to get a flipped bit
+    mute : number of requests still to be ignored
+    slow : delays of the next answers, host time, s
+    refuse : Modbus exception of the next answer; 0 for none
+    garble : number of answers still to get a flipped bit
 
     Parameters
     ----------
@@ -66,11 +67,11 @@ class TableLink:
         self._units = units
         self._server: ModbusTcpServer | ModbusSerialServer | None = None
         self._terminals: list[int] = []
-        # The server's own log repeats as errors what the protocol answers as exceptions.
+        # The server logs protocol exceptions as errors.
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
     async def serve_tcp(self, port: int = 0) -> None:
-        """Listen on 127.0.0.1, on a free port where none is told."""
+        """Listen on 127.0.0.1, by default on a free port."""
         server = ModbusTcpServer(
             self._devices(),
             address=("127.0.0.1", port),
@@ -87,7 +88,7 @@ class TableLink:
         """Serve RTU on a new pseudo-terminal (posix)."""
         if sys.platform == "win32":
             raise OSError("pseudo-terminals do not exist on Windows: use the TCP transport")
-        # The server wants a device of its own to open, the client another: bytes are carried between them.
+        # Server and client each open their own terminal; bytes are copied between them.
         (near, near_slave, near_path), (far, far_slave, far_path) = open_raw(), open_raw()
         self._terminals = [near, near_slave, far, far_slave]
         loop = asyncio.get_running_loop()
@@ -149,16 +150,16 @@ class TableLink:
                 return ExcCodes.ILLEGAL_VALUE
             except Refusal:
                 return ExcCodes.DEVICE_FAILURE
-            # The server stores `values` itself; what a command left in the map is shown at the next read.
+            # The server stores `values` itself; the next read shows the registers after the command.
             return None
-        # A single write reads back what it echoes: the value as written.
+        # A single write reads back the value that it echoes.
         if function_code == READ:
             registers.refresh()
             current[: len(registers.words)] = registers.words
         return None
 
     def _spoil(self, sending: bool, data: bytes) -> bytes:
-        """Flip a bit of the check, or over TCP, which has none, of the transaction's number."""
+        """Flip a bit of the checksum, or over TCP of the transaction number."""
         if sending and self.garble > 0:
             self.garble -= 1
             at = 0 if isinstance(self._server, ModbusTcpServer) else len(data) - 1

@@ -1,1 +1,1 @@
-"""table."""
+"""The table's controller and its protocols."""

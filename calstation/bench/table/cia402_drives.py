@@ -1,8 +1,8 @@
-"""Two drives, one for each axis, each a Modbus unit of its own with objects after CiA 402; neither has a watchdog.
+"""Two drives, one per axis, each a Modbus unit with objects after CiA 402; neither has a watchdog.
 
-Numbers of two registers stand low word first: positions as counts of 1e-5 deg, rates that are read and turned at as
-floats in deg/s, those of a move and accelerations in 1e-4. The inner drive is mounted the other way round: its counts
-fall where the axis turns in its positive sense.
+Values of two registers have the low word first: positions in counts of 1e-5 deg, measured and commanded turning rates
+as floats in deg/s, rates of a move and accelerations in 1e-4 deg/s and deg/s². The inner drive is mounted in reverse:
+its counts fall when the axis turns in its positive sense.
 """
 
 import struct
@@ -35,12 +35,13 @@ _NEW_SETPOINT, _RESET = 0x10, 0x80
 
 
 class Drive:
-    """Reads and writes of one drive's registers, carried out on its axis; as `table_registers.TableRegisters`.
+    """Carries out reads and writes of one drive's registers on its axis; see `registers.TableRegisters`.
 
     Parameters
     ----------
     joint : 0 outer, 1 inner
-    machine : the motion of both; axes : the same, axis by axis
+    machine : the controller of both joints
+    axes : the same, joint by joint
     serial : of the drive
     device_time : clock, s
     """
@@ -64,7 +65,7 @@ class Drive:
         self._put(PROFILE_ACCELERATION, struct.pack(">I", 200_000))
 
     def refresh(self) -> None:
-        """Bring status and position up to date."""
+        """Update status and position."""
         machine, axes, joint = self._machine, self._axes, self._joint
         self.words[STATUS] = self._statusword()
         self.words[ERROR] = axes.fault
@@ -74,7 +75,7 @@ class Drive:
         self._put(VELOCITY, struct.pack(">f", self._sense * axes.speed(joint)))
 
     def write(self, address: int, values: list[int]) -> None:
-        """Carry out one write request. Raises `table_machine.Refusal`; then nothing of it is stored."""
+        """Carry out one write request. Raises `machine.Refusal` and stores nothing."""
         touched = range(address, address + len(values))
         before = self.words[address : address + len(values)]
         self.words[address : address + len(values)] = values
@@ -112,7 +113,7 @@ class Drive:
             self._axes.move(self._joint)
 
     def _turn(self) -> None:
-        """In the mode of rates the drive follows what it is told at once."""
+        """In velocity mode the drive follows the commanded rate at once."""
         if self.words[MODE] != PROFILE_VELOCITY_MODE or self._machine.power is not Power.ENABLED:
             return
         (speed,) = struct.unpack(">f", self._get(TARGET_VELOCITY))
@@ -124,7 +125,7 @@ class Drive:
         self._axes.accelerations[self._joint] = acceleration * _SPEED
 
     def _statusword(self) -> int:
-        """CiA 402-2, table 29: as the machine has it, with this drive's own power."""
+        """Statusword of the machine with this drive's own power state (CiA 402-2, table 29)."""
         word = self._machine.statusword(self._time())
         if self._machine.fault is Fault.NONE:
             word = word & ~0x6F | (Power.ENABLED if self._axes.wanted(self._joint) else Power.READY).value

@@ -33,11 +33,11 @@ class Power(Enum):
 
 
 class Refusal(Exception):  # noqa: N818 - an answer of the protocol, not an error of the program
-    """A command that the controller does not take."""
+    """A command that the controller refuses."""
 
 
 class OutOfRange(Refusal):
-    """Target, rate or acceleration outside what the table allows."""
+    """Target, rate or acceleration outside the table's limits."""
 
 
 class NotPermitted(Refusal):
@@ -55,16 +55,16 @@ class TableLimits:
     homing_rate: float = np.deg2rad(5.0)
 
 
-#: Both joints must have been settled this long before the target counts as reached, s.
+#: Time for which both joints must be settled before the target counts as reached, s.
 SETTLING_TIME = 0.1
 
 QUICK_STOP_BIT, FAULT_BIT, REMOTE_BIT, REACHED_BIT = 1 << 5, 1 << 3, 1 << 9, 1 << 10
 LIMIT_BIT, HOMED_BIT, MOVING_BIT = 1 << 11, 1 << 12, 1 << 14
 
-#: Amplitude and frequency with which joints that do not settle hunt about their target, rad and Hz.
+#: Amplitude and frequency of joints that hunt about their target, rad and Hz.
 HUNTING = (np.deg2rad(0.02), 1.3)
 
-#: The limit switches lie this far behind the travel: a move to its end is no overtravel, rad.
+#: Distance of the limit switches beyond the travel, rad: a move to its end is not overtravel.
 SWITCH_BEYOND = np.deg2rad(0.5)
 
 
@@ -80,9 +80,9 @@ class TableMachine:
 
     Attributes
     ----------
-    jammed : something holds the joints
-    restless_until : device time up to which they do not settle, s
-    overshoot : how far the next move goes too far, rad
+    jammed : whether the joints are blocked
+    restless_until : device time until which they do not settle, s
+    overshoot : overshoot of the next move, rad
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class TableMachine:
         self.restless_until = -np.inf
         self.overshoot = 0.0
         self._fed: float | None = None
-        # Encoders count from wherever they were switched on until homing finds their zero.
+        # Encoders count from the power-on angles until homing finds their zero.
         self._zero = drive.states(0.0)[:, 0]
 
     @property
@@ -132,7 +132,7 @@ class TableMachine:
         self._fed = host_time
 
     def watch(self, host_time: float, time: float) -> None:
-        """Trip if enabled axes were not fed in time."""
+        """Trip if the axes are enabled and the watchdog was not fed in time."""
         if self.power is not Power.ENABLED or self.watchdog == 0.0 or self._fed is None:
             return
         if host_time - self._fed > self.watchdog:
@@ -150,12 +150,12 @@ class TableMachine:
         self._zero = np.zeros(2)
 
     def jam(self, time: float) -> None:
-        """Stand still until a reset; the controller notices nothing and goes on driving."""
+        """Block the joints until a reset; the controller does not detect it."""
         self._halt(time)
         self.jammed = True
 
     def settled(self, time: float) -> bool:
-        """Both joints at rest, and that for the settling time."""
+        """Whether both joints have been at rest for the settling time."""
         return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.restless_until)
 
     def control(self, word: int, time: float, host_time: float) -> None:
@@ -199,7 +199,7 @@ class TableMachine:
         rates: tuple[float, float],
         accelerations: tuple[float, float],
     ) -> None:
-        """Start both joints; the move under way, sent again, changes nothing. Raises a `Refusal`."""
+        """Start both joints; repeating the present move has no effect. Raises a `Refusal`."""
         for joint in (0, 1):
             self._allow(joint, targets[joint], rates[joint], accelerations[joint])
         if not self.homed:
@@ -213,7 +213,7 @@ class TableMachine:
             self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Start one joint, whatever the other does; its move under way, sent again, changes nothing."""
+        """Start one joint independently of the other; repeating its present move has no effect."""
         beyond = self.overshoot
         if self._start_joint(time, joint, target, beyond, rate, acceleration):
             self.overshoot = 0.0
@@ -221,7 +221,7 @@ class TableMachine:
     def _start_joint(
         self, time: float, joint: int, target: float, beyond: float, rate: float, acceleration: float
     ) -> bool:
-        """Start a joint towards `beyond` its target; whether it was not on its way there already."""
+        """Start a joint towards `beyond` its target; False if it is already on its way there."""
         self._allow(joint, target, rate, acceleration)
         if not self.homed:
             raise NotPermitted
@@ -239,7 +239,7 @@ class TableMachine:
             self.turn_joint(time, joint, rates[joint], accelerations[joint])
 
     def turn_joint(self, time: float, joint: int, rate: float, acceleration: float) -> None:
-        """Turn one joint, whatever the other does. Raises a `Refusal`."""
+        """Turn one joint independently of the other. Raises a `Refusal`."""
         end = self.limits.high[joint] if rate > 0.0 else self.limits.low[joint]
         if rate == 0.0:
             self._permit(time, self.drive.profiles[joint].end)
@@ -260,7 +260,7 @@ class TableMachine:
     def statusword(self, time: float) -> int:
         """CiA 402 statusword with the table's own bits."""
         word = REMOTE_BIT | (self.power.value if self.fault is Fault.NONE else FAULT_BIT)
-        # Active low: 0 tells that a quick stop (b1 set, b2 not) is in force.
+        # Active low: 0 means that a quick stop (b1 set, b2 not) is active.
         if self._controlword & 0x06 == 0x02:
             word &= ~QUICK_STOP_BIT
         else:
@@ -275,7 +275,7 @@ class TableMachine:
         return word
 
     def _allow(self, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Raise OutOfRange where the table cannot do this."""
+        """Raise OutOfRange if the command exceeds the table's limits."""
         limits = self.limits
         if not limits.low[joint] <= target <= limits.high[joint]:
             raise OutOfRange
@@ -283,7 +283,7 @@ class TableMachine:
             raise OutOfRange
 
     def _permit(self, time: float, end: float | None = None) -> None:
-        """Raise NotPermitted unless a motion may start; `end` of the one before, of both joints where None."""
+        """Raise NotPermitted unless a motion may start after `end` of the one before, by default of both joints."""
         halted = bool(self._controlword & 0x100)
         ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self._interlock_closed
         if not ready or halted or time < (self.drive.end if end is None else end):

@@ -1,4 +1,4 @@
-"""The table's Modbus register map: what each holding register shows and what writing it does.
+"""The table's Modbus register map: the content of each holding register, and the effect of writing it.
 
 Registers are 16 bit, addresses 0-based, 32-bit values signed with the high word first. Positions in 1e-5 deg,
 rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
@@ -47,7 +47,7 @@ def long_value(words: list[int]) -> int:
 
 
 class TableRegisters:
-    """Reads and writes of the register map, carried out on the machine.
+    """Carries out reads and writes of the register map on the machine.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class TableRegisters:
             self._put(first + TARGET_ACCELERATION, np.deg2rad(20.0) / _SPEED)
 
     def refresh(self) -> None:
-        """Bring status and positions up to date."""
+        """Update status and positions."""
         machine, time = self._machine, self._device_time()
         machine.watch(self._host_time(), time)
         self.words[STATUS] = machine.statusword(time)
@@ -94,7 +94,7 @@ class TableRegisters:
             self._put(first + RATE, rates[joint] / _SPEED)
 
     def write(self, address: int, values: list[int]) -> None:
-        """Carry out one write request. Raises `table_machine.Refusal`; then nothing of it is stored."""
+        """Carry out one write request. Raises `machine.Refusal` and stores nothing."""
         machine, time, host_time = self._machine, self._device_time(), self._host_time()
         machine.watch(host_time, time)
         touched = range(address, address + len(values))

@@ -1,6 +1,6 @@
-"""Controllers that take lines of text, each in its own language, and carry them out on the table's machine.
+"""Controllers with text protocols, which carry out commands on the table's machine.
 
-    ATL   lines end with CR and LF, every reply with the prompt ">"; JOG is answered only with the line behind it
+    ATL   lines end with CR and LF, every reply with the prompt ">"; JOG is answered only together with the next line
     ACL   lines end with LF; only questions are answered, a wrong command shows in *STB?
     $MN   $MNxxx,arguments*SS -> $ASxxx,OK,...*SS; SS is the 8-bit sum of what stands between head and asterisk
 
@@ -17,19 +17,19 @@ from calstation.bench.table.machine import Fault, Power, Refusal, TableMachine
 
 ENABLED, HOMED, MOVING, SETTLED, FAULTY, CLOSED, REMOTE = 1, 2, 4, 8, 16, 32, 64
 
-#: Rate and acceleration of a motion for which none were told, rad/s and rad/s².
+#: Default rate and acceleration of a motion, rad/s and rad/s².
 _RATE, _ACCELERATION = np.deg2rad(10.0), np.deg2rad(20.0)
 
 
 class TextController(Protocol):
-    """What answers the bytes of a line."""
+    """A controller on a serial line."""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they come; one reply, possibly empty, for each line that they complete."""
+        """Take received bytes; returns one reply, possibly empty, for each completed line."""
 
 
 class Axes:
-    """The table's two joints as a controller sees them that moves them one by one; it has no watchdog.
+    """The table's two joints as a controller without watchdog sees them, one by one.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Axes:
         self.targets = [0.0, 0.0]
 
     def know_zero(self) -> None:
-        """The encoders are absolute."""
+        """Treat the encoders as absolute."""
         self._machine.know_zero()
 
     def power(self, joint: int, on: bool) -> None:
@@ -69,7 +69,7 @@ class Axes:
         return self._wanted[joint]
 
     def home(self) -> None:
-        """Home both axes; what is under way already, or done, is left alone."""
+        """Home both axes unless they are homed or moving."""
         if not self._machine.homed and self._device_time() >= self._machine.drive.end:
             self._machine.home(self._device_time())
 
@@ -80,7 +80,7 @@ class Axes:
         )
 
     def turn(self, joint: int, rate: float) -> None:
-        """Turn an axis until it is stopped, rad/s; one that turns is stopped where the rate is 0."""
+        """Turn an axis at a rate, rad/s, until it is stopped; a rate of 0 stops it."""
         if rate == 0.0:
             self.stop()
         else:
@@ -113,7 +113,7 @@ class Axes:
 
     @property
     def fault(self) -> int:
-        """Code of the latched fault, 0 where there is none."""
+        """Code of the latched fault; 0 without a fault."""
         return int(self._machine.fault)
 
     def position(self, joint: int) -> float:
@@ -139,11 +139,12 @@ class Axes:
 
 
 class Atl:
-    """Ideal Aerosmith's table language, as far as the bench speaks it.
+    """Ideal Aerosmith's table language, as far as the bench implements it.
 
     Parameters
     ----------
-    axes : what the lines act on; serial : told when asked
+    axes : the joints
+    serial : serial number in the identification
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -206,11 +207,12 @@ class Atl:
 
 
 class Acl:
-    """Acutronic's command language, as far as the bench speaks it.
+    """Acutronic's command language, as far as the bench implements it.
 
     Parameters
     ----------
-    axes : what the lines act on; serial : told when asked
+    axes : the joints
+    serial : serial number in the identification
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -290,11 +292,12 @@ class Acl:
 
 
 class Mn:
-    """The language of $MN lines, as far as the bench speaks it.
+    """The language of $MN lines, as far as the bench implements it.
 
     Parameters
     ----------
-    axes : what the lines act on; serial : told when asked
+    axes : the joints
+    serial : serial number in the identification
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -303,7 +306,7 @@ class Mn:
         self._turns = [False, False]
 
     def feed(self, data: bytes) -> list[bytes]:
-        """See `TextController`; a line with a wrong sum is left without an answer."""
+        """See `TextController`; a line with a wrong checksum gets no answer."""
         lines, self._pending = _lines(self._pending + data)
         return [self._answer(line) for line in lines]
 
@@ -361,6 +364,6 @@ LANGUAGES: dict[str, Callable[[Axes, str], TextController]] = {"atl": Atl, "acl"
 
 
 def _lines(data: bytes) -> tuple[list[str], bytes]:
-    """Whole lines, and what follows the last of them."""
+    """Complete lines, and the bytes after the last of them."""
     *whole, rest = data.split(b"\n")
     return [line.decode("ascii", "replace") for line in whole], rest[-1000:]

@@ -1,4 +1,4 @@
-"""One bench as it really is: a unit, a table, its encoders; drawn from a seed."""
+"""The truth of one bench: a unit, a table and its encoders, drawn from a seed."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,13 +16,13 @@ ARCSECOND = np.deg2rad(1.0 / 3600.0)
 
 @dataclass(frozen=True)
 class BenchTruth:
-    """Everything the station is to find out.
+    """True values of everything that the station estimates.
 
     Attributes
     ----------
     imu, table, encoder : the true unit, table and encoders
     grade : of the unit
-    azimuth : what the station is told, rad; the true one is `table.azimuth`
+    azimuth : azimuth in the station file, rad; the true one is `table.azimuth`
     outer_lever : "estimated" or "fixed" at 0
     """
 
@@ -70,10 +70,10 @@ class BenchTruth:
         Parameters
         ----------
         latitude, height : rad, m; gravity : m/s², None for the normal gravity
-        azimuth : told to the station, rad
+        azimuth : azimuth in the station file, rad
         sample_rate : Hz; output, outer_lever, instability, out_of_limits : see `grades.draw_imu`
         mount : smallest and largest angle of the unit on its platform, rad, uniform, about a random direction
-        azimuth_error : sigma of the true azimuth about the told one, rad
+        azimuth_error : sigma of the true azimuth about that of the file, rad
         base_tilt : size of the base's tilt about a random horizontal direction, rad
         non_orthogonality : size of the error of the right angle between the axes, either sign, rad
         wobble : tilt of each bearing, its direction random, rad

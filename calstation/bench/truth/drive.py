@@ -1,4 +1,4 @@
-"""The two joints in motion, and the encoders that read them with their errors."""
+"""The motion of the two joints, and their encoders with errors."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ class EncoderTruth:
 
     Attributes
     ----------
-    stop_sigma : repeatability, an error drawn anew for every move of a joint and reached with it, rad
+    stop_sigma : repeatability; the error is drawn anew for every move of a joint and reached at its end, rad
     periodic : amplitude of the error with one period per turn, rad
     phase : of the periodic error at angle 0, rad
     white_sigma : noise of each reading, rad
@@ -27,7 +27,7 @@ class EncoderTruth:
 
 
 class TableDrive:
-    """Both joints: their courses and their encoders.
+    """Motion and encoders of both joints.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class TableDrive:
     ) -> None:
         self._encoder = encoder
         self._random = np.random.default_rng(seed)
-        # At rest long before time 0: a table that is switched on is settled.
+        # At rest since before time 0: a table is settled when it is switched on.
         self.profiles = [JointProfile.rest(angle, -1.0) for angle in angles]
         offsets = encoder.stop_sigma * self._random.standard_normal(2)
         # Per joint: start and end of the way the error changes on (rad), and the error there (rad).
@@ -72,7 +72,7 @@ class TableDrive:
             self.move_joint(time, joint, target, rates[joint], accelerations[joint])
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Start one joint, whatever the other does."""
+        """Start one joint independently of the other."""
         profile = self.profiles[joint]
         moved = profile.move(time, target, rate, acceleration)
         if moved is not profile:

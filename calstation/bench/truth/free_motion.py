@@ -1,9 +1,9 @@
-"""Motion no table makes: rotations about any axes and a shaken point, in closed form, hand-like or as ordered.
+"""Free motion in closed form: rotations about any axes, and a shaken point.
 
 An attitude is a chain of constant rotations and turns about constant axes, each turn a sum of pulses. A pulse leads
 smoothly (minimum jerk; Flash and Hogan, J. Neurosci. 5, 1985) from 0 to its amount; while it lasts it may tremble,
 sines under a window that begins and ends flat. Everything has exact first and second derivatives, so rate and angular
-acceleration come from the same links as in `table_truth`, with no integration:
+acceleration follow from the links as in `truth.table`, without integration:
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''
 """
@@ -18,7 +18,7 @@ from calstation.physics.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Pulse:
-    """From 0 to `amount` between `start` and `start + duration`, s, trembling on the way.
+    """A change from 0 to `amount` between `start` and `start + duration`, s, with a tremor.
 
     tremor : rows (amplitude, frequency Hz, phase rad), in the unit of `amount`, shape (k, 3)
     """
@@ -73,7 +73,7 @@ class Course:
         total = np.zeros((3, len(times)))
         total[0] = self.offset
         for pulse in self.pulses:
-            # before its start a pulse is nothing, after its end a constant: only those times that feel it
+            # zero before its start and constant after its end: evaluated only in between
             begin, end = np.searchsorted(times, [pulse.start, pulse.start + pulse.duration])
             total[:, begin:end] += pulse.states(times[begin:end])
             total[0, end:] += pulse.amount

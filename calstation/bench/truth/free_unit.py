@@ -1,4 +1,4 @@
-"""What a unit on a freely moving body puts out: the error model over the motion, noise, counts."""
+"""Output of one or several units on a freely moving body: error model over the motion, noise, counts."""
 
 from dataclasses import dataclass, replace
 
@@ -18,7 +18,7 @@ _CHUNK = 20_000
 
 @dataclass(frozen=True)
 class Place:
-    """Where and how a unit sits on the body.
+    """Position and orientation of a unit on the body.
 
     turn : from the unit's frame to the body's, shape (3, 3)
     arm : of the unit's reference point from the body's, in the body's frame, m, shape (3,)
@@ -70,11 +70,12 @@ def _outputs(
 
 
 class FreeStream:
-    """Samples of one unit on a freely moving body, one after another; how they are asked for does not change them.
+    """Samples of one unit on a freely moving body; the sizes of the requests do not change them.
 
     Parameters
     ----------
-    vibration, noise : draw the body's vibration and the unit's noise; who asks once may give one for both
+    imu, place, field : truth of the unit, its place on the body, force and rotation of a body at rest
+    vibration, noise : draw the body's vibration and the unit's noise; may be the same for a single request
     begin : time of the motion at which the first sample begins, s
 
     Attributes
@@ -138,7 +139,7 @@ AT_POINT = Place(np.eye(3), np.zeros(3))
 
 @dataclass(frozen=True)
 class SecondaryTruth:
-    """A further IMU: the unit, where it sits, and what is added to its time to get the primary's, s."""
+    """A further IMU: the unit, its place, and what is added to its time to get the primary's, s."""
 
     imu: ImuTruth
     place: Place
@@ -155,7 +156,7 @@ def record_pair(
 ) -> tuple[FloatArray, FloatArray]:
     """Counts of the primary at the body's point, shape (n, 6), and of the others in the same rows, shape (n, k, 6).
 
-    What shakes the body shakes all: that is the motion's; the field's vibration, drawn unit by unit, is left out.
+    All units share the vibration of the motion; that of the field, drawn for each unit, is left out.
     """
     field = replace(field, velocity_sigma=0.0)
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
@@ -170,7 +171,7 @@ def record_pair(
 
 
 def pair_truth(primary: ImuTruth, secondary: SecondaryTruth) -> dict[str, FloatArray]:
-    """What cross-calibration is to find: C and b of both sensors, the lever, the offset.
+    """True result of a cross-calibration: C and b of both sensors, the lever, the offset.
 
     Measured by the primary y = M₁ x + b₁, by the secondary M₂ Tᵀ x + b₂ with T from its frame to the body's, so
     C = M₂ Tᵀ M₁⁻¹ and b = b₂ − C b₁.

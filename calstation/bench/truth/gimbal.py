@@ -1,10 +1,10 @@
-"""A stabilised gimbal that carries the unit: its joints hold still what the corrected gyros say turns.
+"""A stabilised gimbal that carries the unit: its joints counter the rotation that the corrected gyros measure.
 
     C_body^base = R(axis₁, q₁) · R(axis₂, q₂) · R(axis₃, q₃), joints from the base to the body
 
-The loop acts on the corrected rates c = (I + K)⁻¹ (measured − b̂): what they show beyond the rate demanded it takes out
-of the body's motion, as an integrator of some hertz. An error of K or b̂ is therefore not seen in c any more but in the
-joints, which drift while it lasts; and so does the gyros' noise. Locked, the joints follow a profile of their own.
+The loop acts on the corrected rates c = (I + K)⁻¹ (measured − b̂): an integrator with a bandwidth of some hertz removes
+their difference from the demanded rate. An error of K or b̂ therefore appears not in c but in the joints, which drift;
+so does the gyros' noise. Locked joints follow their own profile.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from calstation.bench.truth.noise import INSTABILITY_TIMES, draw_instability, in
 from calstation.physics.arrays import FloatArray, IntArray
 
 AXES = "xyz"
-#: Share of the rate's error that the loop takes out per sample.
+#: Share of the rate error that the loop removes per sample.
 LOOP_GAIN = 0.25
 
 
@@ -37,7 +37,7 @@ class GimbalSamples:
 
 
 class GimbalBench:
-    """The gimbal with its unit; time goes on from call to call.
+    """The gimbal with its unit; time continues from call to call.
 
     Parameters
     ----------
@@ -64,10 +64,10 @@ class GimbalBench:
         self._encoder_sigma = encoder_sigma
         self._random = np.random.default_rng(seed)
         self.interval = 1.0 / imu.sample_rate
+        #: True angles of the joints x, y, z, rad.
         self.joints = np.zeros(3)
-        """True angles of the joints x, y, z, rad."""
+        #: Estimated bias b̂ of the gyros, rad/s.
         self.bias = np.zeros(3)
-        """b̂, what the corrected rates are freed of, rad/s."""
         self._produced = self._step = 0
         instability = np.repeat([imu.gyro_bias_instability, imu.accel_bias_instability], 3)
         self._decay, self._driven = instability_steps(instability, self.interval)
@@ -77,11 +77,11 @@ class GimbalBench:
         self._rate = np.zeros(3)
 
     def lock(self, seconds: float) -> GimbalSamples:
-        """Hold the joints where they are; what the gyros show then is their bias and the earth."""
+        """Hold the joints at their angles; the gyros then measure their bias and earth rate."""
         return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, self.joints)
 
     def zero_bias(self, samples: GimbalSamples) -> None:
-        """Take the mean of locked samples for the bias from now on."""
+        """Set b̂ to the mean of locked samples."""
         per_count = 1.0 / self.interval if self._imu.output == "increment" else 1.0
         self.bias = samples.counts[:, :3].mean(axis=0) * self._imu.gyro_lsb * per_count
 
@@ -105,7 +105,7 @@ class GimbalBench:
         return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, np.zeros(3))
 
     def _begin(self) -> None:
-        """A motion begins: the encoders will err anew at its end."""
+        """Begin a motion, with a new error of the encoders."""
         self._step += 1
         self._offset = self._encoder_sigma * self._random.standard_normal(3)
 
@@ -119,9 +119,9 @@ class GimbalBench:
         stabilised = np.zeros((count, 3)) if demanded is None else demanded
         noise = self._random.standard_normal((count, 3)) * (self._imu.gyro_arw * np.sqrt(self.interval))
         driven = self._random.standard_normal((count, 6 * len(INSTABILITY_TIMES)))
-        wander = np.zeros((count, 6))
+        drift = np.zeros((count, 6))
         increments, joints = np.empty((count, 6)), np.empty((count, 3))
-        _wander(self._bank, self._decay, self._driven, driven, wander)
+        _drift(self._bank, self._decay, self._driven, driven, drift)
         _simulate(
             self._model,
             self._order,
@@ -133,15 +133,15 @@ class GimbalBench:
             stabilised,
             _inverse(correction),
             self.bias,
-            noise + wander[:, :3] * self.interval,
+            noise + drift[:, :3] * self.interval,
             self.joints,
             self._rate,
             increments,
             joints,
         )
         normals = self._random.standard_normal((count, 6))
-        normals[:, :3] = 0.0  # the gyros' noise has acted already
-        increments[:, 3:] += wander[:, 3:] * self.interval
+        normals[:, :3] = 0.0  # the gyros' noise is already included
+        increments[:, 3:] += drift[:, 3:] * self.interval
         counts = self._digitiser.digitise(increments, normals).counts
         seq = np.arange(self._produced, self._produced + count)
         self._produced += count
@@ -167,7 +167,7 @@ def _smooth(count: int) -> FloatArray:
 
 
 @compiled
-def _wander(
+def _drift(
     bank: FloatArray, decay: FloatArray, driven: FloatArray, normals: FloatArray, out: FloatArray
 ) -> None:
     """Bias instability of the six channels at every sample; `bank`, shape (6, m), moves along."""

@@ -1,4 +1,4 @@
-"""Grades of units: how large their errors and noise are, and the random draw of one unit."""
+"""Grades of units: sizes of their errors and noise, and the random draw of one unit."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -16,7 +16,7 @@ _MICRO_G = 9.80665e-6
 _ARW_UNIT = np.deg2rad(1.0) / 60.0  # °/√h in rad/√s
 _VRW_UNIT = 9.8e-6  # µg/√Hz in m/s/√s
 
-#: A drawn parameter never exceeds this many of its grade's sigmas.
+#: Largest drawn parameter, in sigmas of its grade.
 _CUT = 2.5
 
 

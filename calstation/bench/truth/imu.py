@@ -1,4 +1,4 @@
-"""What the unit measures: the contract's error model over the true motion, noise, quantisation."""
+"""Measurements of the unit: the contract's error model over the true motion, noise, quantisation."""
 
 from dataclasses import dataclass
 

@@ -21,16 +21,16 @@ Pose = tuple[float, float]
 
 @dataclass(frozen=True)
 class ManualRig:
-    """The rig and the hands; angles in rad, s, m.
+    """The rig and the hands; rad, s, m.
 
     Attributes
     ----------
     latitude, height : rad, m; gravity : m/s², None for the normal gravity
     outer_axis, inner_axis : in b at home
-    initial_rest, rest : length of the first stillness and of the others, the latter varied by a fifth
+    initial_rest, rest : duration of the first rest and of the others, which vary by a fifth
     speed : of a push, rad/s
-    stop_sigma : where a hand stops about the position meant
-    play : largest turn about the third axis during a push, and what stays of it
+    stop_sigma : deviation from the intended position
+    play : largest turn about the third axis during a push, part of which remains
     shake : rms acceleration of the rig while pushed, m/s²
     tilt : of the rig's foot; arm : of the unit from the rails' centre, m
     velocity_sigma : vibration of the foot, rms m/s
@@ -53,13 +53,13 @@ class ManualRig:
 
     @property
     def field(self) -> Field:
-        """What a body at rest on the rig senses."""
+        """Force and rotation sensed by a body at rest on the rig."""
         gravity = normal_gravity(self.latitude, self.height) if self.gravity is None else self.gravity
         return Field(np.array([0.0, 0.0, gravity]), earth_rate_n(self.latitude), self.velocity_sigma)
 
 
 def around(step: float = np.deg2rad(45.0)) -> list[Pose]:
-    """Inner rail once round and back, the outer rail the same, and once more with the inner one a quarter turn on."""
+    """Poses: inner rail once round and back, outer rail the same, and again with the inner rail turned by 90°."""
     count = round(2.0 * np.pi / step)
     sweep = [k * step for k in (*range(1, count + 1), *range(count - 1, -1, -1))]
     quarter = 0.5 * np.pi
@@ -100,17 +100,17 @@ def push(rig: ManualRig, poses: list[Pose], random: np.random.Generator) -> tupl
 
 
 def foot(rig: ManualRig, random: np.random.Generator) -> FloatArray:
-    """How the rig stands, tilted about any direction, shape (3, 3)."""
+    """Attitude of the rig, tilted about a random direction, shape (3, 3)."""
     direction = random.standard_normal(3)
     return rotation(rig.tilt * direction / np.linalg.norm(direction))
 
 
 class Hands:
-    """Hands at the rails, one push after another.
+    """Hands that push the rails.
 
     Attributes
     ----------
-    at : where the rails stand, or will at the end of the last push, rad
+    at : angles of the rails at the end of the last push, rad
     """
 
     def __init__(self, rig: ManualRig, random: np.random.Generator) -> None:
@@ -122,7 +122,7 @@ class Hands:
         self._settled = np.zeros(3)
 
     def push(self, pose: Pose, time: float) -> float:
-        """Push the rails from `time` on to about `pose` (outer, inner); when they are left alone, s."""
+        """Push the rails from `time` on to about `pose` (outer, inner); returns when they are released, s."""
         rig, random, at = self._rig, self._random, self.at
         goal = np.asarray(pose) + rig.stop_sigma * random.standard_normal(2)
         far = float(np.abs(goal - at).max())
@@ -131,7 +131,7 @@ class Hands:
         for rail in range(2):
             amount = float(goal[rail] - at[rail])
             if abs(amount) < 2.0 * rig.stop_sigma and abs(pose[rail] - at[rail]) < 3.0 * rig.stop_sigma:
-                goal[rail] = at[rail] + 0.2 * amount  # this rail is only brushed
+                goal[rail] = at[rail] + 0.2 * amount  # this rail is only touched
                 amount, correction[rail] = 0.2 * amount, 0.0
             first = amount - float(correction[rail])
             self._rails[rail].append(Pulse(time, duration, first, tremor(random, 0.01 * abs(amount))))
@@ -151,7 +151,7 @@ class Hands:
         return time + duration + 0.5
 
     def forget(self, time: float) -> None:
-        """Nobody will ask any more for a motion before `time`, s: what has ended by then only stands."""
+        """Merge the pushes that end before `time`, s, into constant angles; earlier times are not needed again."""
         for rail, pulses in enumerate(self._rails):
             over = [p for p in pulses if p.start + p.duration <= time]
             self._settled[rail] += sum(p.amount for p in over)
@@ -160,7 +160,7 @@ class Hands:
             pulses[:] = [p for p in pulses if p.start + p.duration > time]
 
     def motion(self, base: FloatArray) -> FreeMotion:
-        """The pushes so far as the motion of the unit on a rig whose foot stands as `base`, shape (3, 3)."""
+        """Motion of the unit by the pushes so far, on a rig with attitude `base`, shape (3, 3)."""
         outer, inner = self._rig.outer_axis, self._rig.inner_axis
         third = np.cross(outer, inner)
         courses = [Course(tuple(p), float(o)) for p, o in zip(self._rails, self._settled, strict=True)]
@@ -173,25 +173,25 @@ class Hands:
         return FreeMotion(links, np.eye(3), (x, y, z))
 
 
-#: Between what is asked and the push, s.
+#: Time between a request and the push, s.
 _REACTION = (0.5, 1.5)
-#: Share of positions that are touched again too soon.
+#: Share of positions at which the rig is touched again too soon.
 _IMPATIENT = 0.12
 #: How far such a touch turns a rail, rad.
 _TOUCHED = np.deg2rad(12.0)
 
 
 class HandStream:
-    """Samples of one unit, one after another; how they are asked for does not change them.
+    """Samples of one unit moved by hand; the sizes of the requests do not change them.
 
     Parameters
     ----------
     imu, rig : truth
-    seed : of all noise, and of what the hands do
+    seed : of all noise and of the hands
 
     Attributes
     ----------
-    asked : where the rails were asked to be last, rad
+    asked : the pose requested last, rad
     """
 
     def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:
@@ -215,7 +215,7 @@ class HandStream:
         return self._samples.produced
 
     def carry(self, pose: Pose, rest: float, time: float) -> None:
-        """Asked at `time`, s, to bring the rails to `pose` (outer, inner), rad, and to leave them for `rest` s."""
+        """At `time`, s, request that the rails be brought to `pose` (outer, inner), rad, and left for `rest` s."""
         if pose == self.asked:
             return
         self.asked = pose

@@ -1,4 +1,4 @@
-"""A plan driven over the truth with no protocol between: what the Monte Carlo study solves."""
+"""Simulates a plan on the truth without any protocol, for the Monte Carlo study."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

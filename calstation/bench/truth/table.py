@@ -69,7 +69,7 @@ def rotation(vector: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class TableTruth:
-    """The table as it really stands.
+    """True geometry and site of the table.
 
     Attributes
     ----------
