@@ -12,7 +12,8 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.labels import EmptyState
-from calstation.gui.widgets.notice import Choice, NoticeBar, Words
+from calstation.gui.widgets.layout import Words
+from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.units import aligned, display
 from calstation.registers.unit_registers import Register, TargetRegisters, UnitRegisters

@@ -7,11 +7,12 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QWidget
 
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import column, label, row
 from calstation.gui.widgets.plot import LineLabel, LineLabels, ThemedPlot
 from calstation.physics.units import DISPLAY
 
@@ -37,9 +38,6 @@ class Convergence(QFrame):
         self._curves: dict[str, pg.PlotCurveItem] = {}
         self._now = 0.0
         self._drawn = 0.0
-        title = QLabel()
-        bind(title, lambda: self.tr("Sigma as a multiple of its target"))
-        title.setProperty("kind", "muted")
         self._plot = ThemedPlot()
         self._plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self._plot.getAxis("left").setWidth(7 * theme.GRID)
@@ -50,15 +48,13 @@ class Convergence(QFrame):
         self._target = pg.InfiniteLine(0.0, angle=0)
         self._plot.addItem(self._target)
         self._labels = LineLabels(38 * theme.GRID)
-        row = QHBoxLayout()
-        row.setSpacing(0)
-        row.addWidget(self._plot, 1)
-        row.addWidget(self._labels)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(theme.GRID, theme.GRID, theme.GRID, theme.GRID)
-        layout.setSpacing(0)
-        layout.addWidget(title)
-        layout.addLayout(row, 1)
+        column(
+            label(lambda: self.tr("Sigma as a multiple of its target"), "muted"),
+            (row((self._plot, 1), self._labels, spacing=0), 1),
+            on=self,
+            spacing=0,
+            margins=(theme.GRID,) * 4,
+        )
         on_language_change(self, self._show_labels)
         self._dress()
 

@@ -39,8 +39,8 @@ from calstation.gui.text.messages import (
 )
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.layout import column, row
-from calstation.gui.widgets.notice import Choice, NoticeBar, Words
+from calstation.gui.widgets.layout import Words, column, row
+from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.sequencer.control import Command
 
 #: Steps of the progress bar.

@@ -10,16 +10,16 @@ from PySide6.QtWidgets import (
     QListWidgetItem,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
 from calstation.config.summary import RunSummary
 from calstation.gui.shell.run_status import RunStatus, StageState, planned
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import duration_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state, state_colour
+from calstation.gui.widgets.layout import column, label
 
 _ROW = 7 * theme.GRID
 _SHAPES = {
@@ -89,9 +89,7 @@ class StageList(QFrame):
         self.setProperty("kind", "panel")
         self._run = run
         self._planned: RunSummary | None = None
-        title = QLabel()
-        bind(title, lambda: self.tr("Stages"))
-        title.setProperty("kind", "section")
+        title = label(lambda: self.tr("Stages"), "section")
         title.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
         self.list = QListWidget()
         self.list.setObjectName("stage_list")
@@ -103,17 +101,10 @@ class StageList(QFrame):
         self._left = QLabel()
         self._left.setFont(theme.font(theme.SECTION))
         self._left.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
-        self._note = QLabel()
-        self._note.setProperty("kind", "muted")
-        self._note.setWordWrap(True)
+        self._note = label(kind="muted", wrap=True)
         self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(1, 1, 1, theme.GRID)
-        layout.setSpacing(0)
-        layout.addWidget(title)
-        layout.addWidget(self.list, 1)
-        layout.addWidget(self._left)
-        layout.addWidget(self._note)
+        items = (title, (self.list, 1), self._left, self._note)
+        column(*items, on=self, spacing=0, margins=(1, 1, 1, theme.GRID))
         run.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 

@@ -3,7 +3,7 @@
 import numpy as np
 from PySide6.QtCore import QPointF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPixmap
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QWidget
 
 from calstation.gui.operator.projection import (
     CIRCLE,
@@ -17,9 +17,10 @@ from calstation.gui.operator.projection import (
     pen,
     polygon,
 )
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.widgets.layout import column, label
 from calstation.physics.arrays import FloatArray
 from calstation.physics.rotation import axis_rotation
 from calstation.sequencer.events import TableMoved
@@ -153,28 +154,27 @@ class TablePanel(QFrame):
         self.picture = TablePicture()
         self.badge = StateBadge()
         self._moved: TableMoved | None = None
-        names = (QLabel(), QLabel())
-        bind(names[0], lambda: self.tr("outer"))
-        bind(names[1], lambda: self.tr("inner"))
+        names = (label(lambda: self.tr("outer")), label(lambda: self.tr("inner")))
         self.angle_labels = [QLabel(), QLabel()]
-        self._rates = [QLabel(), QLabel()]
+        self._rates = [label(kind="muted"), label(kind="muted")]
         grid = QGridLayout()
         grid.setHorizontalSpacing(theme.GRID)
         grid.setVerticalSpacing(0)
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         for row in range(2):
-            self._rates[row].setProperty("kind", "muted")
             self.angle_labels[row].setFont(theme.font(theme.SECTION, bold=True))
-            for column, label in enumerate((names[row], self.angle_labels[row], self._rates[row])):
-                grid.addWidget(label, row, column, right if column else Qt.AlignmentFlag.AlignLeft)
+            for at, cell in enumerate((names[row], self.angle_labels[row], self._rates[row])):
+                grid.addWidget(cell, row, at, right if at else Qt.AlignmentFlag.AlignLeft)
         grid.setColumnStretch(1, 1)
         grid.setColumnMinimumWidth(2, 9 * theme.GRID)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        layout.setSpacing(theme.GRID // 2)
-        layout.addWidget(self.badge)
-        layout.addWidget(self.picture, 1)
-        layout.addLayout(grid)
+        column(
+            self.badge,
+            (self.picture, 1),
+            grid,
+            on=self,
+            spacing=theme.GRID // 2,
+            margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
+        )
         on_language_change(self, self._show_state)
 
     def set_axes(self, outer: tuple[float, float, float], inner: tuple[float, float, float]) -> None:
@@ -185,18 +185,18 @@ class TablePanel(QFrame):
         """Show angles and rates."""
         self._moved = moved
         self.picture.set_angles(moved.outer, moved.inner)
-        for label, angle in zip(self.angle_labels, (moved.outer, moved.inner), strict=True):
-            label.setText(f"{np.rad2deg(angle):z.3f}°".replace("-", "−"))
-        for label, rate in zip(self._rates, (moved.outer_rate, moved.inner_rate), strict=True):
-            label.setText(f"{np.rad2deg(rate):z.1f} °/s".replace("-", "−"))
+        for shown, angle in zip(self.angle_labels, (moved.outer, moved.inner), strict=True):
+            shown.setText(f"{np.rad2deg(angle):z.3f}°".replace("-", "−"))
+        for shown, rate in zip(self._rates, (moved.outer_rate, moved.inner_rate), strict=True):
+            shown.setText(f"{np.rad2deg(rate):z.1f} °/s".replace("-", "−"))
         self._show_state()
 
     def forget(self) -> None:
         """Show a table whose angles are unknown."""
         self._moved = None
         self.picture.set_angles(0.0, 0.0, known=False)
-        for label in (*self.angle_labels, *self._rates):
-            label.setText("–")
+        for shown in (*self.angle_labels, *self._rates):
+            shown.setText("–")
         self._show_state()
 
     def _show_state(self) -> None:

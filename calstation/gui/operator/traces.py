@@ -8,8 +8,6 @@ from PySide6.QtWidgets import (
     QButtonGroup,
     QFrame,
     QGridLayout,
-    QHBoxLayout,
-    QLabel,
     QPushButton,
     QVBoxLayout,
     QWidget,
@@ -17,6 +15,7 @@ from PySide6.QtWidgets import (
 
 from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import label, row
 from calstation.gui.widgets.plot import LineLabel, LineLabels, ThemedPlot
 from calstation.physics.arrays import FloatArray
 from calstation.sequencer.events import Trace
@@ -84,11 +83,7 @@ class _Plot(QWidget):
             self.plot.addItem(curve)
             self.curves.append(curve)
         self._labels = LineLabels(5 * theme.GRID)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(0)
-        row.addWidget(self.plot, 1)
-        row.addWidget(self._labels)
+        row((self.plot, 1), self._labels, on=self, spacing=0)
 
     def show_rows(self, rows: np.ndarray, span: float) -> None:
         """Draw rows, shape (n, 7): time, s, and six outputs; the newest `span` s fill the width."""
@@ -131,9 +126,10 @@ class Traces(QFrame):
         self._gyro, self._accel = _Plot(0, _PER_DEGREE), _Plot(3, 1.0)
         self._accel.plot.setXLink(self._gyro.plot)
         self._gyro.plot.getAxis("bottom").setStyle(showValues=False)
-        titles = (QLabel(), QLabel())
-        bind(titles[0], lambda: self.tr("Gyro, °/s"))
-        bind(titles[1], lambda: self.tr("Accelerometer, m/s²"))
+        titles = (
+            label(lambda: self.tr("Gyro, °/s"), "muted"),
+            label(lambda: self.tr("Accelerometer, m/s²"), "muted"),
+        )
         self._spans = QButtonGroup(self)
         self.hold_button = QPushButton()
         bind(self.hold_button, lambda: self.tr("Hold"))
@@ -155,17 +151,12 @@ class Traces(QFrame):
         buttons.addWidget(self.hold_button)
         grid = QGridLayout()
         grid.setSpacing(0)
-        for row, (title, plot) in enumerate(zip(titles, (self._gyro, self._accel), strict=True)):
-            title.setProperty("kind", "muted")
-            grid.addWidget(title, 2 * row, 0)
-            grid.addWidget(plot, 2 * row + 1, 0)
-            grid.setRowStretch(2 * row + 1, 1)
+        for at, (title, plot) in enumerate(zip(titles, (self._gyro, self._accel), strict=True)):
+            grid.addWidget(title, 2 * at, 0)
+            grid.addWidget(plot, 2 * at + 1, 0)
+            grid.setRowStretch(2 * at + 1, 1)
             plot.plot.getViewBox().sigRangeChangedManually.connect(self._zoomed)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(theme.GRID, theme.GRID, theme.GRID, theme.GRID)
-        layout.setSpacing(theme.GRID)
-        layout.addLayout(grid, 1)
-        layout.addLayout(buttons)
+        row((grid, 1), buttons, on=self, margins=(theme.GRID,) * 4)
         self._timer = QTimer(self)
         self._timer.setInterval(_EVERY)
         self._timer.timeout.connect(self._draw)

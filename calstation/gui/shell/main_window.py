@@ -6,10 +6,8 @@ from itertools import pairwise
 from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QLabel,
     QMainWindow,
-    QPushButton,
     QStackedWidget,
     QTabWidget,
     QWidget,
@@ -30,6 +28,7 @@ from calstation.gui.text import language
 from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import padlock_icon, theme_icon
+from calstation.gui.widgets.layout import button, label, row
 
 _PAGES: tuple[type[Page], ...] = (
     OperatorPage,
@@ -66,20 +65,19 @@ class MainWindow(QMainWindow):
         self.page_tabs.setCornerWidget(self._corner(), Qt.Corner.TopRightCorner)
         self._strip = QWidget(self.page_tabs)
         self._headers = QStackedWidget()
-        self.stop_button = QPushButton()
-        self.stop_button.setObjectName("stop_button")
+        self.stop_button = button("stop_button", lambda: self.tr("STOP"), app.run.stop)
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
-        bind(self.stop_button, lambda: self.tr("STOP"))
         bind(
             self.stop_button.setToolTip,
             lambda: self.tr("Stops the run safely; Esc does the same. It is no emergency stop."),
         )
-        self.stop_button.clicked.connect(app.run.stop)
-        row = QHBoxLayout(self._strip)
-        row.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        row.setSpacing(2 * theme.GRID)
-        row.addWidget(self._headers, 1)
-        row.addWidget(self.stop_button)
+        row(
+            (self._headers, 1),
+            self.stop_button,
+            on=self._strip,
+            spacing=2 * theme.GRID,
+            margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
+        )
         self.pages: list[Page] = []
         for kind in _PAGES:
             self._add(kind(app))
@@ -186,28 +184,19 @@ class MainWindow(QMainWindow):
     def _corner(self) -> QWidget:
         corner = QWidget()
         corner.setFixedHeight(theme.TOP_BAR)
-        row = QHBoxLayout(corner)
-        row.setContentsMargins(0, 0, 2 * theme.GRID, 0)
-        row.setSpacing(theme.GRID)
-        row.addStrut(theme.TOP_BAR)
-        self._station = QLabel()
-        self._station.setObjectName("station_label")
-        self._station.setProperty("kind", "pill")
+        self._station = label(kind="pill", name="station_label")
         self.language_combo = language.language_combo()
         self.language_combo.setProperty("kind", "tall")
         self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
         self.language_combo.currentIndexChanged.connect(self._choose_language)
-        self._theme_button = QPushButton()
-        self._theme_button.setObjectName("theme_button")
+        self._theme_button = button("theme_button", pressed=self._other_theme)
         self._theme_button.setFixedWidth(theme.BUTTON)
         bind(self._theme_button.setToolTip, lambda: self.tr("Light or dark"))
         bind(self._theme_button.setAccessibleName, lambda: self.tr("Light or dark"))
-        self._theme_button.clicked.connect(self._other_theme)
-        self._role_button = QPushButton()
-        self._role_button.setObjectName("role_button")
-        self._role_button.clicked.connect(self._role_pressed)
-        for widget in (self._station, self.language_combo, self._theme_button, self._role_button):
-            row.addWidget(widget, 0, Qt.AlignmentFlag.AlignVCenter)
+        self._role_button = button("role_button", pressed=self._role_pressed)
+        widgets = (self._station, self.language_combo, self._theme_button, self._role_button)
+        items = ((widget, 0, Qt.AlignmentFlag.AlignVCenter) for widget in widgets)
+        row(*items, on=corner, margins=(0, 0, 2 * theme.GRID, 0)).addStrut(theme.TOP_BAR)
         return corner
 
     def _add(self, page: Page) -> None:

@@ -1,11 +1,12 @@
 """Follows background jobs from a timer, and shows their progress in a row with a Cancel button."""
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QWidget
+from PySide6.QtWidgets import QLabel, QProgressBar, QWidget
 
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import duration_text
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import button, row
 from calstation.jobs.queue import Job
 
 #: Interval between two polls of a job, ms.
@@ -87,16 +88,9 @@ class JobRow(QWidget):
         self.left_label = QLabel()
         self.left_label.setMinimumWidth(15 * theme.GRID)
         self.left_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        self.cancel_button = QPushButton()
-        self.cancel_button.clicked.connect(watch.cancel)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(theme.GRID)
-        row.addWidget(self.bar, 1)
-        row.addWidget(self.left_label)
-        row.addWidget(self.cancel_button)
+        self.cancel_button = button("", lambda: self.tr("Cancel"), watch.cancel)
+        row((self.bar, 1), self.left_label, self.cancel_button, on=self)
         watch.progress.connect(self._show)
-        bind(self.cancel_button, lambda: self.tr("Cancel"))
         on_language_change(self, self._refresh)
 
     def _show(self, fraction: float, remaining: float | None) -> None:

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QPushButton, QWidget
 
 from calstation.gui.text.bind import on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
-
-#: Gives a text in the current language.
-Words = Callable[[], str]
+from calstation.gui.widgets.layout import Words, button, column, label, row
 
 
 @dataclass(frozen=True)
@@ -44,23 +42,16 @@ class NoticeBar(QFrame):
         self._text: Words = str
         self._choices: Sequence[Choice] = ()
         self._icon = StateIcon(28)
-        self.title_label = QLabel()
-        self.title_label.setProperty("kind", "section")
-        self.text_label = QLabel()
-        for label in (self.title_label, self.text_label):
-            label.setWordWrap(True)
-        words = QVBoxLayout()
-        words.setSpacing(theme.GRID // 2)
-        words.addWidget(self.title_label)
-        words.addWidget(self.text_label)
-        self._buttons = QHBoxLayout()
-        self._buttons.setSpacing(theme.GRID)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(3 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        row.setSpacing(2 * theme.GRID)
-        row.addWidget(self._icon, 0, Qt.AlignmentFlag.AlignVCenter)
-        row.addLayout(words, 1)
-        row.addLayout(self._buttons)
+        self.title_label, self.text_label = label(kind="section", wrap=True), label(wrap=True)
+        self._buttons = row()
+        row(
+            (self._icon, 0, Qt.AlignmentFlag.AlignVCenter),
+            (column(self.title_label, self.text_label, spacing=theme.GRID // 2), 1),
+            self._buttons,
+            on=self,
+            spacing=2 * theme.GRID,
+            margins=(3 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
+        )
         self.hide()
         on_language_change(self, self.refresh)
 
@@ -82,12 +73,7 @@ class NoticeBar(QFrame):
         self._kind, self._title, self._text, self._choices = kind, title, text, choices
         self._icon.set_kind(kind)
         for choice in choices:
-            button = QPushButton()
-            button.setObjectName(choice.name)
-            if choice.primary:
-                button.setProperty("kind", "primary")
-            button.clicked.connect(lambda _=False, chosen=choice: self._answer(chosen))
-            self._buttons.addWidget(button)
+            self._buttons.addWidget(self._make_button(choice))
         self.refresh()
         self.show()
         for choice in choices:
@@ -125,6 +111,10 @@ class NoticeBar(QFrame):
         super().paintEvent(event)
         painter = QPainter(self)
         painter.fillRect(1, 1, theme.GRID, self.height() - 2, QColor(state_colour(self._kind)))
+
+    def _make_button(self, choice: Choice) -> QPushButton:
+        kind = "primary" if choice.primary else ""
+        return button(choice.name, choice.words, lambda: self._answer(choice), kind=kind)
 
     def _answer(self, choice: Choice) -> None:
         self.dismiss()
