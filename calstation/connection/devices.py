@@ -117,7 +117,7 @@ def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
 
     Two devices share a port only if the table profile says so.
     """
-    same, shared = _device_of(table, "table") == _device_of(imu, "IMU"), profile.protocol == "imu_link"
+    same, shared = _device_of(table, "table") == _device_of(imu, "imu"), profile.protocol == "imu_link"
     if same and not shared:
         return Text.of("connection.same_port", port=imu)
     if shared and not same:
@@ -146,7 +146,7 @@ def open_table(setup: ResolvedConfiguration, port: str) -> RegisterTable | TextT
 
 def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
     """Open the IMU on its port, not streaming yet. Raises DeviceFaultError or ConfigurationError."""
-    link = SerialLink(port, imu_settings(setup), "IMU")
+    link = SerialLink(port, imu_settings(setup), "imu")
     return imu_on(link, imu_profile(setup), setup.request.serial)
 
 

@@ -237,7 +237,7 @@ def listen(link: SerialLink, seconds: float) -> bytes:
 def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
     """Whether frames of a profile come on a port with these settings; false if it cannot be opened."""
     try:
-        link = SerialLink(port, settings, "IMU")
+        link = SerialLink(port, settings, "imu")
     except CalstationError:
         return False
     try:

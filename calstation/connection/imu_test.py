@@ -277,7 +277,7 @@ def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Findin
     for name in ("counter", *CHANNELS):
         if frame.field(name) is None or bool(present[name][0]):
             continue
-        column = kind.places[name]
+        column = kind.column_of[name]
         values |= {"field": name, "column": column}
         if column >= len(texts):
             return Finding("line_short", "wrong", {**values, "count": len(texts)})

@@ -186,7 +186,7 @@ def _with_line_finding(setup: ResolvedConfiguration, at: Endpoints, found: list[
     if place is None or setup.imu.frame.format != "text":
         return found
     try:
-        link = SerialLink(at.imu, imu_settings(setup), "IMU")
+        link = SerialLink(at.imu, imu_settings(setup), "imu")
     except CalstationError:
         return found
     try:
@@ -202,7 +202,7 @@ def _opened(port: str) -> Finding:
     address = host_and_port(port)
     if address is not None:
         return Finding("connected", "ok", {"host": address[0], "port": address[1]})
-    device = resolve(port, "port")
+    device = resolve(port, "imu")
     return Finding("opened", "ok", {"port": port, "device": device}, "" if device == port else "opened_as")
 
 

@@ -93,7 +93,7 @@ def _devices(port: str) -> Iterator[str]:
         yield from _addresses(port)
         return
     try:
-        device = os.path.realpath(resolve(port, "port"))
+        device = os.path.realpath(resolve(port, "imu"))
     except DeviceFaultError:  # reported when it is opened
         return
     usb = next((found.usb for found in found_ports() if os.path.realpath(found.device) == device), None)

@@ -9,7 +9,7 @@ import numpy as np
 from calstation.connection.identify import is_text, line_values
 from calstation.devices.codecs.frame_checks import check_bytes
 from calstation.devices.codecs.packets import quoted
-from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, TableStatus
 from calstation.devices.links.modbus_link import ModbusRefusalError, NoAnswerError
 from calstation.devices.links.opening import SOCKETS
 from calstation.devices.links.serial_link import PortLostError
@@ -110,7 +110,7 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
         yield Finding("watchdog_off", "wrong")
     if status.fault == LOCAL_CONTROL:
         yield Finding("local_control", "look")
-    elif status.fault == UNTOLD:
+    elif status.fault == UNKNOWN_FAULT:
         yield Finding("fault_untold", "look")
     elif status.fault is not None:
         yield Finding("fault", "look", {"fault": status.fault})

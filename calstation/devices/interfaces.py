@@ -1,4 +1,4 @@
-"""What the sequencer may ask of a table and an IMU, and what they answer; all angles in rad."""
+"""Interfaces of a table and an IMU, as the sequencer uses them; all angles in rad."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,30 +8,35 @@ from calstation.errors import DeviceFaultError
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.physics.table import JointLimits
 
-#: A table's `fault` that is none: it is switched to its own panel and obeys nobody else.
+#: A table's `fault` while it is under local control and obeys its own panel only; not a latched fault.
 LOCAL_CONTROL = "local control"
 
 
-#: A table's `fault` where it says that there is one and not which.
-UNTOLD = "cause not told"
+#: A table's `fault` if it reports a fault without its cause.
+UNKNOWN_FAULT = "cause not told"
 
 
 class OtherModelError(DeviceFaultError):
-    """Not the device that the profile is for answers: `found` instead of `expected`."""
+    """Another device than the profile's answers."""
 
-    def __init__(self, text: str, found: str, expected: str) -> None:
-        super().__init__(text)
-        self.found = found
-        self.expected = expected
+    @property
+    def found(self) -> str:
+        """What the device reports."""
+        return str(self.values["found"])
+
+    @property
+    def expected(self) -> str:
+        """What the profile states."""
+        return str(self.values["expected"])
 
 
 class NoFramesError(DeviceFaultError):
-    """Bytes come on the IMU's link, and none of them belong to a frame."""
+    """Bytes arrive on the IMU's link, but none of them belong to a frame."""
 
 
 @dataclass(frozen=True)
 class TableIdentity:
-    """Who answers on the table's link."""
+    """Identity of a table."""
 
     model: str
     serial: str
@@ -39,16 +44,16 @@ class TableIdentity:
 
 @dataclass(frozen=True)
 class TableStatus:
-    """A table as polled once.
+    """State of a table, from one poll.
 
     Attributes
     ----------
-    angles, rates : of the joints outer, inner, cumulative, rad and rad/s, shape (2,); NaN where nothing measures them
+    angles, rates : of the joints outer, inner, cumulative, rad and rad/s, shape (2,); NaN if not measured
     enabled, homed, moving, settled : of both axes
-    fault : what is latched or keeps the table from obeying, None where nothing does
-    interlock_closed : True where the axes may be powered
-    watchdog : timeout of the table's own watchdog, host seconds; 0 where it is off, infinite where it has none
-    limits : travel set in the table; its rates and accelerations are the profile's
+    fault : latched fault, or another reason why the table does not obey; None if there is none
+    interlock_closed : whether the axes may be powered
+    watchdog : timeout of the table's own watchdog, host seconds; 0 if it is off, infinite if there is none
+    limits : travel set in the table; rates and accelerations are the profile's
     """
 
     angles: FloatArray
@@ -64,7 +69,7 @@ class TableStatus:
 
 
 class Table(Protocol):
-    """A two-axis table. Every call is bounded in time and raises DeviceFaultError where it fails."""
+    """A two-axis table. Every call is bounded in time and raises DeviceFaultError if it fails."""
 
     def identify(self) -> TableIdentity:
         """Model and serial number."""
@@ -79,7 +84,7 @@ class Table(Protocol):
         """Switch both axes off."""
 
     def home(self) -> None:
-        """Start slow homing; `status` tells when it is done."""
+        """Start slow homing; `status` reports when it is done."""
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
         """Start both joints towards absolute angles, rad, with rad/s and rad/s² at most; does not wait."""
@@ -87,8 +92,8 @@ class Table(Protocol):
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
         """Turn both joints endlessly, rad/s and rad/s², until stopped; does not wait.
 
-        Raises ConfigurationError where the table would not stop by itself once the link is lost: where no watchdog
-        is on and the profile states no stop of its own.
+        Raises ConfigurationError if the table would not stop by itself after a lost link: without an active watchdog,
+        and if the profile states no stop of its own.
         """
 
     def stop(self) -> None:
@@ -98,15 +103,15 @@ class Table(Protocol):
         """Clear a latched fault; never restarts motion."""
 
     def heartbeat(self) -> None:
-        """Feed the table's watchdog, where it has one."""
+        """Feed the table's watchdog if it has one."""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the link."""
 
 
 @dataclass(frozen=True)
 class ImuIdentity:
-    """Who answers on the IMU's link."""
+    """Identity of an IMU."""
 
     model: str
     serial: str
@@ -122,8 +127,8 @@ class SampleBatch:
     seq : unwrapped counter, shape (n,)
     time : IMU clock at the end of each sample, s, shape (n,)
     counts : gyro x y z, accel x y z, shape (n, 6)
-    temperature : °C, NaN where the frames carry none, shape (n,)
-    status : status word, 0 where the frames carry none, shape (n,)
+    temperature : °C, shape (n,); NaN if the frames carry none
+    status : status word, shape (n,); 0 if the frames carry none
     arrival : host monotonic time at which each sample's bytes were read, s, shape (n,)
     """
 
@@ -140,8 +145,15 @@ class SampleBatch:
 
 @dataclass(frozen=True)
 class LinkStats:
-    """Counts since the link was opened: frames and bytes read, frames with a wrong check, bytes that belong
-    to no frame, interruptions of the counter, and how often it began again."""
+    """Counts since the link was opened.
+
+    Attributes
+    ----------
+    frames, bytes : received
+    crc_errors : frames with a wrong check
+    skipped : bytes that belong to no frame
+    gaps, restarts : interruptions of the counter, and restarts among them
+    """
 
     frames: int = 0
     bytes: int = 0
@@ -152,28 +164,28 @@ class LinkStats:
 
 
 class Imu(Protocol):
-    """An IMU. Calls raise DeviceFaultError where the link or the unit fails."""
+    """An IMU. Calls raise DeviceFaultError if the link or the unit fails."""
 
     @property
     def stats(self) -> LinkStats:
         """Counts so far."""
 
     def start(self, *, corrected: bool = False) -> None:
-        """Begin to stream; `corrected`: with the registers applied, where the profile says how that is told.
+        """Begin to stream; `corrected`: with the registers applied, if the profile states how.
 
-        What is read from then on is of that kind alone. A restart falls back to the other.
+        What is read from then on is of that kind alone. A restart returns to the raw stream.
         """
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
-        """Find a unit that may have restarted by itself: who answers, asked for as long as that may take, then `start`.
+        """Identify a unit that may have restarted by itself, for as long as a restart may take, then `start`.
 
-        `hear` : called between two questions, may raise. None where the unit takes no command.
+        `check_cancelled` is called between two attempts and may raise. Returns None if the unit takes no command.
         """
 
     def read(self) -> SampleBatch:
         """Everything decoded since the last call, possibly nothing; never waits.
 
-        Raises NoFramesError where bytes come and none of them belong to a frame.
+        Raises NoFramesError if bytes arrive and none of them belong to a frame.
         """
 
     def identify(self) -> ImuIdentity:
@@ -189,7 +201,7 @@ class Imu(Protocol):
         """Make the registers permanent."""
 
     def reset(self) -> None:
-        """Restart the unit, and return once it has: what it then tells is what its flash holds."""
+        """Restart the unit and return once it has; its registers are then those of its flash."""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the link."""

@@ -26,7 +26,8 @@ class Entry:
     window : what to do, where the window offers another way than the command line; empty where it does not
     zh, zh_remedy : text and remedy in Chinese, as the window shows them
     severity : ``info``, ``warning`` or ``error``
-    source : where the cause is: a code of the family ``source``, such as ``table``; empty where it needs no name
+    source : where the cause is: a code of the family ``source``, such as ``table``, or a value in braces that has one;
+        empty if it needs no name
     resettable : whether an operator may reset the fault on the device
     """
 

@@ -105,7 +105,7 @@ def render(
     found = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
     form = _Formatter(language, window, options)
-    source = term("source", found.source, language) if found.source else ""
+    source = term("source", found.source.format(**values), language) if found.source else ""
     text, remedy = _templates(found, language, window)
     return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values))
 
@@ -157,7 +157,7 @@ class _Formatter(string.Formatter):
             return text.remedy if format_spec == "remedy" else text.text
         if isinstance(value, list | tuple):
             between = "、" if self._language == "zh_CN" else ", "
-            return between.join(self.format_field(item, format_spec) for item in value)
+            return between.join(self.format_field(item, format_spec) for item in value) or "–"
         if format_spec.startswith("@"):
             return term(format_spec[1:], str(value), self._language)
         if value is None:

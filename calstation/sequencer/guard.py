@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Callable
 
-from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, Table, TableStatus
+from calstation.devices.interfaces import LOCAL_CONTROL, UNKNOWN_FAULT, Table, TableStatus
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages.rendering import Text, os_reason
 from calstation.physics.motion import Move
@@ -41,7 +41,7 @@ def check_power(status: TableStatus) -> None:
 
 def latched(fault: str) -> DeviceFaultError:
     """The error for a fault that the table has latched, named as its profile names it."""
-    if fault == UNTOLD:
+    if fault == UNKNOWN_FAULT:
         return DeviceFaultError("table.latched_unknown")
     return DeviceFaultError(f"table.latched_{fault if fault in _LATCHED else 'other'}", fault=fault)
 

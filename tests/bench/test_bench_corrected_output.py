@@ -110,7 +110,7 @@ def test_the_driver_changes_over_and_nothing_of_the_other_kind_is_read(start_ben
     profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml").with_timeout(2.0)
     told = {"grade": "mems", "imu_protocol": protocol, "output": profile.stream.output}
     with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **told) as bench:
-        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "IMU"), profile, "")
+        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "imu"), profile, "")
 
         def means(**kind):
             imu.start(**kind)
@@ -146,7 +146,7 @@ def test_an_unknown_kind_of_stream_is_refused(start_bench):
     profile = load_imu_profile(IMUS / "bench_mems.toml")
     other = profile.model_copy(update={"corrected": profile.corrected.model_copy(update={"stream": 7})})
     with start_bench(grade="mems") as bench:
-        imu = open_imu(SerialLink(bench.endpoints["imu"], other.link, "IMU"), other, "")
+        imu = open_imu(SerialLink(bench.endpoints["imu"], other.link, "imu"), other, "")
         try:
             with pytest.raises(ImuRefusalError, match="the value is refused"):
                 imu.start(corrected=True)

@@ -49,7 +49,7 @@ def test_registers_of_a_slow_unit_are_its_own(start_bench, transport):
     with start_bench(
         grade="mems", imu_protocol="modbus", imu_transport=transport, serial="SN-000042"
     ) as bench:
-        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "IMU"), profile, "")
+        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "imu"), profile, "")
         try:
             imu.write_registers(wanted)
             for behind in (0, 3, 6):

@@ -9,7 +9,7 @@ import pytest
 from calstation.bench.table.machine import Fault, TableLimits, TableMachine
 from calstation.bench.table.text import LANGUAGES, Axes
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
-from calstation.devices.interfaces import UNTOLD
+from calstation.devices.interfaces import UNKNOWN_FAULT
 from calstation.devices.links.text_link import TextRefusalError
 from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.text_table import TextTable
@@ -142,7 +142,7 @@ def test_the_driver_moves_the_bench(start_bench, language, transport):
             angles = np.rad2deg(table.status().angles)
             assert 0.0 < angles[0] < 29.0
             bench.ask(order="interlock", value=0.0)
-            assert table.status().fault in ("interlock", UNTOLD)
+            assert table.status().fault in ("interlock", UNKNOWN_FAULT)
             assert not table.status().enabled
             bench.ask(order="interlock", value=1.0)
             table.reset_fault()

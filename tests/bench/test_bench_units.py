@@ -135,7 +135,7 @@ def test_the_driver_reads_writes_and_streams(start_bench, protocol, transport):
     entries = RegisterMap(tuple(profile.registers))
     told = {"grade": "mems", "imu_protocol": protocol, "imu_transport": transport, "output": output}
     with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **told) as bench:
-        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "IMU"), profile, "")
+        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "imu"), profile, "")
         try:
             imu.start()
             assert imu.identify().serial == "SN-000042"
@@ -170,7 +170,7 @@ def test_an_error_of_the_bench_s_vectornav_is_told(start_bench):
     section = profile.vectornav.model_copy(update={"start": ["VNWRG,75,1,5,05,0001,001C"]})
     profile = profile.model_copy(update={"vectornav": section})
     with start_bench(grade="mems", imu_protocol="vectornav", output="rate") as bench:
-        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "IMU"), profile, "")
+        imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "imu"), profile, "")
         try:
             with pytest.raises(ImuRefusalError, match="invalid parameter"):
                 imu.start()

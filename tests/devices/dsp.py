@@ -117,7 +117,7 @@ class Wire:
 
     def _check(self) -> None:
         if self._supply.dark:
-            raise PortLostError("IMU: port memory was lost (no power); check cable and power")
+            raise PortLostError("link.lost", device="imu", port="memory", reason="no power")
 
 
 @cache
@@ -156,7 +156,7 @@ def direct(driver: type[RegisteredImu]) -> type[RegisteredImu]:
             except PortLostError as error:
                 self._failure = error
                 raise
-            raise PortLostError("IMU: no answer")
+            raise PortLostError("link.lost", device="imu", port="memory", reason="no answer")
 
     return Direct
 

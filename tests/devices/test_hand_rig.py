@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers import complaint, raises_code
 
 from calstation.config import library
 from calstation.devices.profiles.table import TableProfile, load_table_profile
@@ -35,15 +36,15 @@ def test_it_is_at_rest_ready_and_nobody_knows_its_angles(profile: TableProfile) 
 
 def test_it_refuses_to_be_driven(profile: TableProfile) -> None:
     table = ManualTable(profile)
-    with pytest.raises(ConfigurationError, match="turned by hand and cannot be driven"):
+    with raises_code(ConfigurationError, "table.rig_cannot_move"):
         table.move(0.1, 0.0, 1.0, 1.0)
-    with pytest.raises(ConfigurationError, match="turned by hand and cannot be driven"):
+    with raises_code(ConfigurationError, "table.rig_cannot_move"):
         table.rate(0.1, 0.0, 1.0)
 
 
 def test_it_has_no_port(profile: TableProfile) -> None:
     assert profile.by_hand
-    with pytest.raises(ConfigurationError, match="they have no port"):
+    with raises_code(ConfigurationError, "table.rig_without_port"):
         open_table("/dev/ttyS0", profile, None)
 
 
@@ -52,5 +53,6 @@ def test_it_has_no_port(profile: TableProfile) -> None:
     [("commands", {"move": 1}), ("link_loss_stop_s", 1.0), ("modbus", {"unit": 1, "timeout_s": 1})],
 )
 def test_what_belongs_to_a_driven_table_is_refused(section: str, value: object) -> None:
-    with pytest.raises(ConfigurationError, match='does not belong to protocol = "hand"'):
+    with pytest.raises(ConfigurationError) as caught:
         validate(TableProfile, {**read_toml(PATH), section: value}, "hand.toml")
+    assert complaint(caught.value) == f"{section} profile.not_with"

@@ -6,6 +6,7 @@ import sys
 import threading
 
 import pytest
+from helpers import raises_code
 
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.serial_settings import SerialSettings
@@ -16,7 +17,7 @@ SETTINGS = SerialSettings()
 
 def test_bytes_pass_both_ways_over_a_socket() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        link = SerialLink(f"socket://127.0.0.1:{server.getsockname()[1]}", SETTINGS, "IMU")
+        link = SerialLink(f"socket://127.0.0.1:{server.getsockname()[1]}", SETTINGS, "imu")
         peer, _ = server.accept()
         assert link.read(0.01) == b""
         peer.sendall(b"\x55" * 1000)
@@ -24,14 +25,14 @@ def test_bytes_pass_both_ways_over_a_socket() -> None:
         link.write(b"hello")
         assert peer.recv(10) == b"hello"
         peer.close()
-        with pytest.raises(DeviceFaultError, match=r"IMU: port socket://.* was lost"):
+        with raises_code(DeviceFaultError, "link.lost"):
             link.read(1.0)
         link.close()
 
 
 def test_a_waiting_read_returns_with_the_first_bytes() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        link = SerialLink(f"socket://127.0.0.1:{server.getsockname()[1]}", SETTINGS, "IMU")
+        link = SerialLink(f"socket://127.0.0.1:{server.getsockname()[1]}", SETTINGS, "imu")
         peer, _ = server.accept()
         timer = threading.Timer(0.05, lambda: peer.sendall(b"x"))
         timer.start()
@@ -41,39 +42,42 @@ def test_a_waiting_read_returns_with_the_first_bytes() -> None:
         link.close()
 
 
-def test_a_port_that_does_not_exist_is_told_with_those_that_do() -> None:
+def test_a_missing_port_is_reported_with_the_present_ones() -> None:
     name = "COM250" if sys.platform == "win32" else "/dev/ttyNONE7"
-    with pytest.raises(DeviceFaultError) as caught:
-        SerialLink(name, SETTINGS, "IMU")
-    assert str(caught.value).startswith(f"IMU: port {name} cannot be opened (")
-    assert "ports found:" in str(caught.value)
+    with raises_code(DeviceFaultError, "link.no_such_port") as caught:
+        SerialLink(name, SETTINGS, "imu")
+    assert caught.value.values["port"] == name
+    assert isinstance(caught.value.values["found"], list)
     assert "\n" not in str(caught.value)
 
 
-def test_a_refused_connection_is_told() -> None:
+def test_a_refused_connection_is_reported() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    with pytest.raises(DeviceFaultError, match=f"port socket://127.0.0.1:{port} cannot be opened"):
+    with raises_code(DeviceFaultError, "link.nothing_served"):
         SerialLink(f"socket://127.0.0.1:{port}", SETTINGS, "table")
 
 
-@pytest.mark.parametrize("port", ["nosuch://x", "socket://x", ""])
-def test_an_impossible_port_is_told(port: str) -> None:
-    with pytest.raises(CalstationError, match="IMU: port") as caught:
-        SerialLink(port, SETTINGS, "IMU")
+@pytest.mark.parametrize(
+    ("port", "code"),
+    [("nosuch://x", "link.bad_settings"), ("socket://x", "link.nothing_served"), ("", "link.no_such_port")],
+)
+def test_an_impossible_port_is_reported(port: str, code: str) -> None:
+    with raises_code(CalstationError, code) as caught:
+        SerialLink(port, SETTINGS, "imu")
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
-def test_a_pulled_plug_is_told_on_a_terminal() -> None:
+def test_a_pulled_plug_is_reported_on_a_terminal() -> None:
     master, slave = os.openpty()
-    link = SerialLink(os.ttyname(slave), SETTINGS, "IMU")
+    link = SerialLink(os.ttyname(slave), SETTINGS, "imu")
     os.write(master, b"abc")
     assert link.read(1.0) == b"abc"
     os.close(slave)
     os.close(master)
-    with pytest.raises(DeviceFaultError, match="was lost"):
+    with raises_code(DeviceFaultError, "link.lost"):
         link.read(1.0)
-    with pytest.raises(DeviceFaultError, match="was lost"):
+    with raises_code(DeviceFaultError, "link.lost"):
         link.write(b"x")
     link.close()

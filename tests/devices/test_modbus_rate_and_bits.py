@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from helpers import raises_code
 from test_modbus_table import image, long, quick, read, table, write
 
-from calstation.devices.interfaces import UNTOLD
+from calstation.devices.interfaces import UNKNOWN_FAULT
 from calstation.devices.profiles.table import TableProfile
 from calstation.errors import ConfigurationError
 
@@ -31,7 +32,7 @@ def test_an_endless_rate_on_the_wire() -> None:
 def test_no_endless_rate_while_the_watchdog_is_off() -> None:
     with (
         table([polled(watchdog=0)]) as (driver, _),
-        pytest.raises(ConfigurationError, match="a lost link would leave it turning"),
+        raises_code(ConfigurationError, "table.would_not_stop"),
     ):
         driver.rate(0.1, 0.0, 0.1)
 
@@ -49,11 +50,14 @@ def test_a_stop_of_its_own_stands_in_for_the_watchdog() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rates", "told"),
-    [((130.0, 0.0, 10.0), "rate 130 °/s of the outer axis"), ((1.0, 1.0, 0.0), "acceleration 0")],
+    ("rates", "code"),
+    [
+        ((130.0, 0.0, 10.0), "table.rate_above_limit"),
+        ((1.0, 1.0, 0.0), "table.acceleration_outside_limits"),
+    ],
 )
-def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], told: str) -> None:
-    with table([polled()]) as (driver, _), pytest.raises(ConfigurationError, match=told):
+def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], code: str) -> None:
+    with table([polled()]) as (driver, _), raises_code(ConfigurationError, code):
         driver.rate(*np.deg2rad(rates))
 
 
@@ -61,7 +65,7 @@ def test_a_profile_without_the_command_says_so() -> None:
     without: TableProfile = quick().model_copy(update={"commands": {"move": 1, "stop": 2, "home": 3}})
     with (
         table([], without) as (driver, _),
-        pytest.raises(ConfigurationError, match=r"no commands\.rate; add it"),
+        raises_code(ConfigurationError, "table.no_rate_command"),
     ):
         driver.rate(0.1, 0.0, 0.1)
 
@@ -73,7 +77,7 @@ def test_a_profile_without_the_command_says_so() -> None:
         (0x1427, 0, "local control"),
         (0x1E27, 0, "limit"),
         (0x1C27, 0, "local control"),
-        (0x1628, 0, UNTOLD),
+        (0x1628, 0, UNKNOWN_FAULT),
         (0x1E27, 4, "drive"),
     ],
 )

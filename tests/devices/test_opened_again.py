@@ -5,6 +5,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+from helpers import raises_code
 from rtu_server import RtuServer
 from serial.tools import list_ports
 from test_modbus_table import image, quick
@@ -64,9 +65,7 @@ def test_another_table_behind_the_same_name_is_told_nothing(plugged: list[str]) 
         first.close()
         plugged.append(other.port)
         for order in (table.stop, table.heartbeat, lambda: table.move(0.1, 0.1, 0.1, 0.1)):
-            with pytest.raises(
-                DeviceFaultError, match=r"'T-0002' answers on usb:A9XYZ where 'T-0001' did; .* plugged"
-            ):
+            with raises_code(DeviceFaultError, "table.other_table"):
                 order()
         assert {function for function, _, _ in other.requests} == {3}
     finally:
@@ -80,7 +79,5 @@ def test_an_adapter_that_is_still_out_is_a_lost_link(plugged: list[str]) -> None
     table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())
     first.close()
     plugged.clear()
-    with pytest.raises(
-        DeviceFaultError, match=r"cannot be read on usb:A9XYZ \(the link is gone\); check cable"
-    ):
+    with raises_code(DeviceFaultError, "table.read_unanswered"):
         table.status()

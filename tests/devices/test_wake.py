@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import raises_code
 
 from calstation.bench.imu.frames import REPLY_SYNC, crc16, pack, stream_frames
 from calstation.bench.imu.modbus_dsp import DspUnit
@@ -104,7 +105,7 @@ def test_one_that_never_answers_is_told_within_the_time_of_a_restart(name: str) 
     with driver(name, reset_timeout_s=0.2) as (imu, link):
         imu.start()
         link.restart(lost=10**6)
-        with pytest.raises(DeviceFaultError, match="no answer on memory"):
+        with raises_code(DeviceFaultError, "imu.answer_not_framed"):
             imu.wake(lambda: None)
 
 
@@ -129,7 +130,7 @@ def test_what_it_sends_unasked_is_no_wrong_baud() -> None:
         imu.start()
         # As it leaves the factory: lines of text that no frame of the profile is among.
         link.restart(lost=0, says=b"$VNYMR,+006.271,+000.031,-002.000,+01.0640,-00.2531,+03.0614*65\r\n")
-        with pytest.raises(NoFramesError, match="no frame is recognised"):
+        with raises_code(NoFramesError, "imu.no_frames"):
             read_for(imu, 20.0)
         imu.wake(lambda: None)
         assert link.unit.streaming
@@ -138,7 +139,7 @@ def test_what_it_sends_unasked_is_no_wrong_baud() -> None:
 def test_another_model_is_told_at_once() -> None:
     with driver("bench_nav") as (imu, link):
         link.unit.answer = lambda op, payload, time: pack(REPLY_SYNC, op, b"other;SN-7;1")  # type: ignore[method-assign]
-        with pytest.raises(OtherModelError, match="'other' answers"):
+        with raises_code(OtherModelError, "imu.other_model"):
             imu.wake(lambda: None)
 
 

@@ -146,7 +146,7 @@ def test_exceptions_of_libmodbus_are_told_and_writes_are_made_once(
     with libmodbus(server_program, transport) as port:
         link = ModbusLink(port, 1, 2.0, SERIAL)
         try:
-            with pytest.raises(ModbusRefusalError, match="no such register") as caught:
+            with pytest.raises(ModbusRefusalError) as caught:
                 link.read(60, 10)
             assert caught.value.exception == 2
             for count in (1, 2, 3):
@@ -156,7 +156,7 @@ def test_exceptions_of_libmodbus_are_told_and_writes_are_made_once(
             assert link.read(30, 14) == list(range(14))
             assert len(link.read(0, 64)) == 64
             link.write(23, [0xDEAD])
-            with pytest.raises(ModbusRefusalError, match="busy") as caught:
+            with pytest.raises(ModbusRefusalError) as caught:
                 link.read(16, 1)
             assert caught.value.exception == 6
         finally:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD
+from calstation.devices.interfaces import LOCAL_CONTROL, UNKNOWN_FAULT
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.motion import Move
 from calstation.physics.table import JointLimits
@@ -31,7 +31,7 @@ def test_a_proper_move_is_allowed() -> None:
         ({"interlock_closed": False}, "motion.interlock_open"),
         ({"fault": "drive"}, "table.latched_drive"),
         ({"fault": "code 17"}, "table.latched_other"),
-        ({"fault": UNTOLD}, "table.latched_unknown"),
+        ({"fault": UNKNOWN_FAULT}, "table.latched_unknown"),
         ({"fault": LOCAL_CONTROL}, "motion.local_control"),
     ],
 )

@@ -150,7 +150,7 @@ def test_a_port_that_does_not_exist(test: Any, monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize("test", [table, imu])
 def test_a_port_in_use(test: Any) -> None:
     with terminal(silent) as port:
-        other = SerialLink(port, SerialSettings(), "other")
+        other = SerialLink(port, SerialSettings(), "imu")
         assert wrong(test(port=port)).id == "busy"
         other.close()
 

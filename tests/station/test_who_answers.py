@@ -284,7 +284,7 @@ def test_why_there_is_no_connection_is_told(work: Any) -> None:
 def test_why_a_serial_port_does_not_open_is_told(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(list_ports, "comports", lambda: [])
     with terminal(silent) as port:
-        other = SerialLink(port, SerialSettings(), "other")
+        other = SerialLink(port, SerialSettings(), "imu")
         with pytest.raises(DeviceFaultError, match="another program uses it"):
             work(tell, order(table={"port": port}))
         other.close()

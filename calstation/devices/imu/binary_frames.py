@@ -1,4 +1,4 @@
-"""Kinds of packets in a byte stream: how long one is, whether it is sound, where its numbers stand."""
+"""Binary frames in a byte stream: their size, validity and numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ Column = FloatArray | IntArray
 
 @dataclass(frozen=True)
 class Columns:
-    """Numbers of packets in a row.
+    """Numbers of consecutive packets.
 
     Attributes
     ----------
-    values : raw numbers by field, 0 or NaN where a packet has none, shape (n,)
+    values : raw numbers by field, shape (n,); 0 or NaN if a packet has none
     present : which packets have the field, shape (n,)
     """
 
@@ -27,7 +27,7 @@ class Columns:
 
 
 class BinaryFrame:
-    """Frames of a binary format: fixed, of told length, or of items with ids.
+    """Frames of a binary format: fixed, with a length field, or of items with ids.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class BinaryFrame:
         self._tail = frame.tail_bytes
         self._id = hex_bytes(frame.id.value) if frame.id else b""
         self._places = [(f, at) for f, at, _ in frame.positions() if not f.is_spare]
-        #: Bytes of a frame, of the shortest where they differ.
+        #: Smallest size of a frame in bytes.
         self.shortest = self._shortest()
         self._fixed = frame.length is None
         self._layouts: dict[tuple[int, bytes], Layout] = {}
@@ -73,7 +73,7 @@ class BinaryFrame:
         return size if self.shortest <= size <= self._frame.max_size else 0
 
     def is_valid(self, packet: bytes) -> bool:
-        """See `PacketKind`; items that do not fill a frame exactly make it unsound."""
+        """See `PacketKind`; a frame whose items do not fill it exactly is invalid."""
         end = len(packet) - len(self._tail) - self._check_size
         if not packet.endswith(self._tail):
             return False
@@ -83,12 +83,12 @@ class BinaryFrame:
         return self._frame.items is None or not self.is_sample(packet) or self._walk(packet) is not None
 
     def is_sample(self, packet: bytes) -> bool:
-        """Whether a sound packet is of the samples' id."""
+        """Whether a valid packet has the samples' id."""
         at = self._frame.id.at if self._frame.id else 0
         return packet[at : at + len(self._id)] == self._id
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
-        """Numbers of sound packets, decoded at once for all that are laid out alike."""
+        """Numbers of valid packets, decoded at once for all of one layout."""
         count = len(packets)
         alike: dict[tuple[int, bytes], list[int]] = {}
         if self._fixed:
@@ -116,7 +116,7 @@ class BinaryFrame:
         return found
 
     def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
-        """Packets of one key have their numbers in the same places."""
+        """Key of a packet's layout: packets of one key have their numbers at the same bytes."""
         if self._frame.items is None:
             return len(packet), b""
         heads = self._walk(packet) or []
@@ -124,7 +124,7 @@ class BinaryFrame:
         return len(packet), b"".join(packet[at - width : at] for _, at, _ in heads)
 
     def _layout(self, packet: bytes, key: tuple[int, bytes]) -> "Layout":
-        """Where the numbers of packets of a key stand, by one of them."""
+        """The layout of packets of a key, by one of them."""
         layout = self._layouts.get(key)
         if layout is None:
             layout = Layout(len(packet), self._find(packet), self._frame.byte_order)
@@ -148,7 +148,7 @@ class BinaryFrame:
         return places
 
     def _extra(self, packet: bytes) -> int:
-        """By how much an extended length moves what follows it."""
+        """Bytes by which an extended length shifts what follows it."""
         length = self._frame.length
         if length is None or not length.extended:
             return 0
@@ -157,7 +157,7 @@ class BinaryFrame:
         return number(length.extended).width if long else 0
 
     def _walk(self, packet: bytes) -> list[tuple[bytes, int, int]] | None:
-        """Id, place of the data and its size of every item; None where they do not fill the packet exactly."""
+        """Id, start and size of the data of every item; None if they do not fill the packet exactly."""
         items = self._frame.items
         assert items is not None
         place = items.at + self._extra(packet)
@@ -179,7 +179,7 @@ class BinaryFrame:
 
 
 class Layout:
-    """Where the numbers of packets of one size stand.
+    """Positions of the numbers in packets of one size.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ class Layout:
         self._odd = [(f, at, number(f.type)) for f, at, kind in native if kind is None]
 
     def read(self, packets: bytes) -> dict[str, Column]:
-        """Numbers by field of packets one after the other."""
+        """Numbers by field of concatenated packets."""
         if not self._size:
             return {}
         rows = np.frombuffer(packets, self._plain)
@@ -220,7 +220,7 @@ class Layout:
         return found
 
 
-#: Layouts remembered: noise that passes a check must not fill the memory.
+#: Number of layouts that are remembered: noise that passes a check must not fill the memory.
 _LAYOUTS_KEPT = 256
 
 

@@ -1,4 +1,4 @@
-"""Driver of an IMU whose samples and command replies come as binary frames on one serial link."""
+"""Driver of an IMU whose samples and command replies are binary frames on one serial link."""
 
 import struct
 from collections.abc import Iterator
@@ -14,24 +14,17 @@ from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.imu_sections import OPS
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
+from calstation.messages.rendering import Text
 
-#: Usual codes of the errors in replies.
-ERRORS = {
-    "1": "unknown command",
-    "2": "no such register",
-    "3": "flash busy",
-    "4": "it cannot do it in its present state",
-    "5": "the value is refused",
+#: Usual error codes in replies.
+_ERRORS = {
+    1: Text("imu.framed_1"),
+    2: Text("imu.framed_2"),
+    3: Text("imu.framed_3"),
+    4: Text("imu.framed_4"),
+    5: Text("imu.framed_5"),
 }
 
-#: What to do about them.
-MENDS = {
-    "1": "compare [commands] of the IMU profile with the unit's manual",
-    "2": "check the addresses of the registers in the IMU profile",
-    "3": "wait until it is done, then start again",
-    "4": "switch the unit off and on, then start again",
-    "5": "check type, scale and range of the registers in the IMU profile",
-}
 _ATTEMPTS = 3
 _VALUES_PER_TRANSFER = 32
 _PAYLOAD = 255
@@ -45,7 +38,7 @@ class FramedImu(RegisteredImu):
     Parameters
     ----------
     link : open port
-    profile : what the bytes mean
+    profile : IMU profile
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
@@ -64,14 +57,11 @@ class FramedImu(RegisteredImu):
         head = struct.pack(self._format("HB"), address, count)
         answer = self._ask("read_words", head, head)
         if len(answer) != len(head) + 2 * count:
-            raise DeviceFaultError(
-                f"table: registers {address}-{address + count - 1} cannot be read: the answer has another length;"
-                " compare op read_words of the IMU profile with the unit's manual"
-            )
+            raise DeviceFaultError("table.answer_length", address=address, last=address + count - 1)
         return list(struct.unpack(self._format(f"{count}H"), answer[len(head) :]))
 
     def write_words(self, address: int, values: list[int], repeat: bool) -> None:
-        """Write 16-bit registers of the system's own axes; a lost answer is asked for again only where `repeat`."""
+        """Write 16-bit registers of the system's own axes; a lost answer is asked for again only if `repeat`."""
         head = struct.pack(self._format("HB"), address, len(values))
         body = struct.pack(self._format(f"{len(values)}H"), *values)
         question = self._question("write_words", head + body, head)
@@ -87,19 +77,13 @@ class FramedImu(RegisteredImu):
         text = self._ask("identify", b"", attempts=attempts).decode("ascii", errors="replace")
         parts = [part.strip() for part in text.split(";")]
         if len(parts) != 3:
-            raise OtherModelError(
-                f"IMU: identity '{text}' is not 'model;serial;firmware'; choose another profile",
-                text,
-                "model;serial;firmware",
-            )
+            raise OtherModelError("imu.identity_malformed", found=text, expected="model;serial;firmware")
         return ImuIdentity(*parts)
 
     def _burn(self) -> None:
         answer = self._ask("commit", b"", attempts=1, timeout=self._commit_timeout)
         if answer[:1] != b"\x00":
-            raise DeviceFaultError(
-                "IMU: the unit refused to commit its registers; power it off and on, try again"
-            )
+            raise DeviceFaultError("imu.commit_refused")
 
     def _restart(self) -> None:
         self._ask("reset", b"", attempts=1)
@@ -112,8 +96,10 @@ class FramedImu(RegisteredImu):
             answer = self._ask("read", head, head)
             if len(answer) != len(head) + kind.width * count:
                 raise DeviceFaultError(
-                    f"IMU: register {entry.address_of(begin)} answers with {len(answer)} bytes, not"
-                    f" {len(head) + kind.width * count}; check its type and parameters in the IMU profile"
+                    "imu.answer_size",
+                    address=entry.address_of(begin),
+                    size=len(answer),
+                    expected=len(head) + kind.width * count,
                 )
             body = answer[len(head) :]
             numbers += [
@@ -129,10 +115,7 @@ class FramedImu(RegisteredImu):
             part = numbers[begin : begin + count]
             body = b"".join(kind.pack(value, order, entry.word_order) for value in part)
             if self._ask("write", head + body, head) != head:
-                raise DeviceFaultError(
-                    f"IMU: register {entry.address_of(begin)} was not taken, nothing was committed; look at the unit's"
-                    " supply and write protection, then check this register in the IMU profile"
-                )
+                raise DeviceFaultError("imu.not_taken", address=entry.address_of(begin))
 
     def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int]]:
         """First number and count of each transfer of an entry."""
@@ -156,7 +139,7 @@ class FramedImu(RegisteredImu):
         return self.exchange(question, timeout=timeout or self._commands.timeout_s, attempts=attempts)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
-        """Who it is, then registers, in ever shorter parts."""
+        """The identity, then registers in ever shorter parts."""
         yield self._question("identify", b"", b"")
         transfers = [(e, *part) for e in self._registers.entries for part in self._transfers(e)]
         for shorter in range(max((count for _, _, count in transfers), default=0)):
@@ -166,20 +149,26 @@ class FramedImu(RegisteredImu):
                     yield self._question("read", head, head)
 
     def _question(self, name: str, payload: bytes, begins: bytes) -> Question[bytes]:
-        ops, meanings = {**OPS, **self._commands.ops}, self._commands.errors or ERRORS
+        ops = {**OPS, **self._commands.ops}
         op = ops[name]
 
         def take(reply: Reply) -> bytes | None:
             if reply.op == ops["error"]:
                 code = reply.payload[0] if reply.payload else 0
-                reason = meanings.get(str(code), f"code {code}")
-                busy = code in self._commands.busy_codes
-                # A unit's own codes mean what its manual says.
-                mends = {} if self._commands.errors else MENDS
-                mend = MENDS["3"] if busy else mends.get(str(code), "look this error up in the unit's manual")
-                text = f"IMU: command '{name}' was refused: {reason}; {mend}"
-                raise ImuBusyError(text, reason) if busy else ImuRefusalError(text, reason)
+                error = ImuBusyError if code in self._commands.busy_codes else ImuRefusalError
+                raise error("imu.command_refused", command=name, reason=self._meaning(code))
             return reply.payload if reply.op == op and reply.payload.startswith(begins) else None
 
         request = command_frame(self._commands, self._profile.frame, op, payload)
         return Question(request, (op, begins), take)
+
+    def _meaning(self, code: int) -> Text:
+        """What an error code means, by the profile's own meanings or the usual ones."""
+        own = self._commands.errors.get(str(code))
+        if own is not None and code in self._commands.busy_codes:
+            return Text.of("imu.framed_own_busy", meaning=own)
+        if own is not None:
+            return Text.of("imu.framed_own", meaning=own)
+        if self._commands.errors or code not in _ERRORS:
+            return Text.of("imu.framed_other", number=code)
+        return _ERRORS[code]

@@ -1,4 +1,4 @@
-"""Decodes a byte stream into samples and command replies, in bulk and the same however it was cut."""
+"""Decodes a byte stream into samples and command replies, in bulk and independent of how the stream was cut."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _REPLY_HEADER = 2  # op, payload length
 
 @dataclass(frozen=True)
 class Frames:
-    """Sound frames that carry the samples' fields, in order.
+    """Valid frames that carry the samples' fields, in order.
 
     Attributes
     ----------
@@ -42,13 +42,13 @@ class Frames:
         needed = [self.columns.present.get(name) for name in ("counter", *CHANNELS)]
         if any(present is None for present in needed):
             return np.zeros(len(self), np.bool_)
-        # Fields that stand side by side share one array.
+        # Fields of one layout share one array.
         distinct = {id(present): present for present in needed if present is not None}
         return np.asarray(np.logical_and.reduce(list(distinct.values())))
 
     @staticmethod
     def join(parts: Sequence["Frames"]) -> "Frames":
-        """Frames of one decoder in one."""
+        """Concatenate frames of one decoder."""
         if len(parts) == 1:
             return parts[0]
         names = parts[0].columns.values
@@ -63,28 +63,28 @@ class Frames:
 
 @dataclass(frozen=True)
 class Decoded:
-    """What further bytes completed: frames of samples, and replies, each in order."""
+    """Frames of samples, and replies, that further bytes completed, each in order."""
 
     frames: Frames
     replies: tuple[Reply, ...]
 
 
 class FrameDecoder:
-    """Finds packets by their sync bytes and check; what fits none is skipped byte by byte.
+    """Finds packets by their sync bytes and check; other bytes are skipped one by one.
 
     A partial packet is kept until its rest comes, so the result does not depend on how the stream was cut.
-    What is kept is never more than the largest packet, and bytes that cannot begin one are not kept.
+    Never more than the largest packet is kept, and no bytes that cannot begin one.
 
     Parameters
     ----------
     frame : of the samples
-    commands : what answers commands between them: a section of the profile or a kind of packet
+    commands : packets that answer commands: a section of the profile or a kind of packet
 
     Attributes
     ----------
     crc_errors : packets whose check was wrong; skipped : bytes that belong to no packet
-    others : sound packets that carry no field of a sample
-    since_frame : bytes skipped since the last whole packet
+    others : valid packets that carry no field of a sample
+    since_frame : bytes skipped since the last valid packet
     """
 
     def __init__(self, frame: FrameSection, commands: "CommandSection | ReplyKind | None" = None) -> None:
@@ -93,7 +93,7 @@ class FrameDecoder:
         )
         self._replies = CommandReply(commands, frame) if isinstance(commands, CommandSection) else commands
         kinds: list[PacketKind] = [self._frame, *([self._replies] if self._replies else [])]
-        # Where one sync begins another, the longer is asked first.
+        # If one sync begins another, the longer one is tried first.
         self._kinds = sorted(kinds, key=lambda kind: -len(kind.sync))
         self._fields = {f.name: f for f in frame.fields}
         self._none = Frames((), self._frame.columns(()))
@@ -104,25 +104,25 @@ class FrameDecoder:
         self.since_frame = 0
 
     def feed(self, data: bytes) -> Decoded:
-        """Take further bytes and give what they complete."""
+        """Decode further bytes."""
         buffer = self._buffer + data
         replies: list[Reply] = []
         packets: list[bytes] = []
         search = _Search(buffer, [kind.sync for kind in self._kinds])
-        place = 0
-        while (start := search.next(place)) < len(buffer):
-            self._skip(start - place)
-            place = start
-            size, kind = self._packet(buffer, place)
+        start = 0
+        while (begin := search.next(start)) < len(buffer):
+            self._skip(begin - start)
+            start = begin
+            size, kind = self._packet(buffer, start)
             if size is None:
                 break
             if kind is None:
                 self.crc_errors += 1
                 self._skip(1)
-                place += 1
+                start += 1
                 continue
-            packet = buffer[place : place + size]
-            place += size
+            packet = buffer[start : start + size]
+            start += size
             self.since_frame = 0
             if kind is self._frame:
                 if self._frame.is_sample(packet):
@@ -132,9 +132,9 @@ class FrameDecoder:
             elif self._replies is not None:
                 replies.append(self._replies.reply(packet))
         else:
-            self._skip(len(buffer) - place)
-            place = len(buffer)
-        self._buffer = buffer[place:]
+            self._skip(len(buffer) - start)
+            start = len(buffer)
+        self._buffer = buffer[start:]
         frames = Frames(tuple(packets), self._frame.columns(packets)) if packets else self._none
         return Decoded(frames, tuple(replies))
 
@@ -169,45 +169,45 @@ class FrameDecoder:
         self.skipped += count
         self.since_frame += count
 
-    def _packet(self, buffer: bytes, place: int) -> tuple[int | None, PacketKind | None]:
-        """Size and kind of the packet at `place`: size None until more has come, kind None where it is none."""
+    def _packet(self, buffer: bytes, start: int) -> tuple[int | None, PacketKind | None]:
+        """Size and kind of the packet at `start`: size None until more bytes have come, kind None if there is none."""
         waiting = False
         for kind in self._kinds:
-            if not buffer.startswith(kind.sync, place):
+            if not buffer.startswith(kind.sync, start):
                 # Only the end of the buffer can still become a longer sync.
-                waiting |= kind.sync.startswith(buffer[place : place + len(kind.sync)])
+                waiting |= kind.sync.startswith(buffer[start : start + len(kind.sync)])
                 continue
-            size = kind.size(buffer, place)
-            if size is None or (size and place + size > len(buffer)):
+            size = kind.size(buffer, start)
+            if size is None or (size and start + size > len(buffer)):
                 waiting = True
-            elif size and kind.is_valid(buffer[place : place + size]):
+            elif size and kind.is_valid(buffer[start : start + size]):
                 return size, kind
         return (None if waiting else 0), None
 
 
 class _Search:
-    """The next place in a buffer where a sync begins, or may begin once more bytes have come."""
+    """Finds the next index in a buffer at which a sync begins, or may begin once more bytes have come."""
 
     def __init__(self, buffer: bytes, syncs: Iterable[bytes]) -> None:
         self._buffer = buffer
         self._syncs = tuple(syncs)
         self._found = dict.fromkeys(self._syncs, -1)
 
-    def next(self, place: int) -> int:
-        """The first such place from `place` on, the buffer's length where there is none."""
+    def next(self, start: int) -> int:
+        """The first such index from `start` on; the buffer's length if there is none."""
         nearest = len(self._buffer)
         for sync in self._syncs:
-            # Each sync's next place is looked up once: searching anew from every packet would cost its square.
-            if self._found[sync] < place:
-                at = self._buffer.find(sync, place)
-                self._found[sync] = at if at >= 0 else self._partial(sync, place)
+            # The next index of each sync is cached: a new search from every packet would take quadratic time.
+            if self._found[sync] < start:
+                at = self._buffer.find(sync, start)
+                self._found[sync] = at if at >= 0 else self._partial(sync, start)
             nearest = min(nearest, self._found[sync])
         return nearest
 
-    def _partial(self, sync: bytes, place: int) -> int:
-        """Where the buffer ends with a beginning of `sync`, else its length."""
+    def _partial(self, sync: bytes, start: int) -> int:
+        """Index at which the buffer ends with a beginning of `sync`, else its length."""
         end = len(self._buffer)
-        for begin in range(max(place, end - len(sync) + 1), end):
+        for begin in range(max(start, end - len(sync) + 1), end):
             if sync.startswith(self._buffer[begin:]):
                 return begin
         return end
@@ -226,25 +226,25 @@ class CommandReply:
         self._crc, self._width = commands.crc, CRC_WIDTHS[commands.crc]
         self._order = frame.byte_order
 
-    def size(self, buffer: bytes, place: int) -> int | None:
-        """See `PacketKind`."""
+    def size(self, buffer: bytes, start: int) -> int | None:
+        """See `packets.PacketKind`."""
         header = len(self.sync)
-        if len(buffer) - place < header + _REPLY_HEADER:
+        if len(buffer) - start < header + _REPLY_HEADER:
             return None
-        return header + _REPLY_HEADER + buffer[place + header + 1] + self._width
+        return header + _REPLY_HEADER + buffer[start + header + 1] + self._width
 
     def is_valid(self, packet: bytes) -> bool:
-        """See `PacketKind`."""
+        """See `packets.PacketKind`."""
         body = packet[len(self.sync) : -self._width]
         return check_bytes(self._crc, body, self._order) == packet[-self._width :]
 
     def reply(self, packet: bytes) -> Reply:
-        """See `ReplyKind`."""
+        """See `packets.ReplyKind`."""
         body = packet[len(self.sync) : -self._width]
         return Reply(body[0], body[_REPLY_HEADER:])
 
 
 def command_frame(commands: CommandSection, frame: FrameSection, op: int, payload: bytes) -> bytes:
-    """A request as it goes out: sync, op, length, payload, check."""
+    """The bytes of a request: sync, op, length, payload, check."""
     body = bytes([op, len(payload)]) + payload
     return hex_bytes(commands.request_sync) + body + check_bytes(commands.crc, body, frame.byte_order)

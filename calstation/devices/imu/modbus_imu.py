@@ -1,4 +1,4 @@
-"""Driver of an IMU whose registers are asked over Modbus RTU on the same serial line that carries its stream."""
+"""Driver of an IMU whose registers are accessed over Modbus RTU on the serial line of its stream."""
 
 import struct
 import time
@@ -10,29 +10,30 @@ from calstation.devices.codecs.packets import Reply
 from calstation.devices.imu.registered_imu import POLL, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links.modbus_link import ACKNOWLEDGED, MEANINGS, NOT_YET
+from calstation.devices.links.modbus_link import ACKNOWLEDGED, NOT_YET
 from calstation.devices.links.modbus_rtu import REFUSED, RtuReply, RtuRequest
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.imu_sections import TextRegisters, WordCommand
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
+from calstation.messages.rendering import Text
 
 _ATTEMPTS = 3
 #: Registers in one transfer.
 _MOST = 120
 
-#: What to do about Modbus exceptions of a unit, by their codes.
-MENDS = {
-    1: "compare [modbus] of the IMU profile with the unit's manual",
-    **dict.fromkeys(
-        (2, 3),
-        "look at its supply (a unit that restarts forgets its page), then check the registers in the IMU profile",
-    ),
-    4: "switch the unit off and on, then start again",
-    **dict.fromkeys(NOT_YET, "wait until it is done, then start again"),
-    8: "switch the unit off and on, replace it where that does not help",
-    **dict.fromkeys((10, 11), "check the gateway and modbus.unit of the IMU profile"),
+#: Modbus exceptions of a unit by their numbers.
+_EXCEPTIONS = {
+    1: Text("imu.modbus_1"),
+    2: Text("imu.modbus_2"),
+    3: Text("imu.modbus_3"),
+    4: Text("imu.modbus_4"),
+    5: Text("imu.modbus_5"),
+    6: Text("imu.modbus_6"),
+    8: Text("imu.modbus_8"),
+    10: Text("imu.modbus_10"),
+    11: Text("imu.modbus_11"),
 }
 
 
@@ -42,7 +43,7 @@ class ModbusImu(RegisteredImu):
     Parameters
     ----------
     link : open port
-    profile : what the bytes mean
+    profile : IMU profile
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
@@ -73,7 +74,7 @@ class ModbusImu(RegisteredImu):
         )
 
     def _burn(self) -> None:
-        self._order(self._section.commit, "commit", self._commit_timeout)
+        self._order(self._section.commit, self._commit_timeout)
 
     def _burning(self) -> bool:
         return not self._done(self._section.commit)
@@ -83,7 +84,7 @@ class ModbusImu(RegisteredImu):
             self._read(self._section.commit.address, 1)
 
     def _restart(self) -> None:
-        self._order(self._section.reset, "reset", self._section.timeout_s)
+        self._order(self._section.reset, self._section.timeout_s)
 
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
         self._turn_to(entry.page)
@@ -113,18 +114,18 @@ class ModbusImu(RegisteredImu):
         if self._section.page is not None:
             self._write(self._section.page, [page])
 
-    def _text(self, place: TextRegisters, attempts: int) -> str:
-        words = self._read(place.address, place.words, attempts)
+    def _text(self, registers: TextRegisters, attempts: int) -> str:
+        words = self._read(registers.address, registers.words, attempts)
         raw = b"".join(word.to_bytes(2, "big") for word in words)
         return raw.split(b"\0")[0].decode("ascii", errors="replace").strip()
 
-    def _order(self, command: WordCommand, what: str, timeout: float) -> None:
+    def _order(self, command: WordCommand, timeout: float) -> None:
         """Write a command's value, once, and wait until it is done."""
         deadline = time.monotonic() + self._commit_timeout
         try:
             self._write(command.address, [command.value], attempts=1, timeout=timeout)
         except ModbusBusyError as exc:
-            if exc.exception != ACKNOWLEDGED:
+            if exc.values["number"] != ACKNOWLEDGED:
                 raise
         else:
             if command.done is None:
@@ -132,16 +133,16 @@ class ModbusImu(RegisteredImu):
         while not self._done(command):
             if time.monotonic() > deadline:
                 raise DeviceFaultError(
-                    f"IMU: the {what} was not done within {self._commit_timeout:g} s; leave its power on until it is,"
-                    " then start again"
+                    "imu.reset_not_done" if command == self._section.reset else "imu.commit_not_done",
+                    seconds=self._commit_timeout,
                 )
             time.sleep(POLL)
 
     def _done(self, command: WordCommand) -> bool:
-        """Whether a unit that carries a command out has done it; it may be busy, or silent, until then."""
-        place = command.address if command.done is not None else self._section.model.address
+        """Whether the unit has carried out a command; until then it may be busy or silent."""
+        address = command.address if command.done is not None else self._section.model.address
         try:
-            return self._read(place, 1, attempts=1)[0] == command.done or command.done is None
+            return self._read(address, 1, attempts=1)[0] == command.done or command.done is None
         except ImuRefusalError as exc:
             if not isinstance(exc, ImuBusyError):
                 raise
@@ -152,7 +153,7 @@ class ModbusImu(RegisteredImu):
 
     @contextmanager
     def _quiet(self) -> Iterator[None]:
-        """The stream is off meanwhile, where the unit needs that."""
+        """Switch the stream off meanwhile if the unit needs it."""
         stream = self._section.stream
         if stream is None or stream.off is None:
             yield
@@ -174,7 +175,7 @@ class ModbusImu(RegisteredImu):
         self._ask(RtuRequest.write(self._section.unit, address, values), attempts, timeout)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
-        """Texts, whole and in part: they stand on no page."""
+        """Texts, whole and in part: they are on no page."""
         longest = max(self._texts, key=lambda text: text.words)
         for words in (*(text.words for text in self._texts), *range(1, longest.words)):
             address = next((text.address for text in self._texts if text.words == words), longest.address)
@@ -186,24 +187,19 @@ class ModbusImu(RegisteredImu):
 
 
 class ModbusBusyError(ImuBusyError):
-    """Modbus exception 5 or 6; `exception` is its number."""
-
-    def __init__(self, text: str, reason: str, code: int) -> None:
-        super().__init__(text, reason)
-        self.exception = code
+    """Modbus exception 5 or 6."""
 
 
 def _question(request: RtuRequest) -> Question[bytes]:
-    """A request whose answer's data are wanted."""
+    """The question of a request, which takes its answer's data."""
 
     def take(reply: Reply) -> bytes | None:
         if reply.op == request.function | REFUSED:
-            code = reply.payload[0]
-            reason = f"{MEANINGS.get(code, f'exception {code}')} (Modbus exception {code})"
-            mend = MENDS.get(code, "look this exception up in the unit's manual")
-            text = f"IMU: register {request.address} is refused: {reason}; {mend}"
-            raise ModbusBusyError(text, reason, code) if code in NOT_YET else ImuRefusalError(text, reason)
+            number = reply.payload[0]
+            reason = _EXCEPTIONS.get(number) or Text.of("imu.modbus_other", number=number)
+            error = ModbusBusyError if number in NOT_YET else ImuRefusalError
+            raise error("imu.register_refused", address=request.address, number=number, reason=reason)
         mine = reply.op == request.function and reply.payload.startswith(request.begins)
         return reply.payload if mine else None
 
-    return Question(request.frame, request.look, take)
+    return Question(request.frame, request.signature, take)

@@ -1,4 +1,9 @@
-"""What IMU drivers with calibration registers share: the map entry by entry, a commit and a restart to be sure of."""
+"""Base of IMU drivers with calibration registers: the map entry by entry, commit and verified restart.
+
+A unit that has burnt its registers shows the same values before and after its restart. One that answers the reset and
+continues, or restarts later than it answers, would be read back from memory, and its flash taken for right. So a
+marker is written to its memory that its flash does not hold and only a restart removes.
+"""
 
 import time
 from abc import abstractmethod
@@ -21,7 +26,7 @@ from calstation.errors import DeviceFaultError
 
 T = TypeVar("T")
 
-#: Host time between two looks whether a unit has done what it was told, s.
+#: Host time between two checks whether a unit has carried out a command, s.
 POLL = 0.02
 
 
@@ -31,7 +36,7 @@ class RegisteredImu(StreamedImu):
     Parameters
     ----------
     link : open port
-    profile : what the bytes mean
+    profile : IMU profile
     replies : packets that answer commands
     commit_timeout : host time that burning the flash may take, s
     reset_timeout : host time for the unit to answer again after a reset, s
@@ -79,15 +84,10 @@ class RegisteredImu(StreamedImu):
             time.sleep(POLL)
 
     def identify(self) -> ImuIdentity:
-        """Model, serial number and firmware; raises OtherModelError where another model answers."""
+        """Model, serial number and firmware; raises OtherModelError if another model answers."""
         identity = self._ask_identity()
         if self._profile.model not in identity.model:
-            raise OtherModelError(
-                f"IMU: model '{identity.model}' answers, the profile is for '{self._profile.model}';"
-                " choose the right IMU profile in the product file",
-                identity.model,
-                self._profile.model,
-            )
+            raise OtherModelError("imu.other_model", found=identity.model, expected=self._profile.model)
         return identity
 
     def read_registers(self) -> dict[str, float]:
@@ -112,9 +112,9 @@ class RegisteredImu(StreamedImu):
         self._burns_until = 0.0
 
     def reset(self) -> None:
-        """Restart the unit, not before its flash is burnt, and wait until it has; a stream that was on is on again.
+        """Restart the unit once its flash is burnt, wait until it has, and resume the stream.
 
-        Raises DeviceFaultError where it does not answer again, or shows that it has not restarted.
+        Raises DeviceFaultError if it does not answer again, or has not restarted.
         """
         self._outlast_commit()
         mark = self._mark()
@@ -132,19 +132,16 @@ class RegisteredImu(StreamedImu):
             self.start()
 
     def _outlast_commit(self) -> None:
-        """A commit that was not seen to end may still burn: restarted now the unit would hold neither old nor new."""
+        """Wait for a commit whose end was not seen: a restart during it would leave neither old nor new registers."""
         if not self._burns_until:
             return
         time.sleep(max(0.0, self._burns_until - time.monotonic()))
         if self._burning():
-            raise ImuBusyError(
-                f"IMU: the unit's flash is still busy {self._commit_timeout:g} s after its commit; leave its power on"
-                " until it is done, then start again"
-            )
+            raise ImuBusyError("imu.flash_busy", seconds=self._commit_timeout)
         self._burns_until = 0.0
 
     def _mark(self) -> "RestartMarker | None":
-        """Mark the unit's memory; waits until its flash takes no time any more. None where it has no registers."""
+        """Write the marker once the flash is idle; None if the unit has no registers."""
         entry = markable(self._registers.entries)
         if entry is None:
             return None
@@ -154,13 +151,11 @@ class RegisteredImu(StreamedImu):
             self._patiently(lambda: self._write_entry(entry, marked(entry, before)))
             shown = self._patiently(lambda: self._read_entry(entry))
         if alike(before, shown):
-            raise DeviceFaultError(
-                f"IMU: {entry} takes no value, so a restart could not be told; look at the unit's write protection"
-            )
+            raise DeviceFaultError("imu.not_writable", addresses=entry.label)
         return RestartMarker(entry, tuple(before), tuple(shown))
 
     def _patiently(self, work: Callable[[], T]) -> T:
-        """Do what a busy unit refuses, again and again for as long as its flash may take."""
+        """Repeat what a busy unit refuses, for as long as its flash may take."""
         deadline = time.monotonic() + self._commit_timeout
         while True:
             try:
@@ -171,7 +166,7 @@ class RegisteredImu(StreamedImu):
             time.sleep(POLL)
 
     def _restarted(self, mark: "RestartMarker | None", *, last: bool) -> bool:
-        """Whether it answers and the mark is gone. Raises DeviceFaultError where not and it is the `last` look."""
+        """Whether it answers and the marker is gone; if not, raises DeviceFaultError on the `last` check."""
         try:
             self._ask_identity(attempts=1)
             if mark is None:
@@ -187,23 +182,20 @@ class RegisteredImu(StreamedImu):
         if last:
             with suppress(DeviceFaultError), self._quiet():
                 self._write_entry(mark.entry, list(mark.before))
-            raise DeviceFaultError(
-                f"IMU: the unit answers but has not restarted within {self._reset_timeout:g} s of its reset, so what"
-                " its flash holds is not known; switch its power off and on, then start again"
-            )
+            raise DeviceFaultError("imu.not_restarted", seconds=self._reset_timeout)
         return False
 
     def _quiet(self) -> AbstractContextManager[None]:
-        """While registers are asked: the stream is off, where the unit needs that."""
+        """Context in which registers are accessed: the stream is off if the unit needs it."""
         return nullcontext()
 
     @abstractmethod
     def _switch_on(self, *, corrected: bool) -> None:
-        """Tell the unit to stream."""
+        """Command the unit to stream."""
 
     @abstractmethod
     def _ask_identity(self, attempts: int = 3) -> ImuIdentity:
-        """Who answers."""
+        """Identity of the unit."""
 
     @abstractmethod
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
@@ -215,29 +207,29 @@ class RegisteredImu(StreamedImu):
 
     @abstractmethod
     def _burn(self) -> None:
-        """Tell the unit, once, to burn its registers, and wait until it has."""
+        """Command the unit, once, to burn its registers, and wait until it has."""
 
     def _burning(self) -> bool:
-        """Whether the unit, told to commit, says that it has not done so yet."""
+        """Whether the unit reports that its commit is not done yet."""
         return False
 
     def _check_idle(self) -> None:
-        """Raises ImuBusyError where the unit says that its flash is being burnt, whoever told it to commit."""
+        """Raise ImuBusyError if the unit reports that its flash is busy."""
 
     @abstractmethod
     def _restart(self) -> None:
-        """Tell the unit to restart, once."""
+        """Command the unit to restart, once."""
 
 
-#: Of a register's range: numbers that nobody writes, of which one always differs from what is there.
-_PLACES = (0.381966, 0.618034)
+#: Fractions of a register's range that calibrations do not produce; one always differs from the present value.
+_FRACTIONS = (0.381966, 0.618034)
 
 _MATRIX = frozenset(slot for sensor in SENSORS for slot in matrix_slots(sensor))
 
 
 @dataclass(frozen=True)
 class RestartMarker:
-    """An entry that was written without a commit, what it held before and what it shows as long as nothing restarts."""
+    """An entry written without a commit: its values before, and as read back until a restart."""
 
     entry: RegisterEntry
     before: tuple[float, ...]
@@ -245,19 +237,21 @@ class RestartMarker:
 
 
 def markable(entries: Sequence[RegisterEntry]) -> RegisterEntry | None:
-    """The entry to mark: one that holds no part of a matrix, which the unit might invert, where there is one."""
+    """The entry for the marker, preferably without elements of a matrix, which the unit might invert."""
     return min(entries, key=lambda entry: not _free(entry), default=None)
 
 
 def marked(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
-    """Numbers inside the entry's range that differ from what it holds; of a matrix only what stands behind it."""
+    """Numbers within the entry's range that differ from its present ones; of a matrix entry only the last."""
     free = _free(entry) or [len(entry.names) - 1]
     kind = number(entry.type)
     numbers = list(before)
     for i in free:
         low, high = (edge / entry.scale for edge in entry.range)
         held = before[i] if before[i] == before[i] else low
-        numbers[i] = kind.nearest(max((low + p * (high - low) for p in _PLACES), key=lambda v: abs(v - held)))
+        numbers[i] = kind.nearest(
+            max((low + p * (high - low) for p in _FRACTIONS), key=lambda v: abs(v - held))
+        )
     return numbers
 
 

@@ -19,10 +19,10 @@ from calstation.devices.codecs.numbers import number
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 
-#: Passes after which a value that is stored and read again has come to rest.
+#: Passes after which a value that is stored and read again no longer changes.
 _ROUNDINGS = 8
 
-#: Of types finer than the conversion to and from a matrix, the difference that is only rounding.
+#: Rounding of the conversion to and from a matrix, for types that resolve it.
 _LEAST = {"f64": 1e-12}
 
 
@@ -44,12 +44,12 @@ class RegisterMap:
 
         Parameters
         ----------
-        values : SI by contract name; must have every parameter of the map, others are left aside
+        values : SI by contract name; must have every parameter of the map, others are ignored
 
         Raises
         ------
         DeviceFaultError
-            for a value that does not fit its register.
+            A value does not fit its register.
         """
         held = self._held(values)
         return {
@@ -60,7 +60,7 @@ class RegisterMap:
     def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
         """Parameters in SI from numbers by the entries' keys.
 
-        Raises DeviceFaultError where they hold what no parameters of the error model could be.
+        Raises DeviceFaultError if no parameters of the error model produce them.
         """
         held = {
             name: registers[entry.key][i] * entry.scale
@@ -85,9 +85,9 @@ class RegisterMap:
         return now
 
     def differing(self, wanted: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
-        """Parameters whose registers were not read back as they were written.
+        """Parameters whose registers read back differently from what was written.
 
-        Where an entry has no tolerance every bit counts: an erased NaN equals itself, −0 is not 0.
+        In entries without tolerance every bit counts: an erased NaN equals itself, −0 is not 0.
         """
         suspects = [n for n, value in wanted.items() if n not in found or not _same(found[n], value)]
         if not suspects:
@@ -145,7 +145,7 @@ class RegisterMap:
 
 
 def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
-    """The number nearest to a value in its register. Raises DeviceFaultError where it does not fit."""
+    """The number nearest to a value in its register. Raises DeviceFaultError if it does not fit."""
     kind, name = number(entry.type), entry.names[index]
     if not name:
         return 0.0
@@ -157,9 +157,9 @@ def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
         if not edges[0] <= held <= edges[1]:
             raise ValueError
     except ValueError:
+        address = entry.address_of(index)
         raise DeviceFaultError(
-            f"IMU: {name} = {value:.6g} does not fit register {entry.address_of(index)}"
-            f" ({low:g} to {high:g}); nothing was written"
+            "imu.value_beyond_register", name=name, value=value, address=address, low=low, high=high
         ) from None
     return held
 

@@ -1,4 +1,4 @@
-"""Makes a unit's counter, or its clock, into a continuous count of samples."""
+"""Converts a unit's counter, or its clock, to a continuous count of samples."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from calstation.devices.profiles.frame import FrameSection
 from calstation.estimation.common.sequence import unwrap_counter
 from calstation.physics.arrays import IntArray
 
-#: Frames that may overtake another; a counter that falls by more was reset.
+#: Largest number of frames that may overtake another; a counter that falls by more was reset.
 _OVERTAKEN = 3
 
-#: Samples in a step of a clock; more is nonsense, and must not run over.
+#: Largest step of a clock in samples; more is invalid and must not overflow.
 _FARTHEST = 2.0**40
 
 
@@ -18,17 +18,16 @@ class SampleCount:
 
     Parameters
     ----------
-    frame : its field `counter`; where that counts more than one in a sample it is a clock
+    frame : its field `counter` is a clock if it counts more than one per sample
 
     Attributes
     ----------
-    gaps : interruptions met so far
-    restarts : of them those at which the counter, or the clock, began again
+    gaps : interruptions so far
+    restarts : interruptions at which the counter, or the clock, restarted
     """
 
     def __init__(self, frame: FrameSection) -> None:
-        counter = frame.field("counter")
-        assert counter is not None
+        counter = frame.named("counter")
         self._bits = 8 * counter.width
         self._per_sample = counter.per_sample
         self._is_clock = self._per_sample != 1.0 or self._bits > 32
@@ -38,10 +37,10 @@ class SampleCount:
         self.gaps = self.restarts = 0
 
     def in_order(self, raw: IntArray) -> IntArray:
-        """Which of further samples to take, in the order of their counter.
+        """Select and order further samples by their counter.
 
-        A frame that came twice, or so late that those behind it are counted already, is left out; one that was
-        overtaken by a few goes back into its place.
+        A frame that came twice, or so late that its successors are counted already, is left out; one that was
+        overtaken by a few is put back in order.
 
         Parameters
         ----------
@@ -56,21 +55,21 @@ class SampleCount:
         steps = self._clock_steps(raw) if self._is_clock else self._counter_steps(raw)
         if not ((steps <= 0) & (steps >= -_OVERTAKEN)).any():
             return np.arange(len(raw))
-        # A reset is no late frame: what follows it stays behind.
-        place = np.cumsum(np.where(steps < -_OVERTAKEN, 1, steps))
-        order = np.argsort(place, kind="stable")
-        fresh = np.diff(place[order], prepend=0) > 0
+        # A reset is not a late frame: what follows it stays after it.
+        position = np.cumsum(np.where(steps < -_OVERTAKEN, 1, steps))
+        order = np.argsort(position, kind="stable")
+        fresh = np.diff(position[order], prepend=0) > 0
         return np.asarray(order[fresh])
 
     def _counter_steps(self, raw: IntArray) -> IntArray:
-        """Samples from each frame to the one received next; few back, or many forward."""
+        """Samples from each frame to the next received one: a few backwards, or forwards."""
         modulus = 1 << self._bits
         first = int(raw[0]) - 1 if self._last_raw is None else self._last_raw
         steps = (raw.astype(np.int64) - np.concatenate(([first], raw[:-1]))) % modulus
         return np.asarray(np.where(steps >= modulus - _OVERTAKEN, steps - modulus, steps))
 
     def _clock_steps(self, ticks: IntArray) -> IntArray:
-        """Samples from each frame to the one received next, rounded; of a clock that runs back, negative."""
+        """Samples from each frame to the next received one, rounded; negative if the clock runs back."""
         first = int(ticks[0]) - round(self._per_sample) if self._last is None else self._last_ticks
         passed = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
         signed = (passed << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
@@ -97,7 +96,7 @@ class SampleCount:
         return seq
 
     def _of_counter(self, raw: IntArray) -> IntArray:
-        """The counter as received is kept beside the count: a reset takes them apart for good."""
+        """Unwrap the counter; the raw one is kept as well, since a reset separates the two for good."""
         seq = unwrap_counter(raw, self._last, self._bits, self._last_raw)
         before = seq[0] - 1 if self._last is None else self._last
         before_raw = raw[0] - 1 if self._last_raw is None else self._last_raw
@@ -107,7 +106,7 @@ class SampleCount:
         return seq
 
     def _of_clock(self, ticks: IntArray) -> IntArray:
-        """Steps of a clock are rounded to samples; a clock that runs back was reset: one sample lost."""
+        """Round steps of a clock to samples; a clock that runs back was reset, which costs one sample."""
         steps = self._clock_steps(ticks)
         self.restarts += int((steps < 0).sum())
         steps = np.where(steps < 0, 2, np.maximum(1, steps))

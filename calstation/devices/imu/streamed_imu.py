@@ -1,4 +1,4 @@
-"""What every IMU driver shares: one thread that owns the port, reads samples from it and sends commands."""
+"""Base of every IMU driver: one thread owns the port, reads samples from it and sends commands."""
 
 import queue
 import threading
@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 
@@ -21,12 +21,13 @@ from calstation.devices.profiles.frame import FrameSection
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.imu_sections import CommandSection
 from calstation.errors import DeviceFaultError
+from calstation.messages.rendering import Text
 from calstation.physics.arrays import FloatArray, IntArray
 
-#: Host time the reader waits for bytes before it looks for commands to send, s.
+#: Host time for which the reader waits for bytes before it checks for commands to send, s.
 _WAIT = 0.02
-#: Frames' worth of bytes without one sound frame that count as a wrong setting of the link: of a link that has had no
-#: sound frame yet, and of one that works, by the stream's rate, for which noise of a moment is none.
+#: Bytes without a valid frame after which the link counts as set wrongly, in frames, and at least in seconds of the
+#: stream once the link has worked, so that a burst of noise does not count.
 _NOISE_FRAMES, _NOISE_SECONDS = 40, 2.0
 
 T = TypeVar("T")
@@ -34,30 +35,31 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class ImuRefusalError(DeviceFaultError):
-    """The unit understands and refuses a command; `reason` is what it says, "" where that is all the message."""
+    """The unit refuses a command."""
 
-    def __init__(self, text: str, reason: str = "") -> None:
-        super().__init__(text)
-        self.reason = reason
+    @property
+    def reason(self) -> Text:
+        """The unit's reason, with its remedy."""
+        return cast(Text, self.values["reason"])
 
 
 class ImuBusyError(ImuRefusalError):
-    """The unit cannot do it yet: its flash is being burnt, or it still wakes up."""
+    """The unit cannot do it yet: its flash is busy, or it is still starting."""
 
 
 @dataclass(frozen=True)
 class Question(Generic[T_co]):
-    """A command that is answered.
+    """A command with an answer.
 
     Attributes
     ----------
-    request : as it goes out
-    look : what its answer has in common with those to other commands that could be taken for it
-    take : what a reply says, None where it answers something else; raises ImuRefusalError
+    request : bytes to send
+    signature : what its answer has in common with those of other commands that could be mistaken for it
+    take : content of a reply, None if it answers something else; raises ImuRefusalError
     """
 
     request: bytes
-    look: Hashable
+    signature: Hashable
     take: Callable[[Reply], T_co | None]
 
 
@@ -78,7 +80,7 @@ class StreamedImu(ABC):
     Parameters
     ----------
     link : open port
-    profile : what the bytes mean
+    profile : IMU profile
     replies : packets that answer commands
     """
 
@@ -116,11 +118,11 @@ class StreamedImu(ABC):
 
     @property
     def silence(self) -> float:
-        """Host seconds since the last sound frame, or since the link was opened."""
+        """Host seconds since the last valid frame, or since the link was opened."""
         return time.monotonic() - self._last_frame
 
     def read(self) -> SampleBatch:
-        """Samples since the last call. Raises DeviceFaultError where the link is lost or only noise comes."""
+        """Samples since the last call. Raises DeviceFaultError if the link is lost or only noise comes."""
         parts = []
         while not self._arrived.empty():
             parts.append(self._arrived.get())
@@ -151,7 +153,7 @@ class StreamedImu(ABC):
 
     @abstractmethod
     def identify(self) -> ImuIdentity:
-        """Model, serial number and firmware; raises OtherModelError where another model answers."""
+        """Model, serial number and firmware; raises OtherModelError if another model answers."""
 
     @abstractmethod
     def read_registers(self) -> dict[str, float]:
@@ -178,42 +180,44 @@ class StreamedImu(ABC):
     def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
         """Send a command and wait for its reply.
 
-        A reply that came late would be taken for the next one's. So nothing is sent whose answer would look like one
-        that may still come, before the unit has answered a question that looks otherwise.
+        A late reply could be mistaken for the next command's. So a command whose answer has the signature of one that
+        may still come is only sent after the unit has answered a question with another signature.
 
         Parameters
         ----------
+        question : the command
         timeout : host time for each attempt, s
-        urgent : may be told twice and must not wait: it is sent at once in any case, and again where needed
+        attempts : number of attempts
+        urgent : the command may be sent twice and must not wait: it is sent at once, and again if needed
 
         Raises
         ------
         DeviceFaultError
-            where nothing acceptable comes, or the link is lost.
+            No acceptable reply comes, or the link is lost.
         """
         with self._asking:
             for attempt in range(attempts):
-                if question.look in self._unanswered and not (urgent and attempt):
+                if question.signature in self._unanswered and not (urgent and attempt):
                     if urgent:
                         self._outbox.put(question.request)
-                        self._unanswered.add(question.look)
+                        self._unanswered.add(question.signature)
                     self._listen_until_quiet(timeout)
                     if not self._between(timeout):
                         continue
                 taken = self._attempt(question, timeout)
                 if taken is not None:
                     return taken
-        raise DeviceFaultError(self._unheard(timeout))
+        raise self._no_answer(timeout)
 
     def _other_questions(self) -> Iterator[Question[object]]:
-        """Questions to any unit of this kind whose answers look differently from each other."""
+        """Questions to any unit of this kind, with different signatures."""
         return iter(())
 
     def _between(self, timeout: float) -> bool:
-        """Ask what looks like nothing that may still come; whether it is answered, and so all that was asked before."""
+        """Ask a question with a signature that no late answer has; whether it is answered, which settles all before."""
         while True:
             for question in self._other_questions():
-                if question.look not in self._unanswered:
+                if question.signature not in self._unanswered:
                     try:
                         return self._attempt(question, timeout) is not None
                     except ImuRefusalError:
@@ -223,7 +227,7 @@ class StreamedImu(ABC):
             self._unanswered.forget_oldest()
 
     def _attempt(self, question: Question[T], timeout: float) -> T | None:
-        """Send a command once; None where it is not answered in time."""
+        """Send a command once; None if it is not answered in time."""
         self._check()
         while not self._replies.empty():
             self._replies.get()
@@ -238,20 +242,20 @@ class StreamedImu(ABC):
             try:
                 taken = question.take(reply)
             except ImuRefusalError:
-                if set(self._unanswered) <= {question.look}:
-                    self._unanswered.answered(question.look)
+                if set(self._unanswered) <= {question.signature}:
+                    self._unanswered.answered(question.signature)
                     raise
-                # It may be an older command's, and then none before that will be answered any more.
+                # It may refuse an older command; then no command before that one will be answered any more.
                 self._unanswered.forget_oldest()
                 continue
             if taken is not None:
-                self._unanswered.answered(question.look)
+                self._unanswered.answered(question.signature)
                 return taken
-        self._unanswered.add(question.look)
+        self._unanswered.add(question.signature)
         return None
 
     def _listen_until_quiet(self, timeout: float) -> None:
-        """Wait until no reply comes any more, for as long as one may take: some units talk unasked."""
+        """Wait until replies cease, for at most the time of one: some units send unsolicited ones."""
         deadline = time.monotonic() + timeout
         with suppress(queue.Empty):
             while time.monotonic() < deadline:
@@ -263,7 +267,7 @@ class StreamedImu(ABC):
         return self._failure is not None
 
     def _expect(self, frame: FrameSection) -> None:
-        """Samples of another kind come from here on: forget what came before the last reply, read these frames."""
+        """Expect samples of these frames from now on, and drop those received before the last reply."""
         if frame is not self._decoder_frame:
             before, decoder = self._decoder, FrameDecoder(frame, self._kind)
             decoder.crc_errors, decoder.skipped = before.crc_errors, before.skipped
@@ -272,16 +276,15 @@ class StreamedImu(ABC):
             self._arrived.get()
 
     def _forget_noise(self) -> None:
-        """What came so far is no sign of a wrong setting: a unit that restarted may send what nobody asked for."""
+        """Do not take earlier bytes for a wrong setting: a unit that restarted may send anything."""
         self._decoder.since_frame = 0
 
-    def _unheard(self, timeout: float) -> str:
-        where = f"IMU: no answer on {self._link.port} within {timeout:g} s"
+    def _no_answer(self, timeout: float) -> DeviceFaultError:
         if self._bytes == 0:
-            return f"{where}, not a byte came; check power, cable and port"
+            return DeviceFaultError("imu.silent", port=self._link.port, seconds=timeout)
         if self._frames == 0:
-            return f"{where}, the bytes that come are no frames; check baud, parity and the IMU profile"
-        return f"{where} though samples come; check the transmit line and the IMU profile"
+            return DeviceFaultError("imu.answer_not_framed", port=self._link.port, seconds=timeout)
+        return DeviceFaultError("imu.streams_without_answer", port=self._link.port, seconds=timeout)
 
     def _check(self) -> None:
         if self._failure is not None:
@@ -289,13 +292,10 @@ class StreamedImu(ABC):
         seconds = _NOISE_SECONDS if self._frames else 0.0
         frames = max(_NOISE_FRAMES, round(seconds * self._profile.stream.sample_rate_hz))
         if self._decoder.since_frame > frames * self._decoder.size:
-            raise NoFramesError(
-                f"IMU: bytes come on {self._link.port} but no frame is recognised;"
-                " check baud, parity, stop bits and the IMU profile"
-            )
+            raise NoFramesError("imu.no_frames", port=self._link.port)
 
     def _serve(self) -> None:
-        """The port's one thread: read, decode, hand on, send."""
+        """The thread of the port: read, decode, queue, send."""
         try:
             while not self._closing.is_set():
                 while not self._outbox.empty():
@@ -306,15 +306,13 @@ class StreamedImu(ABC):
         except DeviceFaultError as exc:
             self._failure = exc
         except Exception as exc:  # noqa: BLE001 - a reader that dies silently would look like a unit without data
-            failure = DeviceFaultError(
-                f"IMU: reading {self._link.port} failed ({type(exc).__name__}: {exc}); start again, and send this text"
-                " to whoever looks after calstation where it comes back"
-            )
+            detail = f"{type(exc).__name__}: {exc}"
+            failure = DeviceFaultError("imu.reader_failed", port=self._link.port, detail=detail)
             failure.__cause__ = exc
             self._failure = failure
 
     def _take(self, data: bytes, now: float) -> None:
-        decoder = self._decoder  # exchanged by the thread that asks
+        decoder = self._decoder  # may be replaced by the thread that asks
         decoded = decoder.feed(data)
         if len(decoded.frames):
             self._frames += len(decoded.frames)

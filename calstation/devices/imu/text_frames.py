@@ -1,4 +1,4 @@
-"""Lines of text in a byte stream: samples in columns, and whatever else comes with a check before its end."""
+"""Lines of text in a byte stream: samples in columns, and other lines with a check before their end."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from calstation.devices.codecs.numbers import number
 from calstation.devices.imu.binary_frames import Columns
 from calstation.devices.profiles.frame import FrameField, FrameSection
 
-#: Whole numbers below are exact as floats.
+#: Bound below which whole numbers are exact as floats.
 _EXACT = 2.0**53
 
 
@@ -29,9 +29,9 @@ class TextFrame:
         for i, at in enumerate(columns):
             if at is None:
                 columns[i] = 0 if i == 0 else (columns[i - 1] or 0) + 1
-        #: Column of each field, from 0 behind the first separator.
-        self.places = {f.name: at or 0 for f, at in zip(frame.fields, columns, strict=True)}
-        #: Bytes of the shortest line.
+        #: Column of each field, from 0 after the first separator.
+        self.column_of = {f.name: at or 0 for f, at in zip(frame.fields, columns, strict=True)}
+        #: Smallest size of a line in bytes.
         self.shortest = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
 
     def size(self, buffer: bytes, place: int) -> int | None:
@@ -43,18 +43,18 @@ class TextFrame:
         return self._line.is_valid(packet)
 
     def is_sample(self, packet: bytes) -> bool:
-        """Whether its header is the samples' and not only begins alike."""
+        """Whether its header is the samples', not only a longer one with the same beginning."""
         return self._line.body(packet)[len(self.sync) :].startswith(self._frame.separator.encode())
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
-        """Numbers of sound lines; what is no number is NaN and counts as absent."""
+        """Numbers of valid lines; other text counts as absent, with the value NaN."""
         rows = [
             self._line.body(p)[len(self.sync) + 1 :].decode("ascii", "replace").split(self._frame.separator)
             for p in packets
         ]
         found = Columns({}, {})
         for f in self._fields:
-            numbers = np.array([_parsed(row, self.places[f.name], f) for row in rows], np.float64)
+            numbers = np.array([_parsed(row, self.column_of[f.name], f) for row in rows], np.float64)
             present = np.isfinite(numbers)
             if number(f.type).whole:
                 present &= np.abs(numbers) < _EXACT

@@ -1,9 +1,9 @@
-"""Puts values into a unit's registers so that a power cut at any moment leaves them recognisably old or new.
+"""Writes values to a unit's registers so that a power cut at any moment leaves them recognisably old or new.
 
-Verify the serial number, restart the unit so that it shows its flash, save what that holds, put the intention down,
-write, read back bit for bit, commit, restart, read again. The entry of the journal stays open until somebody has proved
-the corrected output on fresh data and closes it; an entry left open says what the unit held before and what it was to
-hold, so the next start can tell which of the two it holds now.
+Verify the serial number, restart the unit so that its registers are those of its flash, save them, record the
+intention, write, read back bit for bit, commit, restart, read again. The entry of the journal stays open until the
+corrected output is verified on new data; an open entry holds the old and the new values, so that the next start can
+tell which of them the unit holds.
 """
 
 import struct
@@ -16,13 +16,14 @@ from typing import Protocol
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.interfaces import Imu
 from calstation.errors import CalstationError, DeviceFaultError
+from calstation.messages.rendering import Text
 
 
 class Step(StrEnum):
-    """How far a transfer has come, as its journal notes it: each on disk before the next begins.
+    """Progress of a transfer in its journal: each step is on disk before the next begins.
 
-    `TURNED` and `AT_REST` say what proved the output behind it: turns as well, or a rest alone; `READ_BACK` that the
-    unit shows no output with its registers, so that they were only read back.
+    `TURNED` and `AT_REST` state how the output was verified: with turns, or at rest only; `READ_BACK` that the unit
+    shows no output with its registers, so that they were only read back.
     A commit costs the unit a flash cycle from `COMMITTING` on, whether its answer comes or not.
     """
 
@@ -38,7 +39,7 @@ class Step(StrEnum):
 
 
 class Closing(StrEnum):
-    """How an entry ends: the new values in flash and proved, the old ones still there, or there again."""
+    """How an entry ends: new values in flash and verified, old values kept, or old values restored."""
 
     DONE = "done"
     KEPT = "kept"
@@ -54,7 +55,7 @@ class Holds(StrEnum):
 
 
 class Entry(Protocol):
-    """A transfer in the journal. Both calls return when it is on disk; they raise a CalstationError where it cannot."""
+    """A transfer in the journal. Both calls return when it is on disk, or raise a CalstationError."""
 
     @property
     def serial(self) -> str:
@@ -69,29 +70,26 @@ class Entry(Protocol):
         """What it is to hold, by parameter, SI."""
 
     def note(self, step: Step) -> None:
-        """Put down how far it has come."""
+        """Record a step."""
 
     def close(self, closing: Closing) -> None:
-        """Put down how it ended."""
+        """Record how it ended."""
 
 
-#: Puts an intention down: old and new registers by parameter, SI; on disk when it returns.
+#: Records an intention: old and new registers by parameter, SI; on disk when it returns.
 Begin = Callable[[Mapping[str, float], Mapping[str, float]], Entry]
 
 
 @dataclass(frozen=True)
 class Transferred:
-    """A transfer that is in the unit's flash and read back from it; its entry is open until it is proved."""
+    """A transfer that is in the unit's flash and read back from it; its entry is open until it is verified."""
 
     entry: Entry
     found: Mapping[str, float]
 
 
 def flash_registers(imu: Imu) -> dict[str, float]:
-    """Restart the unit and read what its flash holds, SI: what somebody wrote and never committed is gone.
-
-    Raises DeviceFaultError.
-    """
+    """Restart the unit and read the registers of its flash, SI; uncommitted values are lost."""
     imu.reset()
     return imu.read_registers()
 
@@ -108,15 +106,16 @@ def transfer(
 
     Parameters
     ----------
-    serial : of the unit that is meant
-    values : new values by contract name, SI; names without a register are left aside
-    begin : puts the intention down before anything is written
-    old : its `flash_registers`, where they were just read; read here where None
+    imu, registers : the unit and its register map
+    serial : serial number of the unit
+    values : new values by contract name, SI; names without a register are ignored
+    begin : records the intention before anything is written
+    old : its `flash_registers` if just read; None to read them here
 
     Raises
     ------
     DeviceFaultError
-        where another unit answers, a value does not fit, the link fails, or a register does not read back.
+        Another unit answers, a value does not fit, the link fails, or a register reads back differently.
     """
     check_serial(imu, serial)
     old = flash_registers(imu) if old is None else dict(old)
@@ -126,7 +125,7 @@ def transfer(
 
 
 def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
-    """Go on with an open entry: nothing is written again where the unit's flash holds the new values already.
+    """Continue an open entry; nothing is written if the unit's flash holds the new values already.
 
     Raises DeviceFaultError as `transfer`.
     """
@@ -137,7 +136,7 @@ def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
 
 
 def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, float]:
-    """Put the old values of an open entry back and close it; returns what the unit holds then.
+    """Restore the old values of an open entry and close it; returns what the unit then holds.
 
     Raises DeviceFaultError as `transfer`.
     """
@@ -150,16 +149,16 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
 
 
 def put_back(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
-    """Write the old values of an open entry, and leave it open. Raises DeviceFaultError as `transfer`."""
+    """Write the old values of an open entry and leave it open. Raises DeviceFaultError as `transfer`."""
     entry.note(Step.RESTORING)
     return _put(imu, registers, entry, entry.old)
 
 
 def recognise(imu: Imu, entry: Entry, registers: RegisterMap | None = None) -> Holds:
-    """Restart the unit, so that it shows its flash, and say which values of an entry that holds.
+    """Restart the unit and determine which values of an entry its flash holds.
 
-    `registers` : the unit's map, for those that it gives back with a tolerance only. Raises DeviceFaultError where
-    another unit answers or the link fails.
+    `registers` : the unit's map, for registers that read back with a tolerance. Raises DeviceFaultError if another
+    unit answers or the link fails.
     """
     check_serial(imu, entry.serial)
     found = flash_registers(imu)
@@ -170,17 +169,14 @@ def recognise(imu: Imu, entry: Entry, registers: RegisterMap | None = None) -> H
 
 
 def check_serial(imu: Imu, serial: str) -> None:
-    """Raises DeviceFaultError where the unit on the link is another than the one meant."""
+    """Raise DeviceFaultError if another unit is on the link."""
     found = imu.identify().serial
     if found != serial:
-        raise DeviceFaultError(
-            f"IMU: unit '{found}' is in the fixture, the values are for '{serial}'; nothing was written;"
-            " change the unit or open its own result"
-        )
+        raise DeviceFaultError("imu.other_unit", found=found, serial=serial)
 
 
 def differing(wanted: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
-    """Parameters of which not every bit is the same: an erased NaN equals itself, −0 is not 0."""
+    """Parameters whose values differ in any bit: an erased NaN equals itself, −0 is not 0."""
     return [name for name, value in wanted.items() if name not in found or _bits(found[name]) != _bits(value)]
 
 
@@ -191,14 +187,14 @@ def _bits(value: float) -> bytes:
 def _put(imu: Imu, registers: RegisterMap, entry: Entry, wanted: Mapping[str, float]) -> Transferred:
     try:
         imu.write_registers(wanted)
-        _compare(registers, wanted, imu.read_registers(), "before the commit")
+        _compare(registers, wanted, imu.read_registers(), restarted=False)
         entry.note(Step.WRITTEN)
         entry.note(Step.COMMITTING)
         imu.commit()
         entry.note(Step.COMMITTED)
         imu.reset()
         found = imu.read_registers()
-        _compare(registers, wanted, found, "after the restart")
+        _compare(registers, wanted, found, restarted=True)
         entry.note(Step.RESTARTED)
     except CalstationError as error:
         raise _explained(imu, registers, entry, error) from error
@@ -206,27 +202,31 @@ def _put(imu: Imu, registers: RegisterMap, entry: Entry, wanted: Mapping[str, fl
 
 
 def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: CalstationError) -> CalstationError:
-    """The error with what the unit holds now. Back at its old values the entry is closed, else it stays open."""
+    """The error with what the unit holds now. The entry is closed if these are the old values, else it stays open."""
+    kind, values = type(error), {**error.values, "serial": entry.serial, "cause": _cause(error)}
     try:
         holds = recognise(imu, entry, registers)
     except CalstationError:
-        return type(error)(f"{error}; what the unit's flash holds will be seen at the next start")
+        return kind("imu.holds_unknown", **values)
     if holds is Holds.OLD:
-        with suppress(CalstationError):  # told by the error in hand: the journal's disk is the same
+        with suppress(CalstationError):  # the given error tells of the same disk
             entry.close(Closing.KEPT)
-        return type(error)(f"{error}; the unit was restarted and holds its old registers")
-    which = "new registers, not yet proved" if holds is Holds.NEW else "neither old nor new registers"
-    return type(error)(
-        f"{error}; the unit holds {which}: calstation registers finish (or restore) {entry.serial}"
-    )
+        return kind("imu.holds_old", **values)
+    return kind("imu.holds_new" if holds is Holds.NEW else "imu.holds_neither", **values)
+
+
+def _cause(error: CalstationError) -> Text:
+    return error.as_text if error.code else Text.of("os.other", words=str(error))
 
 
 def _compare(
-    registers: RegisterMap, wanted: Mapping[str, float], found: Mapping[str, float], when: str
+    registers: RegisterMap, wanted: Mapping[str, float], found: Mapping[str, float], *, restarted: bool
 ) -> None:
     for name in registers.differing(wanted, found):
         raise DeviceFaultError(
-            f"IMU: register {registers.address(name)} ({name}) reads back {found.get(name, float('nan')):.9g}"
-            f" instead of {wanted[name]:.9g} {when}; look at the unit's supply and write protection, then check type,"
-            " orders and tolerance of this register in the IMU profile"
+            "imu.restarted_differently" if restarted else "imu.reads_back_differently",
+            address=registers.address(name),
+            name=name,
+            found=found.get(name, float("nan")),
+            wanted=wanted[name],
         )

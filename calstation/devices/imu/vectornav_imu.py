@@ -1,4 +1,4 @@
-"""Driver of VectorNav's IMUs (VN-100): a stream in binary or text, commands in lines $VN...*check between it."""
+"""Driver of VectorNav's IMUs (VN-100): a binary or text stream, and commands in lines $VN...*check."""
 
 from collections.abc import Iterator
 
@@ -15,45 +15,33 @@ from calstation.devices.profiles.imu import ImuProfile
 from calstation.devices.profiles.imu_sections import VectorNavSection
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
+from calstation.messages.rendering import Text
 
 _ATTEMPTS = 3
-#: Bytes of a reply.
+#: Largest size of a reply in bytes.
 _LONGEST = 512
-#: Registers that tell who answers.
+#: Registers of the identity.
 _MODEL, _SERIAL, _FIRMWARE = 1, 3, 4
-#: VN-100 User Manual UM001, section 3.8.
-ERRORS = {
-    0x01: "hard fault, the unit restarts",
-    0x02: "serial buffer overflow",
-    0x03: "invalid checksum",
-    0x04: "invalid command",
-    0x05: "not enough parameters",
-    0x06: "too many parameters",
-    0x07: "invalid parameter",
-    0x08: "invalid register",
-    0x09: "unauthorized access",
-    0x0A: "watchdog reset",
-    0x0B: "output buffer overflow",
-    0x0C: "insufficient baud rate",
-    0xFF: "error buffer overflow",
-}
-
-#: What to do about them.
-MENDS = {
-    **dict.fromkeys(
-        (0x01, 0x0A), "look at its supply, switch it off and on; replace it where that does not help"
-    ),
-    **dict.fromkeys((0x02, 0x0B, 0x0C, 0xFF), "raise its baud, or have it send less"),
-    0x03: "check the cable, and vectornav.check of the IMU profile",
-    **dict.fromkeys(
-        range(0x04, 0x09), "compare this line with the unit's manual, and correct the IMU profile"
-    ),
-    0x09: "look at the unit's write protection",
+#: Errors by their codes (VN-100 User Manual UM001, section 3.8).
+_ERRORS = {
+    0x01: Text("imu.vectornav_1"),
+    0x02: Text("imu.vectornav_2"),
+    0x03: Text("imu.vectornav_3"),
+    0x04: Text("imu.vectornav_4"),
+    0x05: Text("imu.vectornav_5"),
+    0x06: Text("imu.vectornav_6"),
+    0x07: Text("imu.vectornav_7"),
+    0x08: Text("imu.vectornav_8"),
+    0x09: Text("imu.vectornav_9"),
+    0x0A: Text("imu.vectornav_10"),
+    0x0B: Text("imu.vectornav_11"),
+    0x0C: Text("imu.vectornav_12"),
+    0xFF: Text("imu.vectornav_255"),
 }
 
 
 class LineReply:
-    """Lines that answer commands; meets `frames.ReplyKind`.
+    """Lines that answer commands; meets `packets.ReplyKind`.
 
     Parameters
     ----------
@@ -67,9 +55,9 @@ class LineReply:
         shape = FrameSection(format="text", sync="$VN", fields=[], crc=crc, max_size=_LONGEST)
         self._line = TextLine(self.sync, shape)
 
-    def size(self, buffer: bytes, place: int) -> int | None:
+    def size(self, buffer: bytes, start: int) -> int | None:
         """See `packets.PacketKind`."""
-        return self._line.size(buffer, place)
+        return self._line.size(buffer, start)
 
     def is_valid(self, packet: bytes) -> bool:
         """See `packets.PacketKind`."""
@@ -81,18 +69,18 @@ class LineReply:
 
 
 def line(words: str, check: str) -> bytes:
-    """A command as it goes out."""
+    """The bytes of a command."""
     value = check_function(check)(words.encode("ascii"))
     return f"${words}*{value:0{2 * CHECK_WIDTHS[check]}X}\r\n".encode("ascii")
 
 
 class VectorNavImu(RegisteredImu):
-    """The unit of a profile on a link. A register entry is one register of the unit with all its fields.
+    """The IMU of a profile on a link. A register entry is one register of the unit with all its fields.
 
     Parameters
     ----------
     link : open port
-    profile : what the bytes mean
+    profile : IMU profile
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
@@ -133,14 +121,16 @@ class VectorNavImu(RegisteredImu):
             numbers = []
         if len(numbers) != len(entry.names):
             raise DeviceFaultError(
-                f"IMU: register {entry.address} answers '{','.join(fields)}', not {len(entry.names)} numbers; compare"
-                " it with the unit's manual, and correct address or parameters in the IMU profile"
+                "imu.answer_numbers",
+                address=entry.address,
+                answer=",".join(fields),
+                expected=len(entry.names),
             )
         return numbers
 
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
-        told = ",".join(f"{value:.{self._section.digits}G}" for value in numbers)
-        self._ask(f"VNWRG,{entry.address},{told}")
+        written = ",".join(f"{value:.{self._section.digits}G}" for value in numbers)
+        self._ask(f"VNWRG,{entry.address},{written}")
 
     def _ask(self, words: str, *, timeout: float | None = None, attempts: int = _ATTEMPTS) -> list[str]:
         """Send a line and wait for the one that repeats its command and register; its further fields."""
@@ -149,7 +139,7 @@ class VectorNavImu(RegisteredImu):
         )
 
     def _other_questions(self) -> Iterator[Question[list[str]]]:
-        """What stands in its registers."""
+        """Questions for the content of its registers."""
         for register in (_MODEL, _SERIAL, _FIRMWARE, *(entry.address for entry in self._registers.entries)):
             yield self._question(f"VNRRG,{register}")
 
@@ -160,27 +150,25 @@ class VectorNavImu(RegisteredImu):
         def take(reply: Reply) -> list[str] | None:
             fields = reply.payload.decode("ascii", "replace").split(",")
             if fields[0] == "VNERR":
-                reason, mend = _meaning(fields[1:])
-                raise ImuRefusalError(f"IMU: '{words}' was refused: {reason}; {mend}", reason)
+                raise ImuRefusalError("imu.line_refused", line=words, reason=_meaning(fields[1:]))
             if fields[0] != begins[0] or not _same_register(fields[1:2], begins[1:]):
                 return None
             return fields[len(begins) :]
 
-        look = (command, *(register.lstrip("0") for register in begins[1:]))
-        return Question(line(words, self._section.check), look, take)
+        signature = (command, *(register.lstrip("0") for register in begins[1:]))
+        return Question(line(words, self._section.check), signature, take)
 
 
-def _same_register(told: list[str], asked: list[str]) -> bool:
-    """Registers alike, with or without zeros before them."""
-    return not asked or (bool(told) and told[0].lstrip("0") == asked[0].lstrip("0"))
+def _same_register(found: list[str], asked: list[str]) -> bool:
+    """Whether the register numbers are equal, leading zeros ignored."""
+    return not asked or (bool(found) and found[0].lstrip("0") == asked[0].lstrip("0"))
 
 
-def _meaning(fields: list[str]) -> tuple[str, str]:
-    """What an error's hexadecimal code says, and what to do about it."""
-    text = fields[0] if fields else ""
-    unknown = "look this error up in the unit's manual"
+def _meaning(fields: list[str]) -> Text:
+    """What an error's hexadecimal code means."""
+    code = fields[0] if fields else ""
     try:
-        code = int(text, 16)
+        known = _ERRORS.get(int(code, 16))
     except ValueError:
-        return f"code '{text}'", unknown
-    return ERRORS.get(code, f"code {text}"), MENDS.get(code, unknown)
+        known = None
+    return known or Text.of("imu.vectornav_other", number=code)

@@ -1,4 +1,4 @@
-"""Holding registers of one Modbus unit, over TCP or RTU: bounded transfers, with their errors made into one."""
+"""Holding registers of one Modbus unit, over TCP or RTU: bounded transfers and typed errors."""
 
 import time
 from collections.abc import Callable
@@ -9,64 +9,60 @@ from calstation.devices.links.modbus_tcp import TcpConnection
 from calstation.devices.links.serial_link import PortLostError
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
+from calstation.messages.rendering import Text
 
-#: What Modbus exceptions mean, by their codes.
-MEANINGS = {
-    1: "the function is not supported",
-    2: "no such register",
-    3: "the value is refused",
-    4: "the device cannot do it in its present state",
-    5: "acknowledged, not done yet",
-    6: "the device is busy",
-    8: "memory parity error",
-    10: "gateway path unavailable",
-    11: "no answer behind the gateway",
+#: Modbus exceptions by their numbers.
+_EXCEPTIONS = {
+    1: Text("modbus.exception_1"),
+    2: Text("modbus.exception_2"),
+    3: Text("modbus.exception_3"),
+    4: Text("modbus.exception_4"),
+    5: Text("modbus.exception_5"),
+    6: Text("modbus.exception_6"),
+    8: Text("modbus.exception_8"),
+    10: Text("modbus.exception_10"),
+    11: Text("modbus.exception_11"),
 }
 
-#: The exception of a device that does what it was told, but takes its time.
+#: The exception of a device that carries out the request but needs time.
 ACKNOWLEDGED = 5
 
 #: Exceptions of a device that is only late.
 NOT_YET = (ACKNOWLEDGED, 6)
 
-#: What to do about Modbus exceptions of a table, by their codes.
-MENDS = {
-    **dict.fromkeys((1, 2, 3), "check the table profile's registers"),
-    **dict.fromkeys(NOT_YET, "wait until it is done, then start again"),
-    **dict.fromkeys((10, 11), "check the gateway and the unit number"),
-}
-
-#: Host time until a device that is busy is asked again, s.
+#: Host time until a busy device is asked again, s.
 _AGAIN_AFTER = 0.05
 
 _ATTEMPTS = 3
 T = TypeVar("T")
 
 
-class ModbusRefusalError(DeviceFaultError):
-    """The device answers with a Modbus exception; `exception` is its number, `unit` who was asked."""
+def exception_text(number: int) -> Text:
+    """The meaning of a Modbus exception, with its remedy for a table."""
+    return _EXCEPTIONS.get(number) or Text.of("modbus.exception_other", number=number)
 
-    def __init__(self, what: str, code: int, unit: int) -> None:
-        meaning = MEANINGS.get(code, f"exception {code}")
-        mend = MENDS.get(code, "look at the drive's display")
-        super().__init__(f"table: {what}: {meaning} (Modbus exception {code}); {mend}")
-        self.exception = code
-        self.unit = unit
+
+class ModbusRefusalError(DeviceFaultError):
+    """The device answers with a Modbus exception."""
+
+    @property
+    def exception(self) -> int:
+        """Number of the exception."""
+        return int(self.values["number"])
+
+    @property
+    def unit(self) -> int:
+        """Unit number that was asked."""
+        return int(self.values["unit"])
 
 
 class NoAnswerError(DeviceFaultError):
-    """The device does not answer, though it was asked as often as it may be.
+    """The device does not answer, not even after repetitions."""
 
-    Attributes
-    ----------
-    reason : what came instead of an answer
-    unit : who was asked
-    """
-
-    def __init__(self, text: str, reason: str, unit: int) -> None:
-        super().__init__(text)
-        self.reason = reason
-        self.unit = unit
+    @property
+    def unit(self) -> int:
+        """Unit number that was asked."""
+        return int(self.values["unit"])
 
 
 class Carrier(Protocol):
@@ -74,7 +70,7 @@ class Carrier(Protocol):
 
     Attributes
     ----------
-    heard : the bytes that came last, whether they make sense or not
+    heard : the bytes received last, valid or not
     """
 
     heard: bytes
@@ -108,8 +104,7 @@ class ModbusLink:
 
     Attributes
     ----------
-    greet : called whenever the link was opened anew, before anything else is asked or told: raises
-        DeviceFaultError where another device answers there now
+    greet : called after each reopening, before any other transfer; raises DeviceFaultError if another device answers
     """
 
     def __init__(self, port: str, unit: int, timeout: float, serial: SerialSettings) -> None:
@@ -124,63 +119,89 @@ class ModbusLink:
 
     @property
     def heard(self) -> bytes:
-        """The bytes that came last, whether they make sense or not."""
+        """The bytes received last, valid or not."""
         return self._carrier.heard
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read `count` registers, of another unit on the line where one is told; repeats a lost transfer.
+        """Read registers; a lost transfer is repeated.
 
-        Raises DeviceFaultError.
+        Parameters
+        ----------
+        address : of the first register
+        count : number of registers
+        unit : another unit on the line; None for the link's own
+
+        Raises
+        ------
+        DeviceFaultError
+            The device refuses, or does not answer.
         """
         asked = self._unit if unit is None else unit
-        return self._transfer(
-            lambda again: self._carrier.read(asked, address, count),
-            f"registers {address}-{address + count - 1}{_of(unit)} cannot be read",
-            _ATTEMPTS,
-            asked,
-        )
+        last = address + count - 1
+        try:
+            return self._transfer(lambda again: self._carrier.read(asked, address, count), _ATTEMPTS)
+        except RefusedError as exc:
+            at = {"unit": asked, "address": address, "last": last}
+            raise ModbusRefusalError(
+                "table.read_refused", **at, number=exc.number, reason=exception_text(exc.number)
+            ) from exc
+        except UnansweredError as exc:
+            at = {"unit": asked, "address": address, "last": last}
+            raise NoAnswerError("table.read_unanswered", **at, port=self._port, reason=exc.reason) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
-        """Write registers, as `read`; a lost transfer is repeated only where `repeat`. Raises DeviceFaultError."""
+        """Write registers as `read` reads them; a lost transfer is repeated only if `repeat`."""
         asked = self._unit if unit is None else unit
-        self._transfer(
-            lambda again: self._carrier.write(asked, address, values, repeat=repeat, again=again),
-            f"register {address}{_of(unit)} cannot be written",
-            _ATTEMPTS if repeat else 1,
-            asked,
-        )
+        try:
+            self._transfer(
+                lambda again: self._carrier.write(asked, address, values, repeat=repeat, again=again),
+                _ATTEMPTS if repeat else 1,
+            )
+        except RefusedError as exc:
+            raise ModbusRefusalError(
+                "table.write_refused",
+                unit=asked,
+                address=address,
+                number=exc.number,
+                reason=exception_text(exc.number),
+            ) from exc
+        except UnansweredError as exc:
+            raise NoAnswerError(
+                "table.write_unanswered", unit=asked, address=address, port=self._port, reason=exc.reason
+            ) from exc
 
     def close(self) -> None:
-        """Hang up; never raises."""
+        """Close the link; never raises."""
         self._carrier.close()
 
-    def _transfer(self, transfer: Callable[[bool], T], what: str, attempts: int, unit: int) -> T:
-        reason = "no answer"
+    def _transfer(self, transfer: Callable[[bool], T], attempts: int) -> T:
+        """Carry out a transfer. Raises RefusedError, or UnansweredError once all attempts failed."""
+        reason = Text("modbus.no_answer")
         attempts = 1 if self._greeting else attempts
         for attempt in range(attempts):
             try:
-                self._ready()
+                self._prepare()
                 return transfer(attempt > 0)
-            except (NoAnswerError, PortLostError) as exc:  # the greeting's is told as this one's
+            except NoAnswerError as exc:  # of the greeting
+                reason = exc.values["reason"]
+            except PortLostError as exc:
+                reason = Text.of("modbus.port_lost", reason=exc.values["reason"])
+            except UnansweredError as exc:
                 reason = exc.reason
-            except (UnansweredError, _GoneError) as exc:
-                reason = str(exc)
             except RefusedError as exc:
-                if exc.code not in NOT_YET or attempt + 1 == attempts:
-                    raise ModbusRefusalError(what, exc.code, unit) from exc
+                if exc.number not in NOT_YET or attempt + 1 == attempts:
+                    raise
                 time.sleep(_AGAIN_AFTER)
-        raise NoAnswerError(
-            f"table: {what} on {self._port} ({reason}); check cable, power and unit number", reason, unit
-        )
+        raise UnansweredError(reason)
 
-    def _ready(self) -> None:
-        """An open link to the device that it was opened to."""
+    def _prepare(self) -> None:
+        """Make sure that the link is open, and to the same device as before."""
         if self._carrier.open:
             return
         try:
             self._carrier.connect()
         except CalstationError as exc:
-            raise _GoneError("the link is gone") from exc
+            raise UnansweredError(Text("modbus.link_gone")) from exc
         if not self._greeting:
             self._greeting = True
             try:
@@ -190,12 +211,3 @@ class ModbusLink:
                 raise
             finally:
                 self._greeting = False
-
-
-def _of(unit: int | None) -> str:
-    """Whose registers, where it is not the first unit."""
-    return "" if unit is None else f" of unit {unit}"
-
-
-class _GoneError(Exception):
-    """A lost link that cannot be opened again yet."""

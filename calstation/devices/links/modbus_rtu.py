@@ -1,8 +1,8 @@
-"""Modbus RTU on a serial line: requests, the answers among the bytes that come, and no answer taken for another's.
+"""Modbus RTU on a serial line: requests, answers among the received bytes, and late answers kept apart.
 
-An RTU answer says neither what was asked nor when ("Modbus over Serial Line" V1.02, 2.5): one that comes late looks
-like that to the next request. So what went unanswered is remembered, and nothing is asked whose answer would look
-like one that may still come, before a read of another length has been answered.
+An RTU answer says neither what was asked nor when ("Modbus over Serial Line" V1.02, 2.5): a late one looks like the
+answer to the next request. So unanswered requests are remembered, and a request whose answer would look like one that
+may still come is only sent after a read of another length has been answered.
 """
 
 import struct
@@ -17,37 +17,42 @@ from calstation.devices.codecs.packets import Reply
 from calstation.devices.links.serial_link import PortLostError, SerialLink
 from calstation.devices.links.unanswered import QUIET, Unanswered
 from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.messages.rendering import Text
 
 READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 
 #: Bytes of the largest frame that an answer may be.
 LARGEST = 260
 
-#: Bytes of late answers that are looked into.
+#: Bytes of late answers that are searched.
 _KEPT = 16 * LARGEST
 
-#: Characters of silence that part two frames.
+#: Characters of silence between two frames.
 _FRAME_GAP = 3.5
 
 
-#: Unit, function, and how an answer's data begin.
-Look = tuple[int, int, bytes]
+#: What identifies an answer: unit, function, and the beginning of its data.
+Signature = tuple[int, int, bytes]
 
 
 class UnansweredError(Exception):
-    """No answer came in time, or none that could be told from another's; says what was wrong."""
+    """No valid answer came in time; `reason` says what came instead."""
+
+    def __init__(self, reason: Text) -> None:
+        super().__init__(reason.code)
+        self.reason = reason
 
 
 class RefusedError(Exception):
-    """The device answers with a Modbus exception; `code` is its number."""
+    """The device answers with a Modbus exception of this number."""
 
-    def __init__(self, code: int) -> None:
-        super().__init__(f"Modbus exception {code}")
-        self.code = code
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
 
 
 class RtuReply:
-    """Frames of Modbus RTU that answer; meets `frames.ReplyKind`.
+    """Answer frames of Modbus RTU; meets `packets.ReplyKind`.
 
     Parameters
     ----------
@@ -57,13 +62,13 @@ class RtuReply:
     def __init__(self, unit: int) -> None:
         self.sync = bytes([unit])
 
-    def size(self, buffer: bytes, place: int) -> int | None:
+    def size(self, buffer: bytes, start: int) -> int | None:
         """See `packets.PacketKind`."""
-        if len(buffer) < place + 3:
+        if len(buffer) < start + 3:
             return None
-        function = buffer[place + 1]
+        function = buffer[start + 1]
         if function == READ:
-            return 5 + buffer[place + 2]
+            return 5 + buffer[start + 2]
         if function in (WRITE, WRITE_MANY):
             return 8
         return 5 if function & ~REFUSED in (READ, WRITE, WRITE_MANY) else 0
@@ -79,7 +84,7 @@ class RtuReply:
 
 @dataclass(frozen=True)
 class RtuRequest:
-    """A request to a unit, and how its answer's data begin."""
+    """A request to a unit, and the beginning of its answer's data."""
 
     unit: int
     function: int
@@ -88,12 +93,12 @@ class RtuRequest:
 
     @staticmethod
     def read(unit: int, address: int, count: int) -> "RtuRequest":
-        """For holding registers."""
+        """A read of holding registers."""
         return RtuRequest(unit, READ, struct.pack(">HH", address, count), bytes([2 * count]))
 
     @staticmethod
     def write(unit: int, address: int, values: list[int]) -> "RtuRequest":
-        """To holding registers, in one transfer."""
+        """A write to holding registers, in one transfer."""
         if len(values) == 1:
             payload = struct.pack(">HH", address, values[0])
             return RtuRequest(unit, WRITE, payload, payload)
@@ -108,7 +113,7 @@ class RtuRequest:
         return body + check_bytes("crc16_modbus", body, "little")
 
     @property
-    def look(self) -> Look:
+    def signature(self) -> Signature:
         """What its answer has in common with others."""
         return self.unit, self.function, self.begins
 
@@ -117,58 +122,58 @@ class RtuRequest:
         """The first register."""
         return int.from_bytes(self.payload[:2], "big")
 
-    def taken(self, reply: Reply, unanswered: Unanswered) -> bytes | None:
-        """Data of its answer, None where a reply is that to an older request, which is then not due any more.
+    def data_of(self, reply: Reply, unanswered: Unanswered) -> bytes | None:
+        """Data of its answer; None for the answer to an older request, which is then settled.
 
-        Raises RefusedError where it is refused.
+        Raises RefusedError for a refusal.
         """
         if reply.op == self.function and reply.payload.startswith(self.begins):
-            unanswered.answered(self.look)
+            unanswered.answered(self.signature)
             return reply.payload
-        refused = [look for look in unanswered if _refuses(reply, look)]
-        if reply.op == self.function | REFUSED and set(refused) <= {self.look}:
-            unanswered.answered(self.look)
+        refused = [signature for signature in unanswered if _refuses(reply, signature)]
+        if reply.op == self.function | REFUSED and set(refused) <= {self.signature}:
+            unanswered.answered(self.signature)
             raise RefusedError(reply.payload[0])
-        not_due(reply, unanswered)
+        settle_older(reply, unanswered)
         return None
 
 
-def not_due(reply: Reply, unanswered: Unanswered) -> None:
-    """A reply came that nobody waits for: one of the requests that were not answered in time has its answer."""
-    unanswered.late(lambda look: _refuses(reply, look) or _answers(reply, look))
+def settle_older(reply: Reply, unanswered: Unanswered) -> None:
+    """Settle the oldest unanswered request that an unexpected reply can answer."""
+    unanswered.late(lambda signature: _refuses(reply, signature) or _answers(reply, signature))
 
 
-def _answers(reply: Reply, look: Hashable) -> bool:
-    _, function, begins = cast(Look, look)
+def _answers(reply: Reply, signature: Hashable) -> bool:
+    _, function, begins = cast(Signature, signature)
     return reply.op == function and reply.payload.startswith(begins)
 
 
-def _refuses(reply: Reply, look: Hashable) -> bool:
-    return reply.op == cast(Look, look)[1] | REFUSED
+def _refuses(reply: Reply, signature: Hashable) -> bool:
+    return reply.op == cast(Signature, signature)[1] | REFUSED
 
 
 class Barriers:
-    """Reads whose answers are of another length than any that may still come.
+    """Reads whose answers differ in length from any that may still come.
 
-    Lengths that have been asked are chosen before shorter parts of the longest, which a device might refuse.
+    Lengths already read are preferred to shorter parts of the longest, which a device might refuse.
     """
 
     def __init__(self) -> None:
         self._asked: dict[int, dict[int, int]] = {}
 
     def asked(self, unit: int, address: int, count: int) -> None:
-        """The unit has these registers."""
+        """Record that the unit has these registers."""
         self._asked.setdefault(unit, {}).setdefault(count, address)
 
     def next(self, unit: int, unanswered: Unanswered) -> RtuRequest:
-        """The read to ask now; where all lengths are due already, the one that has been so for longest."""
+        """The read to send; if answers of all lengths may still come, the oldest of them is given up."""
         asked = self._asked.get(unit, {1: 0})
         longest = max(asked)
         counts = [*asked, *(count for count in range(1, max(longest, 2) + 1) if count not in asked)]
         reads = [RtuRequest.read(unit, asked.get(count, asked[longest]), count) for count in counts]
         while True:
             for read in reads:
-                if read.look not in unanswered:
+                if read.signature not in unanswered:
                     return read
             unanswered.forget_oldest()
 
@@ -184,7 +189,7 @@ class RtuLine:
 
     Attributes
     ----------
-    heard : the bytes that came last, whether they make sense or not
+    heard : the bytes received last, valid or not
     """
 
     def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
@@ -202,7 +207,7 @@ class RtuLine:
         return self._link is not None
 
     def connect(self) -> None:
-        """Open the port that its name means now. Raises ConfigurationError, DeviceFaultError."""
+        """Open the port. Raises ConfigurationError, DeviceFaultError."""
         self._link = SerialLink(self._port, self._settings, "table")
 
     def close(self) -> None:
@@ -220,22 +225,23 @@ class RtuLine:
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
         """Write holding registers. Raises as `read`.
 
-        repeat : they may be written twice. So they are at once, however much is still to come, as it may be a stop
-        again : the same was sent just before: whichever of the two is answered, the values are there
+        repeat : they may be written twice; then they are sent at once even if late answers may come, since they may be
+            a stop
+        again : the same was sent just before; either answer confirms it
         """
         request = RtuRequest.write(unit, address, values)
         unanswered = self._unanswered.setdefault(unit, Unanswered())
-        if repeat and not again and request.look in unanswered:
+        if repeat and not again and request.signature in unanswered:
             self._send(request.frame)
-            unanswered.add(request.look)
+            unanswered.add(request.signature)
         self._ask(request, again)
 
     def _ask(self, request: RtuRequest, again: bool = False) -> bytes:
         unanswered = self._unanswered.setdefault(request.unit, Unanswered())
-        if request.look in unanswered and not again:
+        if request.signature in unanswered and not again:
             self._listen_until_quiet(request.unit, unanswered)
-        if request.look in unanswered and not again:
-            with suppress(RefusedError):  # which is an answer as well
+        if request.signature in unanswered and not again:
+            with suppress(RefusedError):  # a refusal is an answer, too
                 self._exchange(self._barriers.next(request.unit, unanswered), unanswered)
         return self._exchange(request, unanswered)
 
@@ -244,26 +250,26 @@ class RtuLine:
         self._listen_until_quiet(request.unit, unanswered, 0.0)
         self._send(request.frame)
         deadline = time.monotonic() + self._timeout
-        heard, place, others = b"", 0, False
+        heard, start, others = b"", 0, False
         while (left := deadline - time.monotonic()) > 0:
             heard += self._hear(left)
-            for reply, end in replies(request.unit, heard, place):
-                place, others = end, True
-                taken = request.taken(reply, unanswered)
-                if taken is not None:
-                    return taken
-            heard, place = heard[max(place, len(heard) - LARGEST) :], 0
-        unanswered.add(request.look)
-        raise UnansweredError("what is answered is another request" if others else "no answer")
+            for reply, end in replies(request.unit, heard, start):
+                start, others = end, True
+                data = request.data_of(reply, unanswered)
+                if data is not None:
+                    return data
+            heard, start = heard[max(start, len(heard) - LARGEST) :], 0
+        unanswered.add(request.signature)
+        raise UnansweredError(Text("modbus.other_answer" if others else "modbus.no_answer"))
 
     def _listen_until_quiet(self, unit: int, unanswered: Unanswered, quiet: float = QUIET) -> None:
-        """Take what comes late, until nothing comes any more, for as long as an answer may take."""
+        """Receive late answers until the line is quiet, for at most the time of an answer."""
         deadline = time.monotonic() + self._timeout
         heard = b""
         while time.monotonic() < deadline and (data := self._hear(quiet)):
             heard = (heard + data)[-_KEPT:]
         for reply, _ in replies(unit, heard, 0):
-            not_due(reply, unanswered)
+            settle_older(reply, unanswered)
 
     def _hear(self, wait: float) -> bytes:
         assert self._link is not None
@@ -287,14 +293,14 @@ class RtuLine:
         self._last = time.monotonic()
 
 
-def replies(unit: int, heard: bytes, place: int) -> Iterator[tuple[Reply, int]]:
-    """A unit's sound answers among bytes from `place` on, each with the place behind it."""
+def replies(unit: int, heard: bytes, start: int) -> Iterator[tuple[Reply, int]]:
+    """A unit's valid answers among bytes from `start` on, each with the index after it."""
     kind = RtuReply(unit)
-    while 0 <= (place := heard.find(kind.sync, place)) < len(heard):
-        size = kind.size(heard, place)
-        packet = heard[place : place + size] if size else b""
+    while 0 <= (start := heard.find(kind.sync, start)) < len(heard):
+        size = kind.size(heard, start)
+        packet = heard[start : start + size] if size else b""
         if size and len(packet) == size and kind.is_valid(packet):
-            place += size
-            yield kind.reply(packet), place
+            start += size
+            yield kind.reply(packet), start
         else:
-            place += 1
+            start += 1

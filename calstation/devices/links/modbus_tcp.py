@@ -1,21 +1,22 @@
-"""The one place that knows pymodbus: registers over Modbus TCP, each answer told by its transaction's number."""
+"""Registers over Modbus TCP by pymodbus, which matches answers to requests by transaction number."""
 
 import logging
 
 from pymodbus.client import ModbusTcpClient
-from pymodbus.exceptions import ModbusException
+from pymodbus.exceptions import ModbusException, ModbusIOException
 from pymodbus.pdu import ModbusPDU
 
 from calstation.devices.links.modbus_rtu import RefusedError, UnansweredError
 from calstation.devices.links.opening import host_and_port
-from calstation.devices.links.serial_link import LINK_ERRORS
+from calstation.devices.links.serial_link import LINK_ERRORS, link_reason
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.messages.rendering import Text
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors reach the user as DeviceFaultError
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors become DeviceFaultError
 
 
 class TcpConnection:
-    """A connection to a Modbus server. What goes wrong ends it: the next request begins on a fresh one.
+    """A connection to a Modbus server. Any error closes it; the next request opens a new one.
 
     Parameters
     ----------
@@ -23,16 +24,14 @@ class TcpConnection:
 
     Attributes
     ----------
-    heard : the bytes that came last, whether they make sense or not
-    open : whether it stands
+    heard : the bytes received last, valid or not
+    open : whether it is open
     """
 
     def __init__(self, port: str, timeout: float) -> None:
         address = host_and_port(port)
         if address is None:
-            raise ConfigurationError(
-                f"table: port {port} is not tcp://host:port; correct it in the station file"
-            )
+            raise ConfigurationError("link.not_an_address", device="table", port=port)
         self.heard = b""
         self.open = False
         self._port = port
@@ -47,12 +46,10 @@ class TcpConnection:
         except LINK_ERRORS:
             self.open = False
         if not self.open:
-            raise DeviceFaultError(
-                f"table: port {self._port} cannot be opened; check cable, power and the port in the station file"
-            )
+            raise DeviceFaultError("link.not_connected", device="table", port=self._port)
 
     def close(self) -> None:
-        """Hang up; never raises."""
+        """Close the connection; never raises."""
         self.open = False
         try:
             self._client.close()  # type: ignore[no-untyped-call]
@@ -68,11 +65,11 @@ class TcpConnection:
         self._check(answer)
         if len(answer.registers) != count:
             self.close()
-            raise UnansweredError("an answer of the wrong length")
+            raise UnansweredError(Text("modbus.wrong_length"))
         return list(answer.registers)
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
-        """Write holding registers, whether they may be or have been written before. Raises as `read`."""
+        """Write holding registers; `repeat` and `again` do not matter here. Raises as `read`."""
         try:
             if len(values) == 1:
                 answer = self._client.write_register(address, values[0], device_id=unit)
@@ -88,8 +85,9 @@ class TcpConnection:
 
     def _unanswered(self, exc: BaseException) -> UnansweredError:
         self.close()
-        text = str(exc)
-        return UnansweredError("no answer" if "No response" in text else text.removeprefix("Modbus Error: "))
+        if isinstance(exc, ModbusIOException):
+            return UnansweredError(Text("modbus.no_answer"))
+        return UnansweredError(link_reason(exc))
 
     def _hear(self, sending: bool, data: bytes) -> bytes:
         if not sending and data:

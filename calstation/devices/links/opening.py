@@ -1,4 +1,4 @@
-"""Says why a port cannot be opened: the kinds of reasons that a person can act on."""
+"""Finds out why a port cannot be opened, by reasons that a person can act on."""
 
 import errno
 import socket
@@ -8,13 +8,14 @@ from typing import Literal
 
 import serial
 
-from calstation.devices.links.serial_link import LINK_ERRORS
+from calstation.devices.links.serial_link import LINK_ERRORS, Device, link_reason
 from calstation.devices.links.serial_ports import resolve
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import DeviceFaultError
+from calstation.messages.rendering import Text
 
-#: No such USB adapter or port, not allowed to this user, in use, settings that the port refuses; host:port misspelt, a
-#: name that nobody knows, nothing served at the port, no way there.
+#: No such USB adapter or port, no permission, in use, unsuitable settings; host:port misspelt, host not found,
+#: connection refused, host unreachable.
 Reason = Literal[
     "no_adapter",
     "no_port",
@@ -28,16 +29,8 @@ Reason = Literal[
     "other",
 ]
 
-#: How addresses begin.
+#: Schemes of addresses.
 SOCKETS = ("tcp://", "socket://")
-
-#: Why a connection does not come about, and the mend.
-_WHY = {
-    "unknown_host": "nobody knows this host; correct its name in the station file, or give its IP address",
-    "refused": "the host is there but serves nothing at this port; correct the port number in the station file, see"
-    " that the device's server is on",
-    "unreachable": "no answer within {:g} s; check power, network cable and the IP address in the station file",
-}
 
 _PERMISSION = {errno.EACCES, errno.EPERM}
 _BUSY = {errno.EBUSY, errno.EAGAIN}
@@ -46,7 +39,7 @@ _REFUSED_SETTINGS = {errno.EINVAL, errno.ENOTTY}
 
 
 def host_and_port(url: str) -> tuple[str, int] | None:
-    """Host and port of ``tcp://host:port`` or ``socket://host:port``, None where it is neither."""
+    """Host and port of ``tcp://host:port`` or ``socket://host:port``; None if it is neither."""
     for scheme in SOCKETS:
         if url.startswith(scheme):
             host, _, number = url.removeprefix(scheme).partition("/")[0].rpartition(":")
@@ -55,25 +48,26 @@ def host_and_port(url: str) -> tuple[str, int] | None:
     return None
 
 
-def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, str]:
-    """Try to open a port that did not open, and say what is in the way.
+def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, Text | None]:
+    """Try to open a port that could not be opened, and find out why.
 
     Parameters
     ----------
     port : as in a station file
+    settings : of a serial port
     timeout : host time for a connection, s
 
     Returns
     -------
-    The kind of reason, and the system's own words for it ("" where the kind says it all). A port that opens
-    now after all counts as "other".
+    The kind of reason, and the system's own reason if the kind does not say it all. A port that can be opened now
+    counts as "other".
     """
     if port.startswith(SOCKETS):
         return _why_no_connection(port, timeout)
     try:
-        device = resolve(port, "port")
+        device = resolve(port, "imu")
     except DeviceFaultError as exc:
-        return "no_adapter", str(exc)
+        return "no_adapter", exc.as_text
     try:
         serial.serial_for_url(
             device,
@@ -85,53 +79,54 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
             exclusive=True,
         ).close()
     except ValueError as exc:
-        return "bad_settings", str(exc)
+        return "bad_settings", Text.of("os.other", words=str(exc))
     except LINK_ERRORS as exc:
-        return _kind(exc), _words(exc)
-    return "other", ""
+        return _kind(exc), link_reason(exc)
+    return "other", None
 
 
 @contextmanager
-def explained(name: str, port: str, timeout: float) -> Iterator[None]:
-    """While a connection of the network is opened: where there is none, the fault says why.
+def explained(device: Device, port: str, timeout: float) -> Iterator[None]:
+    """While a connection over the network is opened: if it fails, raise a fault that says why.
 
     Parameters
     ----------
-    name : what messages call the device
+    device : whose port it is
+    port : as in a station file
     timeout : host time for a connection, s
     """
     try:
         yield
     except DeviceFaultError as fault:
-        if not port.startswith("tcp://"):
-            raise
-        reason, _ = _why_no_connection(port, timeout)
-        if reason not in _WHY:
-            raise
-        raise DeviceFaultError(
-            f"{name}: port {port} cannot be opened: {_WHY[reason].format(timeout)}"
-        ) from fault
+        reason = _why_no_connection(port, timeout)[0] if port.startswith("tcp://") else "other"
+        if reason == "unknown_host":
+            raise DeviceFaultError("link.unknown_host", device=device, port=port) from fault
+        if reason == "refused":
+            raise DeviceFaultError("link.refused", device=device, port=port) from fault
+        if reason == "unreachable":
+            raise DeviceFaultError("link.unreachable", device=device, port=port, seconds=timeout) from fault
+        raise
 
 
-def _why_no_connection(port: str, timeout: float) -> tuple[Reason, str]:
+def _why_no_connection(port: str, timeout: float) -> tuple[Reason, Text | None]:
     address = host_and_port(port)
     if address is None:
-        return "bad_address", ""
+        return "bad_address", None
     try:
         socket.create_connection(address, timeout=timeout).close()
     except socket.gaierror as exc:
-        return "unknown_host", _words(exc)
+        return "unknown_host", link_reason(exc)
     except ConnectionRefusedError as exc:
-        return "refused", _words(exc)
+        return "refused", link_reason(exc)
     except OSError as exc:
-        return "unreachable", _words(exc)
-    return "other", ""
+        return "unreachable", link_reason(exc)
+    return "other", None
 
 
 def _kind(exc: BaseException) -> Reason:
     number, text = getattr(exc, "errno", None), str(exc)
     if isinstance(exc, PermissionError) or number in _PERMISSION or "PermissionError" in text:
-        # Windows says "Access is denied" both where a port is in use and where it is forbidden.
+        # Windows reports "Access is denied" both for a port in use and for a forbidden one.
         return "busy" if "PermissionError" in text else "no_permission"
     if number in _BUSY or "exclusively lock" in text:
         return "busy"
@@ -140,7 +135,3 @@ def _kind(exc: BaseException) -> Reason:
     if number in _REFUSED_SETTINGS or type(exc).__module__ == "termios":
         return "bad_settings"
     return "other"
-
-
-def _words(exc: BaseException) -> str:
-    return str(getattr(exc, "strerror", None) or exc).rsplit("] ", 1)[-1].split(": '")[0].rstrip(".")

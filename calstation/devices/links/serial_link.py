@@ -1,13 +1,15 @@
-"""One serial link: opens any port that pyserial knows and turns its many exceptions into one."""
+"""One serial link: opens any port that pyserial knows and turns its exceptions into errors of the catalogue."""
 
 import select
 from contextlib import suppress
+from typing import Literal
 
 import serial
 
 from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.messages.rendering import Text, os_reason
 
 try:
     from termios import error as termios_error
@@ -17,15 +19,14 @@ except ImportError:  # no termios on Windows
 #: What pyserial raises: a closed pty gives plain OSError, a refused parity termios.error.
 LINK_ERRORS = (serial.SerialException, OSError, termios_error)
 
+#: Whose port it is, as a code of the family `source`.
+Device = Literal["table", "imu"]
+
 _READ_SIZE = 65536
 
 
 class PortLostError(DeviceFaultError):
-    """An open port has gone, a pulled plug or a device that hung up; `reason` says no more than that."""
-
-    def __init__(self, text: str, reason: str = "the port was lost") -> None:
-        super().__init__(text)
-        self.reason = reason
+    """An open port was lost: a pulled plug, or a device that closed the connection."""
 
 
 class SerialLink:
@@ -34,29 +35,27 @@ class SerialLink:
     Parameters
     ----------
     port : `/dev/...`, `COM3`, `usb:SERIALNUMBER`, `socket://host:port` or `rfc2217://host:port`
-    settings : baud and so on; meaningless for sockets
-    name : what messages call the device, e.g. "IMU"
+    settings : baud and so on; ignored for sockets
+    device : whose port it is, for messages
 
     Raises
     ------
     ConfigurationError
-        where no such port can exist or the settings do not fit it.
+        No such port can exist, or the settings do not suit it.
     DeviceFaultError
-        where it cannot be opened.
+        The port cannot be opened.
     """
 
-    def __init__(self, port: str, settings: SerialSettings, name: str) -> None:
+    def __init__(self, port: str, settings: SerialSettings, device: Device) -> None:
         self.port = port
-        self.name = name
-        device = resolve(port, name)
+        self.device = device
+        name = resolve(port, device)
         try:
-            self._serial = _opened(device, settings)
+            self._serial = _opened(name, settings)
         except ValueError as exc:
-            raise ConfigurationError(f"{name}: port {port}: {exc}; correct the port's settings") from exc
+            raise ConfigurationError("link.bad_settings", device=device, port=port, reason=str(exc)) from exc
         except LINK_ERRORS as exc:
-            raise DeviceFaultError(
-                f"{name}: port {port} cannot be opened ({_reason(exc)}); {_mend(port, exc)}"
-            ) from exc
+            raise self._not_opened(exc) from exc
         try:
             self._fileno: int | None = self._serial.fileno()
         except (AttributeError, OSError, ValueError):
@@ -84,7 +83,7 @@ class SerialLink:
 
     def close(self) -> None:
         """Close the port; never raises."""
-        # pyserial forgets a socket whose far end has gone, without closing it.
+        # pyserial drops a socket whose far end has closed without closing it.
         held = getattr(self._serial, "_socket", None)
         with suppress(*LINK_ERRORS):
             self._serial.close()
@@ -92,10 +91,25 @@ class SerialLink:
             held.close()
 
     def _lost(self, exc: BaseException) -> PortLostError:
-        return PortLostError(
-            f"{self.name}: port {self.port} was lost ({_reason(exc)}); check cable and power",
-            f"the port was lost: {_reason(exc)}",
-        )
+        return PortLostError("link.lost", device=self.device, port=self.port, reason=link_reason(exc))
+
+    def _not_opened(self, exc: BaseException) -> DeviceFaultError:
+        at = {"device": self.device, "port": self.port, "reason": link_reason(exc)}
+        if "://" in self.port:
+            return DeviceFaultError("link.nothing_served", **at)
+        if "exclusively lock" in str(exc):
+            return DeviceFaultError("link.in_use", **at)
+        if isinstance(exc, PermissionError) or "Permission" in str(exc):
+            return DeviceFaultError("link.no_permission", **at)
+        return DeviceFaultError("link.no_such_port", found=[p.device for p in found_ports()], **at)
+
+
+def link_reason(exc: BaseException) -> Text:
+    """Why the operating system or pyserial failed, as a part of a sentence."""
+    if isinstance(exc, OSError) and exc.errno is not None:
+        return os_reason(exc)
+    words = str(exc).rsplit("] ", 1)[-1].split(": '")[0].rstrip(".")
+    return Text.of("os.other", words=words)
 
 
 def _opened(device: str, settings: SerialSettings) -> serial.Serial:
@@ -110,24 +124,8 @@ def _opened(device: str, settings: SerialSettings) -> serial.Serial:
         exclusive=True,  # two readers of one port would each get half of the bytes
     )
     try:
-        port.parity = settings.parity  # a port that has none may take it at first and drop it silently
+        port.parity = settings.parity  # a port without parity may accept it at first and drop it silently
     except LINK_ERRORS:
         port.close()
         raise
     return port
-
-
-def _reason(exc: BaseException) -> str:
-    text = str(getattr(exc, "strerror", None) or exc)
-    return text.rsplit("] ", 1)[-1].split(": '")[0].rstrip(".")
-
-
-def _mend(port: str, exc: BaseException) -> str:
-    if "://" in port:
-        return "check that the device serves there and that the port in the station file is right"
-    if "exclusively lock" in str(exc):
-        return "another program uses it; close that program"
-    if isinstance(exc, PermissionError) or "Permission" in str(exc):
-        return "close other programs that use it and allow this user to use serial ports (group dialout)"
-    found = ", ".join(p.device for p in found_ports()) or "none"
-    return f"ports found: {found}; correct the port in the station file"

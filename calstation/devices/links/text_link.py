@@ -1,4 +1,4 @@
-"""Lines of text to a table and back: prompts, plain lines or checked lines, each exchange bounded in time."""
+"""Lines of text to a table and its replies: with prompts, plain or checked; each exchange is bounded in time."""
 
 import re
 import time
@@ -13,26 +13,26 @@ from calstation.devices.profiles.text import CheckedLines, TextSection
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
-#: Bytes of a reply; more without its end is noise.
+#: Largest size of a reply in bytes; more without its end is noise.
 _LONGEST = 4096
 
 
 class TextRefusalError(DeviceFaultError):
-    """The table understands and refuses a line."""
+    """The table refuses a line."""
 
 
 class UnlikeAnswerError(DeviceFaultError):
-    """The table answers otherwise than the profile says."""
+    """The table answers in another form than the profile states."""
 
 
 class Framing(Protocol):
-    """How a line goes out and how its reply is recognised."""
+    """The framing of lines and of their replies."""
 
     def request(self, line: str) -> bytes:
         """The bytes to send."""
 
     def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
-        """The reply to `line` in what was heard and what stands behind it; None until it is whole."""
+        """The reply to `line` in the received bytes and what follows it; None until it is complete."""
 
 
 class Prompted:
@@ -46,7 +46,7 @@ class Prompted:
         return (line + self._end).encode("latin-1")
 
     def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
-        """See `Framing`; an echo of the line is left out."""
+        """See `Framing`; an echo of the line is dropped."""
         said, prompt, rest = heard.partition(self._prompt)
         if not prompt:
             return None
@@ -74,7 +74,7 @@ class Plain:
 
 
 class Checked:
-    """Each line has a head, its reply the command's letters and a sum ($MN...*SS)."""
+    """Each line has a head and a sum, its reply repeats the command's letters ($MN...*SS)."""
 
     def __init__(self, section: TextSection, lines: CheckedLines) -> None:
         self._end, self._lines = section.line_end, lines
@@ -88,7 +88,7 @@ class Checked:
         )
 
     def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
-        """See `Framing`; lines with a wrong sum or to another command are left out."""
+        """See `Framing`; lines with a wrong sum or to another command are dropped."""
         command = re.split(r"[,?]", line)[0]
         while b"\n" in heard:
             first, _, heard = heard.partition(b"\n")
@@ -107,11 +107,11 @@ class Checked:
 
 
 class TextLink:
-    """The line of a table that is commanded in text; not for use by two threads at once.
+    """The link to a table that is commanded in text; not for use by two threads at once.
 
-    A reply seldom says what it replies to, and one that comes late looks like the next line's. So after a line that
-    was not answered a question is asked that is answered otherwise, and nothing is believed before its answer. A link
-    that was opened anew is asked who answers there now, before the table is told anything.
+    A reply seldom says what it replies to, and a late one looks like the next line's. So after an unanswered line a
+    question with a distinct answer is sent, and no reply is accepted before that answer. After the link was reopened
+    the table is identified before any command is sent.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class TextLink:
 
     Attributes
     ----------
-    heard : the bytes that came last, whether they make sense or not
+    heard : the bytes received last, valid or not
     """
 
     def __init__(self, port: str, section: TextSection, serial: SerialSettings) -> None:
@@ -138,38 +138,39 @@ class TextLink:
             for query in (section.queries["identity"], *section.queries.values())
         }
         self._identity = next(iter(self._questions))
-        self._told: str | None = None
+        self._identified_as: str | None = None
         self._unanswered: list[str] = []
         self._last_sent = 0.0
         self._link: SerialLink | None = self._open()
         self._new = False
 
     def ask(self, line: str, answer: re.Pattern[str]) -> str:
-        """Send a line that asks and wait for its reply; a lost one is asked for again.
+        """Send a question and wait for its reply; a lost one is asked for again.
 
         Parameters
         ----------
-        answer : what the reply looks like; one that looks otherwise is passed over while there is time
+        line : the question
+        answer : form of the reply; others are skipped while there is time
 
         Raises
         ------
         TextRefusalError
-            where the table refuses it.
+            The table refuses it.
         DeviceFaultError
-            where no reply comes, the port is lost, or another table answers than before.
+            No reply comes, the port is lost, or another table answers.
         """
         for _ in range(_ATTEMPTS):
             if self._settled() and (reply := self._exchange(line, answer)) is not None:
                 if line == self._identity:
-                    self._told = reply
+                    self._identified_as = reply
                 return reply
         raise self._not_answered(line)
 
     def command(self, line: str, repeat: bool = True) -> None:
-        """Send a line that commands; raises as `ask`. A line that is not answered is followed by the flush.
+        """Send a command; raises as `ask`. A command without answer is followed by the flush.
 
-        repeat : it may be said twice. So it is said at once, however much is still to come, as it may be a stop; and
-            again where its reply was lost
+        repeat : it may be sent twice; then it is sent at once even if late replies may come, since it may be a stop,
+            and again if its reply was lost
         """
         if self._silent is not None and self._silent.search(line):
             if self._known() or self._settled():
@@ -182,29 +183,29 @@ class TextLink:
         if repeat and self._unanswered and self._known():
             self._send(line)
         for attempt in range(_ATTEMPTS if repeat else 1):
-            # Whichever of two is answered that say the same, it is done; but the other's reply may still come.
+            # Either of two equal lines may be the answered one; the other's reply may still come.
             again = attempt > 0 and self._known()
             if (again or self._settled()) and self._exchange(line, None) is not None:
                 return
         raise self._not_answered(line)
 
     def close(self) -> None:
-        """Hang up; never raises."""
+        """Close the link; never raises."""
         if self._link is not None:
             self._link.close()
 
     def _open(self) -> SerialLink:
-        # pyserial calls sockets by another scheme than the table profiles do.
+        # pyserial uses another scheme for sockets than the station files.
         url = self._port.replace("tcp://", "socket://", 1) if self._port.startswith("tcp://") else self._port
         self._new = True
         return SerialLink(url, self._serial, "table")
 
     def _known(self) -> bool:
-        """Whether the link is still the one on which the table said who it is."""
+        """Whether the table was identified on this link."""
         return self._link is not None and not self._new
 
     def _settled(self) -> bool:
-        """Whether what comes now answers what is asked now; asks the table, where that is not sure."""
+        """Whether the next reply will answer the next line; asks the table if that is uncertain."""
         if self._known() and not self._unanswered:
             return True
         others = [line for line in self._questions if line not in self._unanswered]
@@ -212,11 +213,13 @@ class TextLink:
         reply = self._exchange(line, self._questions[line], only=True)
         if reply is None:
             return False
-        if line == self._identity and reply != (self._told or reply):
+        if line == self._identity and reply != (self._identified_as or reply):
             self._drop()
             raise DeviceFaultError(
-                f"table: '{quoted_text(reply)}' answers on {self._port} where '{quoted_text(self._told or '')}' did;"
-                " nothing was told to it; check which adapter is plugged in where"
+                "table.other_table",
+                port=self._port,
+                found=quoted_text(reply),
+                expected=quoted_text(self._identified_as or ""),
             )
         self._quieten()
         self._unanswered.clear()
@@ -239,9 +242,9 @@ class TextLink:
             self._last_sent = time.monotonic()
 
     def _exchange(self, line: str, answer: re.Pattern[str] | None, only: bool = False) -> str | None:
-        """The reply to a line, None where none comes in time.
+        """The reply to a line; None if none comes in time.
 
-        only : nothing but what looks like `answer` is one; else one that looks otherwise is, where no better comes
+        only : accept nothing but the form of `answer`; else another reply is accepted if no better one comes
         """
         self._send(line)
         link = self._link
@@ -265,22 +268,19 @@ class TextLink:
                     continue
                 other = said
                 if self._refused and self._refused.search(said):
-                    raise TextRefusalError(
-                        f"table: '{line}' is refused with '{quoted_text(said)}'; look at the table's display, then"
-                        " compare this line of the table profile with the controller's manual"
-                    )
+                    raise TextRefusalError("table.line_refused", line=line, answer=quoted_text(said))
                 if answer is None or answer.search(said):
                     return said
         if answer is not None or other is None:
             self._unanswered.append(line)
-            if "://" in self._port:  # one that has died without a word
+            if "://" in self._port:  # the connection may be dead without notice
                 self._drop()
             else:
                 self._quieten()
         return other
 
     def _quieten(self) -> None:
-        """Wait until nothing comes any more, for as long as an answer may take."""
+        """Wait until the line is quiet, for at most the time of an answer."""
         deadline = time.monotonic() + self._section.timeout_s
         while self._link is not None and time.monotonic() < deadline:
             try:
@@ -291,8 +291,7 @@ class TextLink:
 
     def _not_answered(self, line: str) -> DeviceFaultError:
         return DeviceFaultError(
-            f"table: '{line}' is not answered on {self._port} within {self._section.timeout_s:g} s;"
-            " check cable, power, baud and the table profile"
+            "table.line_unanswered", line=line, port=self._port, seconds=self._section.timeout_s
         )
 
     def _drop(self) -> None:

@@ -1,50 +1,52 @@
-"""Requests that were not answered in time: what may still be on its way, and would be taken for another's answer."""
+"""Requests that were not answered in time, whose late answers could be mistaken for those of later requests."""
 
 from collections.abc import Callable, Hashable, Iterator
 
-#: Host time without a byte after which nothing is being sent any more, s.
+#: Host time without a byte after which a transmission counts as ended, s.
 QUIET = 0.05
 
-#: Unanswered requests that are kept in mind; a device that leaves more is not answering late, it is silent.
+#: Unanswered requests that are remembered; a device that leaves more is not late but silent.
 _MOST = 100
 
 
 class Unanswered:
-    """What the answers look like that may still come, those of the oldest requests first.
+    """Signatures of the answers that may still come, those of the oldest requests first.
 
-    A device answers in the order in which it was asked: an answer shows that none to an older request will come.
+    A device answers in order: an answer shows that none to an older request will come.
     """
 
     def __init__(self) -> None:
-        self._looks: list[Hashable] = []
+        self._signatures: list[Hashable] = []
 
-    def __contains__(self, look: Hashable) -> bool:
-        return look in self._looks
+    def __contains__(self, signature: Hashable) -> bool:
+        return signature in self._signatures
 
     def __iter__(self) -> Iterator[Hashable]:
-        return iter(tuple(self._looks))
+        return iter(tuple(self._signatures))
 
     def __len__(self) -> int:
-        return len(self._looks)
+        return len(self._signatures)
 
-    def add(self, look: Hashable) -> None:
-        """The last request was not answered in time; its answer would look like this."""
-        self._looks = [*self._looks, look][-_MOST:]
+    def add(self, signature: Hashable) -> None:
+        """Record that the last request was not answered in time; its answer would have this signature."""
+        self._signatures = [*self._signatures, signature][-_MOST:]
 
-    def answered(self, look: Hashable) -> None:
-        """What looks like the last request's answer came; it may be that to an older one which would look alike."""
-        self._looks = [*self._after(look.__eq__), look] if look in self._looks else []
+    def answered(self, signature: Hashable) -> None:
+        """Record an answer with the last request's signature; it may belong to an older request with the same one."""
+        self._signatures = (
+            [*self._after(signature.__eq__), signature] if signature in self._signatures else []
+        )
 
     def late(self, like: Callable[[Hashable], bool]) -> None:
-        """An answer to an older request came, to the oldest of those that it could be to."""
-        self._looks = self._after(like)
+        """Record an answer to an older request: to the oldest that it can belong to."""
+        self._signatures = self._after(like)
 
     def forget_oldest(self) -> None:
-        """Give up the answer that has been due for longest."""
-        del self._looks[:1]
+        """Give up the oldest answer."""
+        del self._signatures[:1]
 
     def _after(self, like: Callable[[Hashable], bool]) -> list[Hashable]:
-        for i, look in enumerate(self._looks):
-            if like(look):
-                return self._looks[i + 1 :]
-        return self._looks
+        for i, signature in enumerate(self._signatures):
+            if like(signature):
+                return self._signatures[i + 1 :]
+        return self._signatures

@@ -318,31 +318,40 @@ class TableMap:
 
     def _check_ranges(self, axes: Sequence[Axis], encoder_sigma: float) -> None:
         for joint, axis in zip(JOINTS, axes, strict=True):
-            travel = ("profile.narrower_than_travel", axis.low, axis.high)
-            both_ways = ("profile.narrower_than_rate", -axis.rate, axis.rate)
-            needed = {
-                "position": travel,
-                "target": travel,
-                "low": travel,
-                "high": travel,
-                "rate": both_ways,
-                "turn_rate": both_ways,
-                "target_rate": ("profile.narrower_than_rate", 0.0, axis.rate),
-                "acceleration": ("profile.narrower_than_acceleration", 0.0, axis.acceleration),
-            }
-            for name, (code, low, high) in needed.items():
-                register = self.registers.get(f"{joint}_{name}")
-                if register is None:
-                    continue
-                place = ("registers", f"{joint}_{name}")
-                least, most = register.bounds
-                if low < least or high > most:
-                    held = {"type": register.type, "scale": register.scale, "least": least, "most": most}
-                    raise EntryError(code, *place, low=low, high=high, joint=joint, **held)
-                if name in ("position", "target") and register.step > _COARSEST * encoder_sigma:
-                    raise EntryError(
-                        "profile.angle_too_coarse", *place, step=register.step, sigma=encoder_sigma
-                    )
+            for name in ("position", "target", "low", "high"):
+                if held := self._narrower(f"{joint}_{name}", axis.low, axis.high):
+                    place = ("registers", f"{joint}_{name}")
+                    raise EntryError("profile.narrower_than_travel", *place, joint=joint, **held)
+            for name in ("rate", "turn_rate", "target_rate"):
+                low = 0.0 if name == "target_rate" else -axis.rate
+                if held := self._narrower(f"{joint}_{name}", low, axis.rate):
+                    place = ("registers", f"{joint}_{name}")
+                    raise EntryError("profile.narrower_than_rate", *place, joint=joint, **held)
+            name = f"{joint}_acceleration"
+            if held := self._narrower(name, 0.0, axis.acceleration):
+                raise EntryError("profile.narrower_than_acceleration", "registers", name, joint=joint, **held)
+            for name in (f"{joint}_position", f"{joint}_target"):
+                step = self.registers[name].step
+                if step > _COARSEST * encoder_sigma:
+                    values = {"step": step, "sigma": encoder_sigma}
+                    raise EntryError("profile.angle_too_coarse", "registers", name, **values)
+
+    def _narrower(self, name: str, low: float, high: float) -> dict[str, str | float]:
+        """Values of the message if a register does not hold `low` to `high`, else empty."""
+        register = self.registers.get(name)
+        if register is None:
+            return {}
+        least, most = register.bounds
+        if least <= low and high <= most:
+            return {}
+        return {
+            "type": register.type,
+            "scale": register.scale,
+            "least": least,
+            "most": most,
+            "low": low,
+            "high": high,
+        }
 
     def _check_signs(self) -> None:
         """Check that angles are sent and read in the same sense, and that magnitudes are not negative."""
@@ -364,8 +373,12 @@ class TableMap:
                         "other": f"registers.{joint}_position",
                         "its": position.scale,
                     }
-                    code = "profile.turn_rate_needed" if name in unsigned else "profile.opposite_sense"
-                    raise EntryError(code, "registers", name, "scale", joint=joint, **values)
+                    raise EntryError(
+                        "profile.turn_rate_needed" if name in unsigned else "profile.opposite_sense",
+                        *("registers", name, "scale"),
+                        joint=joint,
+                        **values,
+                    )
 
     def _check_watchdog(self) -> None:
         """Check that the watchdog's timeout is readable if it is fed, and cannot be negative."""

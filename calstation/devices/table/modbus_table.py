@@ -1,4 +1,4 @@
-"""Driver of a two-axis table behind Modbus, over TCP or RTU."""
+"""Driver of a two-axis table on Modbus, over TCP or RTU."""
 
 from calstation.devices.links.modbus_link import ModbusLink
 from calstation.devices.profiles.serial_settings import SerialSettings
@@ -15,8 +15,8 @@ class ModbusTable(RegisterTable):
     Parameters
     ----------
     port : `tcp://host:port`, or a serial port for RTU
-    profile : what the registers mean
-    serial : settings of this place's port; the profile's where None
+    profile : table profile
+    serial : settings of the serial port; None for the profile's
     """
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
@@ -26,26 +26,23 @@ class ModbusTable(RegisterTable):
         inner = None if modbus.inner_unit is None else OtherUnit(link, modbus.inner_unit)
         super().__init__(link, profile, modbus.gap, inner)
         self._port = port
-        self._told: dict[str, str] = {}
+        self._texts: dict[str, str] = {}
         link.greet = self._greet
 
     def _text(self, name: str) -> str:
-        self._told[name] = super()._text(name)
-        return self._told[name]
+        self._texts[name] = super()._text(name)
+        return self._texts[name]
 
     def _greet(self) -> None:
-        """A link that was opened anew leads to the table that it led to before."""
-        for name, told in self._told.items():
+        """Check that a reopened link leads to the same table."""
+        for name, expected in self._texts.items():
             found = super()._text(name)
-            if found != told:
-                raise DeviceFaultError(
-                    f"table: '{found}' answers on {self._port} where '{told}' did; nothing was told to it; check"
-                    " which adapter is plugged in where"
-                )
+            if found != expected:
+                raise DeviceFaultError("table.other_table", port=self._port, found=found, expected=expected)
 
 
 class OtherUnit:
-    """Registers of a second unit on the line of a first, which keeps the port; meets `register_table.RegisterLink`.
+    """Registers of a second unit on the line of a first, which owns the port; meets `register_table.RegisterLink`.
 
     Parameters
     ----------
@@ -67,4 +64,4 @@ class OtherUnit:
         self._link.write(address, values, repeat, self._unit)
 
     def close(self) -> None:
-        """The first unit hangs up."""
+        """Do nothing: the first unit closes the link."""

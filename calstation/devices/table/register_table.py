@@ -1,4 +1,4 @@
-"""A two-axis table behind 16-bit registers, laid out as its profile says (CiA 402 words), whatever carries them."""
+"""A two-axis table with 16-bit registers as its profile lays them out (CiA 402 words), whatever carries them."""
 
 import math
 from collections.abc import Mapping
@@ -6,7 +6,13 @@ from typing import Protocol
 
 import numpy as np
 
-from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableIdentity, TableStatus
+from calstation.devices.interfaces import (
+    LOCAL_CONTROL,
+    UNKNOWN_FAULT,
+    OtherModelError,
+    TableIdentity,
+    TableStatus,
+)
 from calstation.devices.profiles.table import TableProfile
 from calstation.devices.profiles.table_registers import JOINTS, RATE_COMMAND, ModbusRegister
 from calstation.errors import ConfigurationError, DeviceFaultError
@@ -19,39 +25,35 @@ _LARGEST_READ = 120  # registers in one transfer
 
 
 class RegisterLink(Protocol):
-    """What carries the registers. Both calls are bounded in time and raise DeviceFaultError where they fail."""
+    """What carries the registers. Calls are bounded in time and raise DeviceFaultError if they fail."""
 
     @property
     def heard(self) -> bytes:
-        """The bytes that came last, whether they make sense or not."""
+        """The bytes received last, valid or not."""
 
     def read(self, address: int, count: int) -> list[int]:
         """Read registers; a lost transfer is repeated."""
 
     def write(self, address: int, values: list[int], repeat: bool = True) -> None:
-        """Write registers; a lost transfer is repeated only where `repeat`."""
+        """Write registers; a lost transfer is repeated only if `repeat`."""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the link."""
 
 
 def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
-    """A value in the profile's unit as registers, in their order.
-
-    Raises ConfigurationError where it does not fit.
-    """
+    """A value in the profile's unit as registers, in their order; raises ConfigurationError if it does not fit."""
     try:
         return _words(register, value / register.scale)
     except ValueError:
         low, high = register.bounds
         raise ConfigurationError(
-            f"table: {name} = {value:g} does not fit its register ({low:g} to {high:g}); correct the schedule or the"
-            " table profile"
+            "table.value_beyond_register", name=name, value=value, low=low, high=high
         ) from None
 
 
 def decode(register: ModbusRegister, words: list[int]) -> float:
-    """Registers as a value in the profile's unit; NaN or infinite where a float holds no number."""
+    """Registers as a value in the profile's unit; may be NaN or infinite for floats."""
     wire = b"".join(word.to_bytes(2, "big") for word in words)
     return register.number.unpack(wire, "big", register.word_order) * register.scale
 
@@ -62,16 +64,16 @@ def _words(register: ModbusRegister, raw: float) -> list[int]:
 
 
 class RegisterTable:
-    """The table of a profile behind a link.
+    """The table of a profile on a link.
 
     Moves are absolute, so a repeated transfer never adds to a motion; homing is never repeated.
 
     Parameters
     ----------
     link : carries the registers
-    profile : what they mean
-    gap : unused registers that may be read along
-    inner : carries those of the inner axis's own drive, where it has one
+    profile : table profile
+    gap : unused registers that may be read along with used ones
+    inner : carries the registers of the inner axis's own drive, if it has one
     """
 
     def __init__(
@@ -93,21 +95,16 @@ class RegisterTable:
         self._limits = profile.geometry().limits
 
     def identify(self) -> TableIdentity:
-        """Model and serial number, of two drives both; raises OtherModelError where another model answers."""
+        """Model and serial number, of two drives both; raises OtherModelError if another model answers."""
         models = [self._text(name) for name in self._map.names("model")]
         serials = [self._text(name) for name in self._map.names("serial")]
         for model in models:
             if self._profile.model not in model:
-                raise OtherModelError(
-                    f"table: model '{model}' answers, the profile is for '{self._profile.model}';"
-                    " choose the right table profile in the station file",
-                    model,
-                    self._profile.model,
-                )
+                raise OtherModelError("table.other_model", found=model, expected=self._profile.model)
         return TableIdentity(" + ".join(dict.fromkeys(models)), " + ".join(serials))
 
     def status(self) -> TableStatus:
-        """Poll the table, in one transfer of each drive where the profile's layout allows."""
+        """Poll the table, in one transfer for each drive if the profile's layout allows."""
         words = [(drive, start, drive.read(start, end - start)) for drive, start, end in self._spans]
         value = {name: self._pick(words, name) for name in self._polled}
         position, rate = (
@@ -140,7 +137,7 @@ class RegisterTable:
         self._powered = True
 
     def disable(self) -> None:
-        """Switch both axes off, one where the other's drive is gone."""
+        """Switch both axes off, or the remaining one if the other's drive is gone."""
         self._powered = False
         self._on_both([("controlword", SHUTDOWN)])
 
@@ -150,7 +147,7 @@ class RegisterTable:
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
         """Start both joints towards absolute angles; rad, rad/s, rad/s²."""
-        told = [
+        encoded = [
             self._encoded(
                 {
                     f"{joint}_target": angle,
@@ -160,25 +157,25 @@ class RegisterTable:
             )
             for joint, angle in zip(JOINTS, (outer, inner), strict=True)
         ]
-        for words in told:
+        for words in encoded:
             self._write_together(words)
         self._order("move")
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
         """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
         if RATE_COMMAND not in self._profile.commands:
-            raise ConfigurationError("table: the profile has no commands.rate; add it")
+            raise ConfigurationError("table.no_rate_command")
         self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
-        told = [
+        encoded = [
             self._encoded({turning: rate, f"{joint}_acceleration": acceleration})
             for joint, turning, rate in zip(JOINTS, self._map.turning(), (outer, inner), strict=True)
         ]
-        for words in told:
+        for words in encoded:
             self._write_together(words)
         self._order(RATE_COMMAND)
 
     def stop(self) -> None:
-        """Decelerate to rest, one axis where the other's drive is gone."""
+        """Decelerate to rest, also the remaining axis if the other's drive is gone."""
         self._on_both(self._writes("stop"))
 
     def reset_fault(self) -> None:
@@ -188,24 +185,24 @@ class RegisterTable:
             self._put("controlword", word)
 
     def heartbeat(self) -> None:
-        """Feed the table's watchdog, where it has one to feed."""
+        """Feed the table's watchdog if it has one to feed."""
         self._put("heartbeat", 1)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the link."""
         self._link.close()
 
     @property
     def heard(self) -> bytes:
-        """The bytes that came last, whether they make sense or not."""
+        """The bytes received last, valid or not."""
         return self._link.heard
 
     def _drive(self, name: str) -> RegisterLink:
-        """What carries a register: the inner axis's own may be behind another drive."""
+        """The link of a register: the inner axis may have its own drive."""
         return self._inner if self._inner is not None and name.startswith("inner_") else self._link
 
     def _flags(self, name: str, value: Mapping[str, float]) -> list[bool]:
-        """A flag of each drive; empty where the profile does not say where it stands."""
+        """A flag of each drive; empty if the profile has no source for it."""
         bit = self._profile.status_bits.get(name)
         if bit is None:
             return []
@@ -214,11 +211,11 @@ class RegisterTable:
         return [bool(int(value[word]) >> bit.bit & 1) for word in self._map.names(bit.word)]
 
     def _fault(self, value: Mapping[str, float]) -> str | None:
-        """What is latched, or keeps the table from obeying: a fault first, then what bits 5, 9 and 11 say."""
+        """The latched fault, or another reason why the table does not obey: bits 5, 9 and 11 of the statusword."""
         codes = [int(value[name]) for name in self._map.names("fault")]
         if any(self._flags("fault", value)) or any(codes):
             code = next((code for code in codes if code), 0)
-            return self._profile.faults.get(str(code), f"code {code}") if code else UNTOLD
+            return self._profile.faults.get(str(code), f"code {code}") if code else UNKNOWN_FAULT
         if not all(self._flags("remote", value)):
             return LOCAL_CONTROL
         # A drive that is off may show anything in this bit (CiA 402-2, table 30).
@@ -228,10 +225,10 @@ class RegisterTable:
 
     def _writes(self, command: str) -> list[tuple[str, int]]:
         """Registers and raw values of a command, in order."""
-        return [write for told in self._profile.commands[command] for write in told.items()]
+        return [write for writes in self._profile.commands[command] for write in writes.items()]
 
     def _on_both(self, writes: list[tuple[str, int]]) -> None:
-        """Write on every drive that answers. Raises the first DeviceFaultError once the others are done."""
+        """Write to every drive that answers; then raise the first DeviceFaultError, if any."""
         lost: dict[int, DeviceFaultError] = {}
         for name, raw in writes:
             for own in self._map.names(name):
@@ -246,7 +243,7 @@ class RegisterTable:
             raise next(iter(lost.values()))
 
     def _put(self, name: str, raw: int, repeat: bool = True) -> None:
-        """Write a raw value, for both axes where each has the register."""
+        """Write a raw value, for both axes if each has the register."""
         for own in self._map.names(name):
             self._put_one(own, raw, repeat)
 
@@ -261,16 +258,16 @@ class RegisterTable:
     def _ends(
         self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]
     ) -> tuple[float, float]:
-        """An end of both joints' travel as the table has it set, rad; the profile's where it does not tell."""
-        told = [value.get(f"{joint}_{end}") for joint in JOINTS]
+        """An end of both joints' travel set in the table, rad; the profile's if the table does not report it."""
+        reported = [value.get(f"{joint}_{end}") for joint in JOINTS]
         outer, inner = (
             known if degrees is None else float(np.deg2rad(degrees))
-            for degrees, known in zip(told, otherwise, strict=True)
+            for degrees, known in zip(reported, otherwise, strict=True)
         )
         return outer, inner
 
     def _encoded(self, values: Mapping[str, float]) -> dict[str, list[int]]:
-        """Values (rad, rad/s, rad/s²) of registers of one axis, by rising address; raises where one does not fit."""
+        """Values (rad, rad/s, rad/s²) of registers of one axis, by rising address; raises as `encode`."""
         registers = self._map.registers
         ordered = sorted(values, key=lambda name: registers[name].address)
         return {name: encode(registers[name], float(np.rad2deg(values[name])), name) for name in ordered}
@@ -294,13 +291,10 @@ class RegisterTable:
         register, drive = self._map.registers[name], self._drive(name)
         for source, start, values in words:
             if source is drive and start <= register.address < start + len(values):
-                place = register.address - start
-                value = decode(register, values[place : place + register.count])
+                first = register.address - start
+                value = decode(register, values[first : first + register.count])
                 if not math.isfinite(value):
-                    raise DeviceFaultError(
-                        f"table: registers.{name} ({register}) holds no number; check its address, type and word_order"
-                        " in the table profile"
-                    )
+                    raise DeviceFaultError("table.register_not_a_number", name=name, addresses=str(register))
                 return value
         raise KeyError(name)
 

@@ -1,4 +1,4 @@
-"""Driver of a two-axis table that is commanded in lines of text, as its profile says (ATL, ACL, $MN...*SS)."""
+"""Driver of a two-axis table that is commanded in lines of text by its profile (ATL, ACL, $MN...*SS)."""
 
 import re
 from collections.abc import Mapping
@@ -6,7 +6,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from calstation.devices.codecs.packets import quoted_text
-from calstation.devices.interfaces import LOCAL_CONTROL, UNTOLD, OtherModelError, TableIdentity, TableStatus
+from calstation.devices.interfaces import (
+    LOCAL_CONTROL,
+    UNKNOWN_FAULT,
+    OtherModelError,
+    TableIdentity,
+    TableStatus,
+)
 from calstation.devices.links.text_link import TextLink, UnlikeAnswerError
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import TableProfile
@@ -17,7 +23,7 @@ from calstation.estimation.common.samples import snap_angles
 from calstation.physics.arrays import FloatArray
 from calstation.physics.table import JointLimits
 
-#: Groups of each query's answers: one for both axes together, or one for each.
+#: Groups of each query's answers: one answer for both axes, or one for each.
 Answers = dict[str, list[dict[str, str]]]
 
 
@@ -29,8 +35,8 @@ class TextTable:
     Parameters
     ----------
     port : `tcp://host:port`, or a serial port
-    profile : what the lines mean
-    serial : settings of this place's port; the profile's where None
+    profile : table profile
+    serial : settings of the serial port; None for the profile's
     """
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
@@ -43,16 +49,11 @@ class TextTable:
         self._angles: FloatArray | None = None
 
     def identify(self) -> TableIdentity:
-        """Model and serial number; raises OtherModelError where another model answers."""
+        """Model and serial number; raises OtherModelError if another model answers."""
         (groups,) = self._query("identity")
         identity = TableIdentity(groups["model"], groups.get("serial") or "")
         if self._profile.model not in identity.model:
-            raise OtherModelError(
-                f"table: model '{identity.model}' answers, the profile is for '{self._profile.model}';"
-                " choose the right table profile in the station file",
-                identity.model,
-                self._profile.model,
-            )
+            raise OtherModelError("table.other_model", found=identity.model, expected=self._profile.model)
         return identity
 
     def status(self) -> TableStatus:
@@ -86,9 +87,7 @@ class TextTable:
     def home(self) -> None:
         """Start homing; a lost answer is a fault, never a second homing."""
         if not self._text.commands.home:
-            raise ConfigurationError(
-                "table: the profile has no command home; add it, or the flag homed = always"
-            )
+            raise ConfigurationError("table.no_home_command")
         self._send("home", repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
@@ -99,7 +98,7 @@ class TextTable:
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
         """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
         if not self._text.commands.rate:
-            raise ConfigurationError("table: the profile has no command rate; add it")
+            raise ConfigurationError("table.no_rate_command")
         self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
         self._still = 0
         self._send("rate", rate=(outer, inner), acceleration=(acceleration, acceleration))
@@ -113,16 +112,16 @@ class TextTable:
         self._send("reset")
 
     def heartbeat(self) -> None:
-        """Feed the table's watchdog, where it has one."""
+        """Feed the table's watchdog if it has one."""
         self._send("heartbeat")
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the link."""
         self._link.close()
 
     @property
     def heard(self) -> bytes:
-        """The bytes that came last, whether they make sense or not."""
+        """The bytes received last, valid or not."""
         return self._link.heard
 
     def _send(self, command: str, repeat: bool = True, **values: tuple[float, float]) -> None:
@@ -140,9 +139,9 @@ class TextTable:
         return text.removeprefix("-") if float(text) == 0.0 else text
 
     def _poll(self) -> Answers:
-        """Answers to all queries but the identity; what is sent alike is sent once.
+        """Answers to all queries but the identity; equal lines are sent once.
 
-        Half of the others are asked before the angles and half behind them, so that the angles are amid the poll.
+        The angles are asked for in the middle, so that their time is that of the poll.
         """
         queries = self._text.queries
         sends = list(dict.fromkeys(query.send for name, query in queries.items() if name != "identity"))
@@ -160,11 +159,11 @@ class TextTable:
         return answers
 
     def _query(self, name: str) -> list[dict[str, str]]:
-        """Groups of a query's answers. Raises DeviceFaultError where one does not look as the profile says."""
+        """Groups of a query's answers. Raises DeviceFaultError for an unexpected one."""
         return [self._read(name, reply) for reply in self._ask(name)]
 
     def _ask(self, name: str) -> list[str]:
-        """Replies to a query, one of each axis where its line names it; each looks as the profile says."""
+        """Replies to a query, one for each axis if its line names it; each matches the profile."""
         query = self._text.queries[name]
         replies = []
         for axis in self._text.axes if "{axis}" in query.send else [""]:
@@ -175,14 +174,12 @@ class TextTable:
     def _read(self, name: str, reply: str) -> dict[str, str]:
         match = self._patterns[name].search(reply)
         if match is None:
-            raise UnlikeAnswerError(
-                f"table: '{self._text.queries[name].send}' is answered with '{quoted_text(reply)}', which"
-                f" queries.{name} of the profile does not expect; correct its answer"
-            )
+            line, answer = self._text.queries[name].send, quoted_text(reply)
+            raise UnlikeAnswerError("table.unexpected_answer", line=line, answer=answer, query=name)
         return {group: value for group, value in match.groupdict().items() if value is not None}
 
     def _fault(self, answers: Answers) -> str | None:
-        """What is latched, or keeps the table from obeying."""
+        """The latched fault, or another reason why the table does not obey."""
         if self._any("fault", answers):
             codes = [
                 groups["fault"]
@@ -190,7 +187,7 @@ class TextTable:
                 for groups in answers.get(name, ())
                 if groups.get("fault") not in (None, "0")
             ]
-            return self._profile.faults.get(codes[0], f"code {codes[0]}") if codes else UNTOLD
+            return self._profile.faults.get(codes[0], f"code {codes[0]}") if codes else UNKNOWN_FAULT
         if not self._all("remote", answers, otherwise=True):
             return LOCAL_CONTROL
         return None
@@ -201,7 +198,7 @@ class TextTable:
         return min(_number(groups["value"]) for groups in answers["watchdog"])
 
     def _travel(self, answers: Answers) -> JointLimits:
-        """Travel as the table has it set, the profile's where it does not tell."""
+        """Travel set in the table; the profile's if the table does not report it."""
         if "limits" not in answers:
             return self._limits
         low, high = (
@@ -213,7 +210,7 @@ class TextTable:
         )
 
     def _come_to_rest(self, angles: FloatArray, moving: bool) -> bool:
-        """Whether the angles have stayed where they are for long enough."""
+        """Whether the angles have been constant for long enough."""
         near = self._angles is not None and bool(
             np.all(np.abs(angles - self._angles) <= self._text.settled_deg)
         )
@@ -228,25 +225,23 @@ class TextTable:
         return any(self._flags(name, answers) or [otherwise])
 
     def _flags(self, name: str, answers: Answers) -> list[bool]:
-        """A flag of each axis; empty where the profile does not say how it is told."""
+        """A flag of each axis; empty if the profile has no source for it."""
         flag = self._text.flags.get(name)
         if flag is None:
             return []
         if flag.query is None:
             return [bool(flag.always)]
-        return [_told(flag, groups) for groups in answers[flag.query]]
+        return [_is_set(flag, groups) for groups in answers[flag.query]]
 
 
-def _told(flag: Flag, groups: Mapping[str, str]) -> bool:
+def _is_set(flag: Flag, groups: Mapping[str, str]) -> bool:
     text = groups.get(flag.group, "")
     if flag.matches is not None:
         return re.search(flag.matches, text) is not None
     try:
         return bool(int(text, flag.base) >> (flag.bit or 0) & 1)
     except ValueError:
-        raise DeviceFaultError(
-            f"table: '{text}' is no number of base {flag.base}; correct the flags"
-        ) from None
+        raise DeviceFaultError("table.not_a_number_of_base", answer=text, base=flag.base) from None
 
 
 def _joints_of(answers: list[dict[str, str]]) -> FloatArray:
@@ -262,7 +257,5 @@ def _number(text: str) -> float:
     except ValueError:
         value = float("nan")
     if not np.isfinite(value):
-        raise DeviceFaultError(
-            f"table: '{text}' is no number; correct the query's answer in the table profile"
-        )
+        raise DeviceFaultError("table.not_a_number", answer=text)
     return value

@@ -107,4 +107,4 @@ def duration_text(seconds: float) -> str:
 def _coded(code: str, values: Mapping[str, Any]) -> ErrorText:
     found = entry(code)
     shown = rendering.render(code, values, language.current(), window=True)
-    return ErrorText(found.source, shown.source, shown.text, shown.remedy, found.resettable)
+    return ErrorText(found.source.format(**values), shown.source, shown.text, shown.remedy, found.resettable)
