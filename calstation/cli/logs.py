@@ -72,7 +72,7 @@ def resolve_command(
         raise InsufficientDataError(
             "cli.stages_lacking",
             log=log,
-            lacking="; ".join(resolved.missing_data),
+            lacking="; ".join(map(sentence, resolved.missing_data)),
             stages=",".join(resolved.result.stages),
         )
     return 1 if passed is False else 0

@@ -18,7 +18,7 @@ from calstation.estimation.method import Innovations
 from calstation.jobs.queue import ProgressCallback
 from calstation.records.log import Log, open_log
 from calstation.records.meta import context_from_meta
-from calstation.results.solver_chain import Watch, one_blas_thread, solve
+from calstation.results.solver_chain import SolveProgress, one_blas_thread, solve
 
 #: Share of the work in solving.
 _SOLVING = 0.9
@@ -103,7 +103,7 @@ def _by_stage(log: Log, first: int | None, last: int | None) -> Iterator[tuple[s
     return groupby((block for block in log.blocks(first, last) if block.stage), lambda block: block.stage)
 
 
-def _meter(tell: ProgressCallback, expected: int) -> Watch:
+def _meter(tell: ProgressCallback, expected: int) -> SolveProgress:
     """Tells how far solving is, by stages: of `expected` ones where that is known."""
     begun: dict[str, None] = {}
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from calstation.config.station import StationConfig, load_station
 from calstation.jobs.queue import ProgressCallback
+from calstation.messages.rendering import Text, os_reason
 from calstation.records.atomic import sync_folder, write_atomic
 from calstation.records.locked import locked
 from calstation.records.raw_log import SUFFIX
@@ -59,12 +60,12 @@ COLUMNS: dict[str, Callable[[Result], Any]] = {
 
 @dataclass(frozen=True)
 class Delivery:
-    """What came of a try: results handed over, results still waiting, and why (empty where none does)."""
+    """What came of a try: results handed over, results still pending, and why."""
 
     folder: Path
     done: int
     waiting: int
-    reason: str
+    reason: Text | None = None
 
 
 class HandOver:
@@ -93,7 +94,7 @@ class HandOver:
             assert self._thread is not None
             self._thread.join(_SAID_WITHIN)
         given = self._delivery or Delivery(
-            self._folder, 0, len(_waiting(self._runs)), f"no answer within {_SAID_WITHIN:g} s"
+            self._folder, 0, len(_waiting(self._runs)), Text.of("handover.no_answer", seconds=_SAID_WITHIN)
         )
         if given.waiting:
             values = {"folder": str(given.folder), "count": given.waiting, "reason": given.reason}
@@ -140,10 +141,11 @@ def _waiting(runs: Path) -> list[str]:
 
 def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
     """Hand over what waits, each once. What fails waits on, and so does the rest where the folder has gone."""
-    done, reason = 0, ""
+    done = 0
+    reason: Text | None = None
     try:
         if not _waiting(runs):
-            return Delivery(folder, 0, 0, "")
+            return Delivery(folder, 0, 0)
         if make:
             folder.mkdir(parents=True, exist_ok=True)
         with locked(runs / WAITING / ".lock", _LOCKED_WITHIN):
@@ -152,16 +154,12 @@ def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
                     _hand_over(runs, name, folder)
                     done += 1
                 except OSError as exc:
-                    reason = _why(exc)
+                    reason = os_reason(exc)
                     if not folder.is_dir():
                         break
     except OSError as exc:
-        reason = _why(exc)
+        reason = os_reason(exc)
     return Delivery(folder, done, len(_waiting(runs)) if reason else 0, reason)
-
-
-def _why(error: OSError) -> str:
-    return error.strerror or str(error)
 
 
 def _hand_over(runs: Path, name: str, folder: Path) -> None:

@@ -1,15 +1,15 @@
 """Works for the workshop around solving a stored log again: the solution, and exports of log and result."""
 
-import contextlib
 import csv
 import io
 import json
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from calstation.errors import ConfigurationError
+from calstation.messages.rendering import os_reason
+from calstation.records.atomic import write_atomic
 from calstation.records.convert import export_csv, partial_path
 from calstation.results.plots.index import StageSpan
 from calstation.results.resolve import Resolved, resolve
@@ -123,19 +123,10 @@ def export_result(
         text = _parameters_csv(result, stored)
     else:
         text = json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    partial = partial_path(target)
     try:
-        with partial.open("w", encoding="utf-8", newline="") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(target)
+        write_atomic(target, text)
     except OSError as exc:
-        with contextlib.suppress(OSError):
-            partial.unlink()
-        raise ConfigurationError(
-            f"{target}: cannot be written ({exc.strerror or exc}); choose another folder"
-        ) from exc
+        raise ConfigurationError("result.unwritable", file=target, reason=os_reason(exc)) from exc
     tell(1.0)
     return target
 

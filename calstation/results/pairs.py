@@ -16,7 +16,7 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.pairs.calibration import PairCalibration
 from calstation.estimation.pairs.static import StaticCheck
 from calstation.estimation.pairs.watch import PairWatch, WatchEvent, check_values
-from calstation.messages.rendering import values_from_json, values_to_json
+from calstation.messages.rendering import Text, values_from_json, values_to_json
 from calstation.records.csv_log import estimated_rows
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, load_pair, prior_from_meta, store_pair
@@ -59,7 +59,7 @@ def watch_log(
     log = open_log(path)
     context = context_from_meta(log.meta)
     if not context.secondaries:
-        raise InputError(f"{path}: holds one IMU; add [imu2] to the configuration and its columns to the log")
+        raise InputError("solution.in_log", file=path, what=Text("solution.one_imu"))
     schedule = validate(Schedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
     primary = log.meta.imu.serial
     secondaries = tuple(

@@ -15,6 +15,7 @@ from calstation.config.resolved import ResolvedConfiguration, check_manual_rig, 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.planned import PlannedSamples, profile
 from calstation.jobs.queue import ProgressCallback
+from calstation.messages.rendering import Text
 from calstation.physics.arrays import FloatArray
 from calstation.physics.motion import Carry, Finish, Move, RoundEnd, Step
 from calstation.physics.parameters import INDEX, NAMES, PARAMETERS
@@ -56,7 +57,7 @@ class Violation:
     step: int
     label: tuple[str | float, ...]
     kind: str
-    text: str
+    text: Text
     joint: str = ""
     value: float = 0.0
     low: float = 0.0
@@ -88,7 +89,7 @@ class StagePreview:
     moves: int
     estimated: tuple[str, ...]
     sigma: FloatArray | None = None
-    error: str = ""
+    error: Text | None = None
     observability: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -160,7 +161,7 @@ class _Foretelling:
         stages: list[StagePreview] = []
         for plan in self._plans:
             stage = self._drive(plan, solve, expected)
-            solve = solve and not stage.error
+            solve = solve and stage.error is None
             stages.append(stage)
         course, limits = np.array(self._course), self._geometry.limits
         return Preview(
@@ -191,7 +192,7 @@ class _Foretelling:
                     if seen is not new:
                         found[key] = replace(seen, more=seen.more + 1)
         except ConfigurationError as error:
-            found["plan", ""] = Violation(plan.name, moves + 1, (), "plan", str(error))
+            found["plan", ""] = Violation(plan.name, moves + 1, (), "plan", error.as_text)
         violations.extend(found.values())
         return seconds
 
@@ -201,7 +202,7 @@ class _Foretelling:
             check_limits(self._geometry.limits, move)
             return
         except ConfigurationError as error:
-            text = str(error)
+            text = error.as_text
         limits = self._geometry.limits
         for kind, value, bounds in (
             ("rate", move.rate, limits.rate),
@@ -242,11 +243,11 @@ class _Foretelling:
         if not solve:
             return stage
         if by_hand:
-            return replace(stage, error="motion by hand cannot be foretold; its sigmas come with the run")
+            return replace(stage, error=Text("preview.manual_motion"))
         try:
             solution = self._chain.finish()
         except (InsufficientDataError, InputError) as error:
-            return replace(stage, error=str(error))
+            return replace(stage, error=error.as_text)
         return replace(stage, sigma=solution.belief.sigma, observability=solution.observability)
 
     def _reason(self, plan: StagePlan, rounds: int, elapsed: float, solve: bool) -> str | None:

@@ -6,12 +6,13 @@ from typing import Any
 
 from calstation.config.site_check import latitude_untold
 from calstation.errors import ConfigurationError, InsufficientDataError
+from calstation.messages.rendering import Text, sentence
 from calstation.records.checks import offline_online
 from calstation.records.log import Log, open_log
 from calstation.records.raw_read import solved_stages, summary
 from calstation.results.judge import Ending, build_result, judge, solved_parameters
 from calstation.results.result import DamagedRange, Result
-from calstation.results.solver_chain import Watch, solve
+from calstation.results.solver_chain import SolveProgress, solve
 
 
 def warm_up() -> None:
@@ -30,7 +31,7 @@ class Resolved:
 
     result: Result
     messages: tuple[tuple[str, dict[str, Any]], ...]
-    missing_data: tuple[str, ...] = ()
+    missing_data: tuple[Text, ...] = ()
 
     @property
     def result_json(self) -> dict[str, Any]:
@@ -43,7 +44,7 @@ def resolve(
     stages: tuple[str, ...] | None = None,
     first_seq: int | None = None,
     last_seq: int | None = None,
-    progress: Watch | None = None,
+    progress: SolveProgress | None = None,
 ) -> Resolved:
     """Solve a log's stages between two sequence numbers (both included, unwrapped).
 
@@ -52,7 +53,7 @@ def resolve(
     Raises InputError or ConfigurationError with file, field and mend.
     """
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
-        raise ConfigurationError(f"--from {first_seq} lies behind --to {last_seq}; swap them")
+        raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
     log = open_log(path)
     chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
     facts = log.facts()
@@ -84,7 +85,9 @@ def resolve(
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
         messages.insert(0, ("log_damaged", {"file": path.name, **summary(log.holes)}))
     if chain.missing_data:
-        result = result.model_copy(update={"missing_data": dict(chain.missing_data)})
+        result = result.model_copy(
+            update={"missing_data": {stage: sentence(why) for stage, why in chain.missing_data.items()}}
+        )
     return Resolved(result, tuple(messages), tuple(chain.missing_data.values()))
 
 
@@ -92,7 +95,5 @@ def _check_complete(log: Log, solved: list[str]) -> None:
     """Raises InsufficientDataError where damage has cost all samples of a stage that the run had solved."""
     for stage in solved_stages(log.events):
         if stage not in solved:
-            raise InsufficientDataError(
-                f"{log.path}: all samples of stage '{stage}' are damaged; use a copy of the log, or name the others"
-                " with --stages"
-            )
+            what = Text.of("solution.stage_damaged", stage=stage)
+            raise InsufficientDataError("solution.in_log", file=log.path, what=what)

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, PlainSerializer
 
 from calstation.errors import ConfigurationError, InputError
+from calstation.messages.rendering import os_reason
 from calstation.records.atomic import write_atomic
 from calstation.records.limits import Check
 from calstation.records.meta import FileSection
@@ -234,13 +235,11 @@ def load_result(path: Path) -> Result:
     try:
         return Result.from_json(json.loads(path.read_text(encoding="utf-8")))
     except OSError as exc:
-        raise InputError(f"{path}: cannot be read ({exc.strerror or exc}); give an existing file") from exc
+        raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
     except json.JSONDecodeError as exc:
-        raise InputError(f"{path}: no JSON ({exc}); give the result of a run") from exc
+        raise InputError("result.not_json", file=path, detail=str(exc)) from exc
     except ValueError as exc:
-        raise InputError(
-            f"{path}: no result of a run (its schema is not {SCHEMA}); give another file"
-        ) from exc
+        raise InputError("result.not_a_result", file=path, schema=SCHEMA) from exc
 
 
 def plain(value: Any) -> Any:
@@ -267,6 +266,4 @@ def write_json(path: Path, data: Mapping[str, Any]) -> None:
         else:
             write_atomic(path, text)
     except OSError as exc:
-        raise ConfigurationError(
-            f"{path}: cannot be written ({exc.strerror or exc}); choose another folder"
-        ) from exc
+        raise ConfigurationError("result.unwritable", file=path, reason=os_reason(exc)) from exc

@@ -1,4 +1,4 @@
-"""One chain of stage solvers, fed by a run as samples come or from a log: same calls, same bits."""
+"""Chain of stage solvers, fed by a run as samples arrive or from a log: same calls, same bits."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -16,27 +16,28 @@ from calstation.estimation.common.stage_data import stage_data
 from calstation.estimation.method import Progress, Solution, StageSolver
 from calstation.estimation.navigation.stage import warm_up
 from calstation.estimation.positions.evidence import gather
+from calstation.messages.rendering import Text
 from calstation.physics.arrays import FloatArray
 from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
 
-#: Starts a fresh reading of a log's samples, in order.
+#: Starts reading the samples of a log from the beginning.
 Blocks = Callable[[], Iterable[SampleBlock]]
 
-#: Is told the stage, the latest sequence number read, and how far the stage is solved, 0 while it is read, to 1.
-Watch = Callable[[str, int, float], None]
+#: Takes the stage, the latest sequence number read, and the fraction of the stage solved, 0 while it is read.
+SolveProgress = Callable[[str, int, float], None]
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Sums of the linear algebra in one order, so that digits do not depend on the computer's load."""
+    """Limit linear algebra to one thread, so that the order of its sums, and so every digit, is fixed."""
     with threadpool_limits(limits=1):
         yield
 
 
 class StageChain:
-    """Solves stages one after another, each with the joint posterior of the one before as its prior.
+    """Solves stages in order, each with the joint posterior of the previous one as its prior.
 
     Attributes
     ----------
@@ -57,7 +58,7 @@ class StageChain:
         imu = self._context.imu
         self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
         self.solutions: list[Solution] = []
-        self.missing_data: dict[str, str] = {}
+        self.missing_data: dict[str, Text] = {}
 
     def warm(self) -> None:
         """Compile the solvers' kernels, or load them from their cache."""
@@ -65,11 +66,11 @@ class StageChain:
 
     @property
     def belief(self) -> Belief:
-        """What is known after the last finished stage."""
+        """Posterior of the last completed stage."""
         return self._belief
 
     def start(self, stage: str) -> None:
-        """Begin a stage. Raises ConfigurationError for an unknown one or a wrong schedule."""
+        """Start a stage. Raises ConfigurationError for an unknown one, InputError for a wrong schedule."""
         chosen = method(stage)
         self._stage = stage
         schedule = validate(
@@ -79,7 +80,7 @@ class StageChain:
         self._kept = Spool()
 
     def feed(self, block: SampleBlock) -> None:
-        """Take samples of the stage begun."""
+        """Add samples of the started stage."""
         assert self._solver is not None, "start a stage before feeding it"
         self._solver.feed(block)
         if self._gather:
@@ -92,20 +93,16 @@ class StageChain:
         return self._belief.sigma if self._solver is None else self._solver.sigma()
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stage begun; its posterior becomes the next stage's prior.
+        """Solve the started stage; its posterior becomes the next stage's prior.
 
-        progress : told how far the solver is
-
-        Raises InputError where data and priors contradict each other so far that nothing can be solved.
+        Raises InputError if data and priors contradict each other so much that the solution diverges.
         """
         assert self._solver is not None, "start a stage before finishing it"
         try:
             solution = self._solver.finish() if progress is None else self._solver.finish(progress)
         except np.linalg.LinAlgError as exc:
-            raise InputError(
-                f"stage '{self._stage}': the solution diverged ({exc}); check site.azimuth_deg, the axes in"
-                " [table] and the sigmas in [prior]"
-            ) from exc
+            what = Text.of("solution.diverged", detail=str(exc))
+            raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
         self._solver = None
         if self._gather:
             data = stage_data(list(self._kept.blocks()), self._context.imu)
@@ -117,10 +114,10 @@ class StageChain:
         self.solutions.append(solution)
         return solution
 
-    def skip_stage(self, lacks: str) -> None:
-        """Give the stage begun up: the next begins with what was known before it."""
+    def skip_stage(self, reason: Text) -> None:
+        """Give up the started stage; the next one begins with the posterior of the one before."""
         self._solver = None
-        self.missing_data[self._stage] = lacks
+        self.missing_data[self._stage] = reason
 
 
 def solve(
@@ -129,138 +126,147 @@ def solve(
     stages: tuple[str, ...] | None = None,
     *,
     source: str | Path = "log",
-    progress: Watch | None = None,
+    progress: SolveProgress | None = None,
 ) -> StageChain:
-    """Solve a log's stages; those that it holds, in its order, unless `stages` chooses.
+    """Solve the stages of a log.
 
     Parameters
     ----------
-    blocks : gives the samples, anew at every call
-    progress : told from time to time how it gets on
+    blocks : starts reading the samples
+    meta : configuration of the log
+    stages : to solve, in order; by default those of the log, in its order
+    source : name of the log in messages
+    progress : called from time to time
 
     Raises
     ------
     InsufficientDataError
-        naming the stage and what it lacks: one of those chosen, or of the log where none has its data.
+        If a chosen stage lacks data, or every stage of the log.
+    InputError
+        If the log cannot be solved otherwise.
     """
-    chain = StageChain(meta)
+    solving = _Solving(blocks, StageChain(meta), source, progress)
     with one_blas_thread():
         if stages is None:
-            _solve_as_recorded(blocks, chain, source, progress)
+            solving.as_recorded()
         else:
-            _solve_chosen(blocks, chain, stages, source, progress)
-    return chain
+            solving.chosen(stages)
+    return solving.chain
 
 
-def _solve_as_recorded(blocks: Blocks, chain: StageChain, source: str | Path, progress: Watch | None) -> None:
-    stage, seq = "", 0
-    seen: list[str] = []
-    for block in blocks():
-        if block.stage and block.stage != stage:
-            if stage:
-                _finish_or_leave_out(chain, stage, source, progress, seq)
-            stage = block.stage
-            if stage in seen:
-                raise InputError(
-                    f"{source}: stage '{stage}' was recorded twice; choose one with --stages, --from and --to"
-                )
-            seen.append(stage)
-            _check_name(stage, source)
-            chain.start(stage)
-        if block.stage:
-            chain.feed(block)
-            seq = int(block.seq[-1])
-            if progress is not None:
-                progress(stage, seq, 0.0)
-    if not stage:
-        raise InsufficientDataError(
-            f"{source}: no sample in the chosen range belongs to a stage; widen --from and --to, "
-            "or name stages in the column 'stage'"
-        )
-    _finish_or_leave_out(chain, stage, source, progress, seq)
-    if not chain.solutions:
-        raise InsufficientDataError(f"{source}: {next(iter(chain.missing_data.values()))}")
+class _Solving:
+    """Feeds the blocks of a log to a chain."""
 
+    def __init__(
+        self, blocks: Blocks, chain: StageChain, source: str | Path, progress: SolveProgress | None
+    ) -> None:
+        self._blocks, self.chain, self._source, self._progress = blocks, chain, source, progress
+        self._stage, self._seq = "", 0
 
-def _finish_or_leave_out(
-    chain: StageChain, stage: str, source: str | Path, progress: Watch | None, seq: int
-) -> None:
-    """A run that was cut short has a last stage without its data; those before it are solved all the same."""
-    try:
-        _finish(chain, stage, source, progress, seq)
-    except InsufficientDataError as exc:
-        chain.skip_stage(str(exc).removeprefix(f"{source}: "))
+    def as_recorded(self) -> None:
+        """Solve all stages in the order of the log; those that lack data are skipped."""
+        seen: set[str] = set()
+        for block in self._blocks():
+            if block.stage and block.stage != self._stage:
+                if self._stage:
+                    self._finish_or_skip()
+                if block.stage in seen:
+                    raise self._in_log(InputError("solution.stage_recorded_twice", stage=block.stage))
+                seen.add(block.stage)
+                self._check_name(block.stage)
+                self._start(block.stage)
+            if block.stage:
+                self._feed(block)
+        if not self._stage:
+            raise self._in_log(InsufficientDataError("solution.no_stage_samples"))
+        self._finish_or_skip()
+        if not self.chain.solutions:
+            reason = next(iter(self.chain.missing_data.values()))
+            raise InsufficientDataError("solution.in_log", file=self._source, what=reason)
 
+    def chosen(self, stages: tuple[str, ...]) -> None:
+        """Solve chosen stages; the log is read once if they are in its order."""
+        for stage in stages:
+            method(stage)
+        waiting = list(stages)
+        while waiting:
+            before = len(waiting)
+            held = self._one_pass(waiting)
+            if len(waiting) < before:
+                continue
+            if not method(waiting[0]).needs_no_table:
+                code = "solution.stage_not_in_range" if held else "solution.range_without_stages"
+                raise self._in_log(InsufficientDataError(code, stage=waiting[0], held=held))
+            self._whole(waiting.pop(0))
 
-def _check_name(stage: str, source: str | Path) -> None:
-    try:
-        method(stage)
-    except ConfigurationError as exc:
-        raise InputError(f"{source}: column 'stage': {str(exc).removeprefix('stages: ')}") from exc
-
-
-def _solve_chosen(
-    blocks: Blocks,
-    chain: StageChain,
-    stages: tuple[str, ...],
-    source: str | Path,
-    progress: Watch | None,
-) -> None:
-    """As few readings of the log as the chosen order allows: one where it is the order of the log."""
-    for stage in stages:
-        method(stage)
-    waiting = list(stages)
-    while waiting:
+    def _one_pass(self, waiting: list[str]) -> list[str]:
+        """Solve and remove stages of `waiting` as far as one reading allows; returns the stages of the log."""
         held: dict[str, None] = {}
-        before = len(waiting)
-        stage, seq = "", 0
-        for block in blocks():
+        self._stage = ""
+        for block in self._blocks():
             if block.stage:
                 held[block.stage] = None
-            if stage and block.stage != stage and waiting[1:] and block.stage == waiting[1]:
-                _finish(chain, stage, source, progress, seq)
+            if self._stage and block.stage != self._stage and waiting[1:] and block.stage == waiting[1]:
+                self._finish()
                 waiting.pop(0)
-                stage = ""
+                self._stage = ""
             if waiting and block.stage == waiting[0]:
-                if not stage:
-                    stage = block.stage
-                    chain.start(stage)
-                chain.feed(block)
-                seq = int(block.seq[-1])
-                if progress is not None:
-                    progress(stage, seq, 0.0)
-        if stage:
-            _finish(chain, stage, source, progress, seq)
+                if not self._stage:
+                    self._start(block.stage)
+                self._feed(block)
+        if self._stage:
+            self._finish()
             waiting.pop(0)
-        if len(waiting) == before and method(waiting[0]).needs_no_table:
-            _solve_whole(blocks, chain, waiting.pop(0), source, progress)
-        elif len(waiting) == before:
-            there = ", ".join(held) or "no stage"
-            raise InsufficientDataError(
-                f"{source}: no samples of stage '{waiting[0]}' in the chosen range, which holds {there}; "
-                "choose other --stages or widen --from and --to"
-            )
+        return list(held)
 
+    def _whole(self, stage: str) -> None:
+        """Solve all samples as one stage: a recording made by hand names no stages, or others."""
+        self._start(stage)
+        for block in self._blocks():
+            self._feed(block)
+        self._finish()
 
-def _solve_whole(
-    blocks: Blocks, chain: StageChain, stage: str, source: str | Path, progress: Watch | None
-) -> None:
-    """Solve all samples as one stage: a recording made by hand names no stages, or others."""
-    chain.start(stage)
-    seq = 0
-    for block in blocks():
-        chain.feed(block)
-        seq = int(block.seq[-1])
-        if progress is not None:
-            progress(stage, seq, 0.0)
-    _finish(chain, stage, source, progress, seq)
+    def _check_name(self, stage: str) -> None:
+        try:
+            method(stage)
+        except ConfigurationError as exc:
+            raise InputError("solution.in_log", file=self._source, what=exc.as_text) from exc
 
+    def _start(self, stage: str) -> None:
+        self.chain.start(stage)
+        self._stage = stage
 
-def _finish(chain: StageChain, stage: str, source: str | Path, progress: Watch | None, seq: int) -> None:
-    try:
-        chain.finish(None if progress is None else lambda done: progress(stage, seq, done))
-    except InsufficientDataError as exc:
-        lacks = str(exc).removeprefix(f"{stage}: ")
-        raise InsufficientDataError(f"{source}: stage '{stage}': {lacks}") from exc
-    except InputError as exc:
-        raise InputError(f"{source}: {exc}") from exc
+    def _feed(self, block: SampleBlock) -> None:
+        self.chain.feed(block)
+        self._seq = int(block.seq[-1])
+        self._tell(0.0)
+
+    def _tell(self, solved: float) -> None:
+        if self._progress is not None:
+            self._progress(self._stage, self._seq, solved)
+
+    def _finish(self) -> None:
+        error = self._try_to_finish()
+        if error is not None:
+            raise self._in_log(error) from error
+
+    def _finish_or_skip(self) -> None:
+        """Finish a stage; the last one of an interrupted run lacks its data."""
+        error = self._try_to_finish()
+        if isinstance(error, InsufficientDataError):
+            self.chain.skip_stage(error.as_text)
+        elif error is not None:
+            raise self._in_log(error) from error
+
+    def _try_to_finish(self) -> InputError | None:
+        try:
+            self.chain.finish(None if self._progress is None else self._tell)
+        except InsufficientDataError as exc:
+            return InsufficientDataError("solution.in_stage", stage=self._stage, what=exc.as_text)
+        except InputError as exc:
+            return exc
+        return None
+
+    def _in_log(self, error: InputError) -> InputError:
+        """The error with the name of the log."""
+        return type(error)("solution.in_log", file=self._source, what=error.as_text)

@@ -51,5 +51,5 @@ def test_a_result_whose_log_has_gone_is_still_shown(place: Place) -> None:
 def test_what_is_no_result_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "x.json"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=r"x\.json: no"):
+    with pytest.raises(InputError, match=r"x\.json: The file is not"):
         load_finished_run(tell, path, tmp_path)

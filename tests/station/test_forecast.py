@@ -7,6 +7,7 @@ import pytest
 
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.planned import profile
+from calstation.messages.rendering import sentence
 from calstation.physics.parameters import INDEX
 from calstation.results.preview import MOST_ROUNDS, Preview, compute_preview
 from calstation.sequencer.events import StageStarted
@@ -88,7 +89,7 @@ def test_every_broken_limit_is_named_with_its_step(place: Place) -> None:
     assert (violation.stage, violation.step, violation.label) == ("six_position", 1, ("face_up", "+z"))
     assert (violation.kind, violation.joint, violation.more) == ("rate", "", 5)
     assert np.rad2deg([violation.value, violation.high]) == pytest.approx([150.0, 120.0])
-    assert "rate of 150 °/s is outside the table's 0 to 120 °/s" in violation.text
+    assert "rate of 150 °/s is outside the table's 0 to 120 °/s" in sentence(violation.text)
     assert all(stage.sigma is None for stage in told.stages)
     assert told.duration > 0.0
 
@@ -96,7 +97,7 @@ def test_every_broken_limit_is_named_with_its_step(place: Place) -> None:
 def test_a_plan_that_finds_no_room_says_so(place: Place) -> None:
     (violation,) = foretold(place, "rate", rate={"turns": 50}).violations
     assert (violation.stage, violation.kind) == ("rate", "plan")
-    assert "lower turns in the schedule of rate" in violation.text
+    assert violation.text.code == "plan.turns_exceed_travel"
 
 
 def test_targets_end_a_repeated_stage_as_they_would_in_the_run(place: Place) -> None:
@@ -117,7 +118,7 @@ def test_no_unit_needs_to_be_named_and_progress_is_told(place: Place) -> None:
 
 
 def test_a_wrong_schedule_names_its_field(place: Place) -> None:
-    with pytest.raises(ConfigurationError, match=r"schedule\.rate: dwell_s = 1.*at least 2"):
+    with pytest.raises(ConfigurationError, match=r"schedule\.rate: dwell_s: 1.*at least 2"):
         foretold(place, "rate", rate={"dwell_s": 1.0})
 
 
@@ -134,7 +135,7 @@ def test_a_move_is_a_trapezoid_or_a_triangle(distance: float, seconds: float) ->
 def test_a_stage_that_finds_its_rests_by_itself_can_be_foretold(place: Place) -> None:
     told = foretold(place, "multi_position", multi_position={"step_deg": 90.0, "rest_s": 3.0})
     stage = told.stages[0]
-    assert stage.error == ""
+    assert stage.error is None
     assert stage.sigma is not None
     for name in stage.estimated:
         assert stage.sigma[INDEX[name]] < 0.2 * told.before[INDEX[name]], name

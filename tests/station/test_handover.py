@@ -128,7 +128,7 @@ def test_an_unreachable_folder_is_said_and_served_later(factory: Factory) -> Non
     assert not factory.folder.exists()
     told = [event for event in factory.events if isinstance(event, Message)]
     assert [(m.id, m.values["count"]) for m in told] == [("handover_waiting", 1), ("handover_waiting", 2)]
-    assert "No such file" in told[0].values["reason"]
+    assert told[0].values["reason"].code == "os.not_found"
     factory.folder.mkdir()
     factory.result("SN-3_c")
     factory.hand_over()
@@ -158,7 +158,7 @@ def test_a_folder_that_hangs_holds_nobody_up(factory: Factory, monkeypatch: pyte
     (told,) = factory.events
     assert isinstance(told, Message)
     assert (told.id, told.values["count"]) == ("handover_waiting", 1)
-    assert "no answer" in told.values["reason"]
+    assert told.values["reason"].code == "handover.no_answer"
 
 
 def test_one_that_cannot_go_does_not_hold_the_others(factory: Factory) -> None:
@@ -229,4 +229,4 @@ def test_a_folder_without_permission_is_said(factory: Factory) -> None:
     factory.folder.chmod(0o700)
     (told,) = factory.events
     assert isinstance(told, Message)
-    assert "Permission denied" in told.values["reason"]
+    assert told.values["reason"].code == "os.no_permission"

@@ -183,5 +183,5 @@ def test_progress_reaches_the_end(log: Path, tmp_path: Path) -> None:
 def test_a_file_that_is_no_log_says_so(tmp_path: Path) -> None:
     wrong = tmp_path / "notes.h5"
     wrong.write_text("not a log", encoding="utf-8")
-    with pytest.raises(InputError, match="no raw log"):
+    with pytest.raises(InputError, match="not a raw log"):
         log_index(told, wrong, tmp_path / "picture")

@@ -4,7 +4,7 @@ from functools import partial
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.text.messages import term
+from calstation.gui.text.messages import show, term
 from calstation.gui.widgets.parameter_table import Column
 from calstation.messages.marked import QT_TRANSLATE_NOOP
 from calstation.physics.parameters import INDEX, NAMES
@@ -83,7 +83,7 @@ def _sigma_after(forecast: Preview, number: int, name: str) -> str:
 def _hint(forecast: Preview, number: int, name: str) -> str:
     stage = forecast.stages[number]
     if stage.sigma is None:
-        return stage.error
+        return "" if stage.error is None else show(stage.error)
     before = forecast.before if number == 0 else forecast.stages[number - 1].sigma
     if name not in stage.estimated or before is None:
         return _say(QT_TRANSLATE_NOOP("forecast", "This stage leaves it as it was."))

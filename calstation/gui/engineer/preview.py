@@ -16,7 +16,7 @@ from calstation.errors import CalstationError
 from calstation.gui.engineer import forecast_table
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.motion_plot import MotionPlot
-from calstation.gui.text.messages import duration_text, step_sentence, term
+from calstation.gui.text.messages import duration_text, show, step_sentence, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.jobs import JobRow, JobWatch
@@ -159,9 +159,7 @@ class PreviewView(QWidget):
             self._judge(forecast)
             if not self._stale:
                 lines += [self._word(violation) for violation in forecast.violations]
-                lines += [
-                    f"{term('stage', s.stage)}: {one_line(s.error)}" for s in forecast.stages if s.error
-                ]
+                lines += [f"{term('stage', s.stage)}: {show(s.error)}" for s in forecast.stages if s.error]
                 lines += [
                     self.tr("{0}: {1} rounds do not reach its targets; give it rounds or a duration.").format(
                         term("stage", s.stage), s.rounds
@@ -199,7 +197,7 @@ class PreviewView(QWidget):
         """A broken limit with its step and the mend."""
         stage = term("stage", broken.stage)
         if broken.kind == "plan":
-            return f"{stage}: {one_line(broken.text)}"
+            return f"{stage}: {show(broken.text)}"
         where = self.tr("{0}, move {1} ({2})").format(stage, broken.step, step_sentence("move", broken.label))
         if broken.more:
             where = self.tr("{0} and {1} more").format(where, broken.more)

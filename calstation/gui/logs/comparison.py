@@ -6,9 +6,8 @@ from typing import Any
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import KINDS, event_sentence, term
+from calstation.gui.text.messages import KINDS, event_sentence, show, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
@@ -221,7 +220,7 @@ class Comparison(QWidget):
                     len(self._lost), len(result["parameters"])
                 )
             )
-        notes += [word_log_error(sentence) for sentence in self._solved.missing_data]
+        notes += [show(reason) for reason in self._solved.missing_data]
         return notes + [event_sentence(key, values) for key, values in self._solved.messages]
 
 

@@ -89,11 +89,12 @@ def applied(
     whole = joined(blocks)
     rests = find_stillness(data, context.imu, _SHORTEST_REST).rests
     if not rests:
-        name = "" if path is None else f"{path}: "
-        raise InsufficientDataError(
-            f"{name}no rest of {_SHORTEST_REST:g} s or more in {len(data) * data.dt:.1f} s of samples; "
-            "lay the unit still at every position"
+        error = InsufficientDataError(
+            "solution.never_at_rest", shortest=_SHORTEST_REST, seconds=len(data) * data.dt
         )
+        if path is None:
+            raise error
+        raise InsufficientDataError("solution.in_log", file=path, what=error.as_text)
     site = context.site
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
     stride = max(1, round(_MEAN_OVER * context.imu.sample_rate), len(whole) // _COLUMNS)

@@ -9,6 +9,7 @@ import numpy as np
 
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.samples import SampleBlock
+from calstation.messages.rendering import os_reason
 from calstation.physics.arrays import FloatArray, IntArray
 from calstation.records.csv_log import estimated_rows
 from calstation.records.facts import LogFacts
@@ -113,9 +114,7 @@ def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
         holes = np.array([(hole.row, hole.count) for hole in log.holes], np.int64).reshape(-1, 2)
         np.save(folder / _HOLES, holes)
     except OSError as exc:
-        raise ConfigurationError(
-            f"{folder}: the log's picture cannot be written ({exc.strerror or exc}); make room on its disk"
-        ) from exc
+        raise ConfigurationError("solution.index_not_written", folder=folder, reason=os_reason(exc)) from exc
     return gathered.log_index(log, folder, scale)
 
 
