@@ -37,16 +37,16 @@ class _RunFilter(logging.Filter):
 
 
 def configure(process: str, folder: Path | None = None, level: str | None = None) -> None:
-    """Begin to log in this process. Without a folder, given or inherited, nothing is written.
+    """Begin to log in this process; nothing is written without a folder, or if the environment names an empty one.
 
     Parameters
     ----------
     process : kind of process, such as ``engine``
-    folder : of the log files; inherited from the parent process if not given
+    folder : of the log files, unless the environment names one
     level : one of `LEVELS`; inherited, or ``info``, if not given
     """
     if folder is not None:
-        os.environ[FOLDER] = str(folder)
+        os.environ.setdefault(FOLDER, str(folder))
     if level is not None:
         os.environ[LEVEL] = level
     logger = logging.getLogger("calstation")

@@ -27,6 +27,8 @@ _SOCKET = "CALSTATION_TEST_BENCHES"
 _BENCH = ["-m", "calstation.bench"]
 _POLL = 0.005
 
+os.environ.setdefault("CALSTATION_LOG_FOLDER", "")  # tests keep no application log
+
 
 class LentBench:
     """A bench process, as `subprocess.Popen` would have started it."""

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from calstation import applog
 from calstation.bench.config import BenchConfig
 from calstation.bench.process import serve
 from calstation.errors import ConfigurationError
@@ -33,6 +34,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="calstation.bench", description=about)
     parser.add_argument("--config", default="{}", help="JSON text, or a .json or .toml file")
     argument = parser.parse_args().config
+    applog.configure("bench")
     try:
         config = validate(BenchConfig, read_config(argument), "bench configuration")
     except ConfigurationError as exc:

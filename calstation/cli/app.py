@@ -1,6 +1,7 @@
 """The commands and their options; what they do is imported when called, so that --help is fast."""
 
 import io
+import logging
 import os
 import subprocess
 import sys
@@ -11,13 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calstation import __version__
+from calstation import __version__, applog
 from calstation.errors import CalstationError, ConfigurationError
 
 if TYPE_CHECKING:
     from calstation.config.request import RunRequest
 
 _NAME = "calstation"
+
+logger = logging.getLogger(__name__)
 
 app = typer.Typer(
     name=_NAME,
@@ -62,13 +65,29 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+def _log_level(level: str | None) -> str | None:
+    if level is not None and level not in applog.LEVELS:
+        raise typer.BadParameter(f"choose from: {', '.join(applog.LEVELS)}")
+    return level
+
+
+@app.callback(invoke_without_command=True)
 def _program(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True)
     ] = False,
+    log_level: Annotated[
+        str | None,
+        typer.Option(help=f"Detail of the application log: {', '.join(applog.LEVELS)}.", callback=_log_level),
+    ] = None,
 ) -> None:
-    pass
+    from calstation.config.library import site_folder
+
+    window = context.invoked_subcommand is None
+    applog.configure("window" if window else "cli", site_folder() / "logs", log_level)
+    if window:
+        raise typer.Exit(_window(debug=bool(context.obj)))
 
 
 @app.command()
@@ -373,8 +392,9 @@ def run_app(arguments: list[str]) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a redirected Windows console cannot show ≤ or °
             stream.reconfigure(errors="replace")
     try:
-        code = _run(arguments, debug) if arguments else _window(debug=debug)
+        code = _run(arguments, debug)
     except (CalstationError, typer.TyperException) as error:
+        logger.error("%s: %s", type(error).__name__, error)
         if debug:
             traceback.print_exc()
         from calstation.cli.errors import complain, usage_error
@@ -388,7 +408,8 @@ def run_app(arguments: list[str]) -> int:
         return 4
     except BrokenPipeError:
         return 2
-    except Exception as error:  # noqa: BLE001 - the last resort: a person reads this, not a traceback
+    except Exception as error:  # the last resort: a person reads this, not a traceback
+        logger.exception("the command ended by a mistake of the program")
         if debug:
             traceback.print_exc()
         sys.stderr.write(

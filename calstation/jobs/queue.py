@@ -1,5 +1,6 @@
 """Background jobs: one warm process does them in order and can be killed in the middle of one."""
 
+import logging
 import multiprocessing
 import pickle
 import signal
@@ -14,6 +15,7 @@ from multiprocessing.reduction import ForkingPickler
 from queue import Empty
 from typing import Any, Literal, Protocol
 
+from calstation import applog
 from calstation.errors import CalstationError
 from calstation.jobs.process import PipeReader, spawn_process
 
@@ -35,6 +37,9 @@ _END_WITHIN = 2.0
 _ESTIMATE_FROM = 0.02
 
 _READY = ("ready",)
+
+
+logger = logging.getLogger(__name__)
 
 
 class ProgressCallback(Protocol):
@@ -285,6 +290,7 @@ class _QueueClosedError(BaseException):
 
 def _serve(connection: "Connection[Any, Any]", warm_up: Callable[[], None] | None) -> None:
     """Do jobs in the worker process until the queue closes the pipe."""
+    applog.configure("jobs")
     with suppress(ValueError, OSError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner
     if warm_up is not None:
@@ -310,7 +316,8 @@ def _do(connection: "Connection[Any, Any]", call: bytes) -> None:
         answer = bytes(ForkingPickler.dumps(("done", result)))
     except CalstationError as error:
         answer = bytes(ForkingPickler.dumps(("failed", CalstationError(error.args[0], **error.values))))
-    except Exception as error:  # noqa: BLE001 - reported to the owner in its process
+    except Exception as error:  # reported to the owner in its process
+        logger.exception("a job ended by a mistake of the program")
         answer = bytes(ForkingPickler.dumps(("failed", _internal(error))))
     connection.send_bytes(answer)
 

@@ -1,5 +1,6 @@
 """The engine's control loop: poll the table, drain samples, feed the watchdog, take commands."""
 
+import logging
 import time
 from collections import deque
 from collections.abc import Callable
@@ -23,8 +24,14 @@ _NOTHING = Flow(0, 0, False, False, False)
 #: Host time between two events that only refresh a display, s.
 _SHOW_TABLE, _SHOW_SAMPLES = 0.1, 0.5
 
+#: Host time of a tick that is worth a line in the application log, s.
+_SLOW_TICK = 1.0
+
 #: Ticks kept for a trace: a bench faster than its listener shows the latest.
 _MAX_TRACED = 400
+
+
+logger = logging.getLogger(__name__)
 
 
 class ControlLoop:
@@ -61,8 +68,12 @@ class ControlLoop:
 
     def tick(self) -> None:
         """Let a tick of station time pass, then `update`."""
+        begin = time.monotonic()
         self.context.clock.sleep(self.context.clock.tick)
         self.update()
+        seconds = time.monotonic() - begin
+        if seconds > _SLOW_TICK:
+            logger.warning("a tick of the control loop took %.1f s", seconds)
 
     def update(self) -> None:
         """Poll, drain, feed the watchdog, take commands.

@@ -1,5 +1,6 @@
 """Executes a plan's steps: each is a checkpoint, repeated from its start after a pause or lost samples."""
 
+import logging
 from collections.abc import Callable
 
 import numpy as np
@@ -24,6 +25,9 @@ REPEATS = 3
 _REST_BEFORE_REPEAT = 5.0
 
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
+
+
+logger = logging.getLogger(__name__)
 
 
 class StepRunner:
@@ -87,6 +91,7 @@ class StepRunner:
                 repeats += 1
                 if repeats > REPEATS:
                     raise DeviceFaultError(f"stream.repeated_{invalid.reason}") from None
+                logger.warning("step %d repeated: %s", self.acquisition.step, invalid.reason)
                 self._context.emit(Message("step_repeated", {"reason": invalid.reason, "attempt": repeats}))
                 self._come_to_rest()
             finally:

@@ -19,12 +19,16 @@ DONE: tuple[str, ...] = (
     "calstation/devices",
     "calstation/estimation",
     "calstation/physics",
+    "calstation/runs",
+    "calstation/sequencer",
+    "calstation/simulation",
     "procedures",
 )
 
-#: Files in which a code is not written at the place where the message is made: it comes from a table or an argument
-#: that a test of that module checks.
+
+#: Files in which codes come from data, which other tests check: the machinery itself, and remarks of solutions.
 CODE_FROM_ELSEWHERE = {
+    "calstation/sequencer/events.py",
     "calstation/errors.py",
     "calstation/schema.py",
     "calstation/messages/rendering.py",
@@ -76,13 +80,26 @@ def error_classes(modules: list[tuple[str, ast.Module]]) -> set[str]:
         found |= more
 
 
-def literals(node: ast.expr) -> tuple[str, ...]:
-    """The strings that an expression may be, () where it is not written out."""
+def literals(node: ast.expr, function: ast.AST | None = None) -> tuple[str, ...]:
+    """The strings that an expression may be, () if it is not written out.
+
+    An f-string stands for all codes with its beginning, a name for all that `function` assigns to it.
+    """
+    if isinstance(node, ast.JoinedStr) and isinstance(node.values[0], ast.Constant):
+        prefix = str(node.values[0].value)
+        return tuple(e.code for e in all_entries() if e.code.startswith(prefix)) if "." in prefix else ()
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return (node.value,)
     if isinstance(node, ast.IfExp):
-        both = literals(node.body), literals(node.orelse)
+        both = literals(node.body, function), literals(node.orelse, function)
         return both[0] + both[1] if all(both) else ()
+    if isinstance(node, ast.Name) and function is not None:
+        assigned = [
+            literals(found.value)
+            for found in ast.walk(function)
+            if isinstance(found, ast.Assign) and any(getattr(t, "id", "") == node.id for t in found.targets)
+        ]
+        return sum(assigned, ()) if assigned and all(assigned) else ()
     return ()
 
 
@@ -101,28 +118,66 @@ def keys(node: ast.expr | None) -> frozenset[str] | None:
     return frozenset(str(key.value) for key in node.keys if isinstance(key, ast.Constant))
 
 
+def calls(tree: ast.AST, function: ast.AST | None = None) -> Iterator[tuple[ast.Call, ast.AST | None]]:
+    """Every call of a module with the innermost function that it stands in."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.Call):
+            yield node, function
+        inside = node if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else function
+        yield from calls(node, inside)
+
+
 @cache
 def sites() -> tuple[Site, ...]:
-    """Every place at which an error or a message is made."""
-    modules = list(trees())
-    errors = error_classes(modules)
-    found = []
+    """Every place at which an error or a message is made.
+
+    A function that passes a parameter on as the code is no such place; the calls of it are.
+    """
+    everything = list(trees())
+    errors = error_classes(everything)
+    modules = [(path, tree) for path, tree in everything if path not in CODE_FROM_ELSEWHERE]
+    found: list[Site] = []
+    passed: dict[tuple[str, str], int] = {}
     for path, tree in modules:
-        if path in CODE_FROM_ELSEWHERE:
-            continue
-        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
-            site = _site(f"{path}:{call.lineno}", call, errors)
-            if site is not None:
+        for call, function in calls(tree):
+            site = _site(f"{path}:{call.lineno}", call, errors, function)
+            if site is None:
+                continue
+            position = _parameter(call.args[0], function) if not site.codes else None
+            if position is None:
                 found.append(site)
+            elif isinstance(function, ast.FunctionDef):
+                passed[path if function.name.startswith("_") else "", function.name] = position
+    for path, tree in modules:
+        for call, function in calls(tree):
+            position = passed.get((path, _name(call)), passed.get(("", _name(call))))
+            if position is not None and position < len(call.args):
+                codes = literals(call.args[position], function)
+                if codes or _parameter(call.args[position], function) is None:
+                    found.append(Site(f"{path}:{call.lineno}", _name(call), codes, None))
     return tuple(found)
 
 
-def _site(where: str, call: ast.Call, errors: set[str]) -> Site | None:
-    function = call.func
-    name = function.id if isinstance(function, ast.Name) else getattr(function, "attr", "")
-    if not call.args:
+def _parameter(node: ast.expr, function: ast.AST | None) -> int | None:
+    """Position, without ``self``, of the parameter that an expression is; None if it is none."""
+    if not isinstance(node, ast.Name) or not isinstance(function, ast.FunctionDef):
         return None
-    codes = literals(call.args[0])
+    names = [argument.arg for argument in function.args.args if argument.arg not in ("self", "cls")]
+    return names.index(node.id) if node.id in names else None
+
+
+def _name(call: ast.Call) -> str:
+    function = call.func
+    return function.id if isinstance(function, ast.Name) else getattr(function, "attr", "")
+
+
+def _site(where: str, call: ast.Call, errors: set[str], function: ast.AST | None) -> Site | None:
+    name = _name(call)
+    if not call.args or isinstance(call.args[0], ast.Starred):
+        return None
+    if isinstance(call.args[0], ast.Attribute | ast.Subscript) and name in errors:
+        return None  # the code of another error
+    codes = literals(call.args[0], function)
     second = call.args[1] if len(call.args) > 1 else None
     if name in errors:
         return Site(where, name, codes, keywords(call))
@@ -130,9 +185,9 @@ def _site(where: str, call: ast.Call, errors: set[str]) -> Site | None:
         values = next((k.value for k in call.keywords if k.arg == "values"), call.args[-1])
         names = keys(values if len(call.args) > 1 or call.keywords else None)
         return Site(where, name, tuple(f"{_SHORT[name]}.{code}" for code in codes), names)
-    if name == "of" and isinstance(function, ast.Attribute) and getattr(function.value, "id", "") == "Text":
+    if name == "of" and getattr(getattr(call.func, "value", None), "id", "") == "Text":
         return Site(where, "Text", codes, keywords(call))
-    if name == "Text" and isinstance(function, ast.Name):
+    if name == "Text" and isinstance(call.func, ast.Name):
         return Site(where, "Text", codes, keys(second))
     return None
 

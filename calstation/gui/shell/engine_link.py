@@ -5,6 +5,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from calstation.config.request import RegisterOperation, RunRequest
 from calstation.runs.engine import Engine
 from calstation.sequencer.control import Command
+from calstation.simulation.hooks import BenchHooks
 
 #: Interval between two polls of the engine, ms.
 _EVERY = 30
@@ -44,7 +45,7 @@ class EngineLink(QObject):
         assert self._engine is None, "a run is in progress"
         self.operation = order if isinstance(order, RegisterOperation) else None
         self.request = order if isinstance(order, RunRequest) else order.request
-        self._engine = Engine.start(order)
+        self._engine = Engine.start(order, BenchHooks)
         self.running_changed.emit(True)
         self._timer.start()
 
