@@ -11,13 +11,22 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from enum import StrEnum
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 
 #: Names of the environment variables that hand folder and level to child processes.
 FOLDER, LEVEL = "CALSTATION_LOG_FOLDER", "CALSTATION_LOG_LEVEL"
 
-LEVELS = ("debug", "info", "warning", "error")
+
+class Level(StrEnum):
+    """Detail of the log."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
 
 #: Size at which a process begins a second file, and files kept of each kind.
 _MAX_BYTES, _KEPT = 2_000_000, 30
@@ -36,14 +45,14 @@ class _RunFilter(logging.Filter):
         return True
 
 
-def configure(process: str, folder: Path | None = None, level: str | None = None) -> None:
+def configure(process: str, folder: Path | None = None, level: Level | None = None) -> None:
     """Begin to log in this process; nothing is written without a folder, or if the environment names an empty one.
 
     Parameters
     ----------
     process : kind of process, such as ``engine``
     folder : of the log files, unless the environment names one
-    level : one of `LEVELS`; inherited, or ``info``, if not given
+    level : inherited, or ``info``, if not given
     """
     if folder is not None:
         os.environ.setdefault(FOLDER, str(folder))

@@ -44,7 +44,7 @@ def test_a_process_without_a_line_leaves_no_file(tmp_path: Path) -> None:
 
 
 def test_the_level_decides_and_is_inherited(tmp_path: Path) -> None:
-    applog.configure("cli", tmp_path, "warning")
+    applog.configure("cli", tmp_path, applog.Level.WARNING)
     applog.configure("engine")  # as a child process does, whose environment names both
     logger.info("too fine")
     logger.error("kept")

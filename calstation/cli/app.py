@@ -65,12 +65,6 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _log_level(level: str | None) -> str | None:
-    if level is not None and level not in applog.LEVELS:
-        raise typer.BadParameter(f"choose from: {', '.join(applog.LEVELS)}")
-    return level
-
-
 @app.callback(invoke_without_command=True)
 def _program(
     context: typer.Context,
@@ -78,8 +72,7 @@ def _program(
         bool, typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True)
     ] = False,
     log_level: Annotated[
-        str | None,
-        typer.Option(help=f"Detail of the application log: {', '.join(applog.LEVELS)}.", callback=_log_level),
+        applog.Level | None, typer.Option(help="Detail of the application log, default info.")
     ] = None,
 ) -> None:
     from calstation.config.library import site_folder
