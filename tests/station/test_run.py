@@ -170,7 +170,7 @@ def test_what_nobody_committed_is_not_in_force_behind_the_registers(
     def left_by_another_program(imu: Imu, *rest: Any) -> None:
         imu.write_registers({"gyro_bias_x": 1e-3})
 
-    monkeypatch.setattr(run, "settle", left_by_another_program)
+    monkeypatch.setattr(run, "recover_interrupted", left_by_another_program)
     verdict = behind.run("six_position")
     assert verdict.result["registers"]["old"]["gyro_bias_x"] == 0.0
     assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
