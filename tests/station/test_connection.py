@@ -77,7 +77,7 @@ def test_the_virtual_benchs_table_is_right() -> None:
         (
             0,
             (
-                "A fault is latched, and the table does not tell its cause.",
+                "A fault is latched, and the table does not report its cause.",
                 "Read the table's display, remove the cause, then press “Reset the fault”.",
             ),
         ),
@@ -162,7 +162,7 @@ def test_a_host_that_serves_nothing() -> None:
     assert (found.id, f"{found.values['host']}:{found.values['number']}") == ("refused", address)
     assert wrong(imu(port=f"socket://{address}")).id == "refused"
     with pytest.raises(
-        ConfigurationError, match=r"table.port: 'tcp://plc' is no address; write tcp://host:port"
+        ConfigurationError, match=r"table.port: “tcp://plc” is not an address. Write tcp://host:port"
     ):
         table(port="tcp://plc")
 
@@ -436,7 +436,7 @@ def test_an_imu_that_hangs_up() -> None:
 
 
 def test_a_profile_that_does_not_exist_is_one_sentence() -> None:
-    with pytest.raises(ConfigurationError, match="table profile 'nosuch' does not exist"):
+    with pytest.raises(ConfigurationError, match="There is no table profile “nosuch”"):
         table(profile="nosuch")
 
 

@@ -23,7 +23,7 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.registers.unit_registers import read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Verdict
+from calstation.sequencer.events import Event, Fault, Verdict
 from tests.helpers import raises_code
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes and paths")
@@ -75,12 +75,12 @@ class Hall:
         self.request = RunRequest("SN-000042", self.station, None, ("rate",), folder / "runs", "wang")
 
     def run(self) -> None:
-        """A run, whose fault is told as the others' is."""
+        """A run, whose fault is raised as it was."""
         events: list[Event] = []
         execute(self.request, events.append, Control())
-        verdict = events[-1]
-        assert isinstance(verdict, Verdict)
-        raise DeviceFaultError(verdict.result["error"])
+        assert isinstance(events[-1], Verdict)
+        (fault,) = [event for event in events if isinstance(event, Fault)]
+        raise DeviceFaultError(fault.code, **fault.values)
 
 
 @pytest.fixture

@@ -210,4 +210,4 @@ def test_the_terminal_asks_and_resets(
     bench.obey("interlock", 0)
     code, text = said("reset")
     assert code == 3
-    assert "interlock is open; close the cover" in text
+    assert "interlock is open. Close the cover" in text

@@ -188,7 +188,7 @@ def test_units_of_hardware_and_bench_are_listed_apart(
     said = capsys.readouterr().out
     assert f"unit {SERIAL} on hardware, 2 flash cycles" in said
     assert f"unit {SERIAL} on the virtual bench, 1 flash cycles" in said
-    assert f"a bench-imu, by IMU profile '{MEMS}' of product 'MEMS grade C'" in said
+    assert f"a bench-imu, with IMU profile '{MEMS}' of product 'MEMS grade C'" in said
     assert run_app(["registers", "list", SERIAL, "--out", str(known.runs), "--json", "-"]) == 0
     listed = json.loads(capsys.readouterr().out)[SERIAL]
     assert {kind: found["flash_cycles"] for kind, found in listed.items()} == {"hardware": 2, "virtual": 1}

@@ -293,5 +293,5 @@ def test_why_a_serial_port_does_not_open_is_told(work: Any, monkeypatch: pytest.
 
 
 def test_an_imus_address_of_the_wrong_kind_is_told_with_the_right_one() -> None:
-    with pytest.raises(ConfigurationError, match=r"write socket://10\.0\.0\.7:4001 for a serial server"):
+    with pytest.raises(ConfigurationError, match=r"Write socket://10\.0\.0\.7:4001 for a serial server"):
         order(imu={"port": "tcp://10.0.0.7:4001"})
