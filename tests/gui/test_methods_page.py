@@ -19,9 +19,7 @@ from calstation.config.request import RunRequest
 from calstation.connection.live_imu import OtherUnit
 from calstation.errors import InputError
 from calstation.estimation.common.samples import SampleBlock
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.panel import MethodPanel
-from calstation.gui.logs.recording_wording import RECORDINGS
 from calstation.gui.operator import advice
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
@@ -321,18 +319,6 @@ def test_what_is_wrong_with_a_recording_has_words_in_both_languages(
     translated = error.value.render("zh_CN").sentences
     assert len(CHINESE.findall(translated)) >= 6, translated
     assert not re.search(r"[a-z]{3,} [a-z]{3,}", translated), translated
-
-
-@pytest.mark.parametrize("sentence", RECORDINGS)
-def test_every_such_sentence_is_known_by_its_pattern(sentence: str, qapp: QApplication) -> None:
-    values = [str(k + 7) for k in range(5)]
-    language.use("zh_CN")
-    try:
-        said = word_log_error(sentence.format(*values))
-    finally:
-        language.use("en")
-    assert CHINESE.search(said)
-    assert all(value in said for value in values[: len(set(re.findall(r"\{\d\}", sentence)))])
 
 
 def check(name: str, value: float, limit: float, unit: str, **more: object) -> dict[str, object]:

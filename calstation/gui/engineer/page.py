@@ -23,10 +23,9 @@ from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.register_controller import UNNAMED, RegisterController
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
-from calstation.gui.text.messages import say, term
+from calstation.gui.text.messages import error_text, say, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.labels import ElidedLabel
@@ -292,7 +291,7 @@ class EngineerPage(Page):
 
     def _not_loaded(self, path: Path | None, error: CalstationError) -> None:
         self.notice.ask(
-            "bad", lambda: self.tr("This file cannot be opened"), lambda: word_log_error(error, path)
+            "bad", lambda: self.tr("This file cannot be opened"), lambda: error_text(error).sentences
         )
 
     def _turn(self, index: int) -> None:

@@ -13,9 +13,8 @@ from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.residuals_view import ResidualsView
 from calstation.gui.engineer.result_view import ResultView
 from calstation.gui.engineer.verdict_wording import word_verdict
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.messages import term
+from calstation.gui.text.messages import error_text, term
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.results.diagnostics import Diagnostics, diagnose
 from calstation.results.finished_run import FinishedRun, load_finished_run
@@ -72,9 +71,9 @@ class ResultAnalysis(QObject):
         if run is None or view not in self._deep or run.log == self._looked is not None:
             return
         if run.log is None:
-            self._not_diagnosed(self.tr("Its log is not there any more."))
+            self._say_why_not(self.tr("Its log is not there any more."))
         elif not run.result_json["stages"]:
-            self._not_diagnosed(self._why_no_answer(run))
+            self._say_why_not(self._why_no_answer(run))
         else:
             self._looked = run.log
             log, stages = run.result_json["log"], tuple(run.result_json["stages"])
@@ -119,10 +118,13 @@ class ResultAnalysis(QObject):
         for lazy in self._deep:
             lazy.show_view()
 
-    def _not_diagnosed(self, error: CalstationError | str | None) -> None:
-        path, self._looked = self._looked, None
+    def _not_diagnosed(self, error: CalstationError | None) -> None:
+        self._say_why_not(error_text(error).sentences if error else "")
+
+    def _say_why_not(self, text: str) -> None:
+        self._looked = None
         for lazy in self._deep:
-            lazy.show_empty(word_log_error(error, path) if error else "")
+            lazy.show_empty(text)
 
     def _why_no_answer(self, run: FinishedRun) -> str:
         said = self.tr("The run ended without an answer: {0}").format(

@@ -10,9 +10,9 @@ from calstation.errors import CalstationError, InputError
 from calstation.gui.history.details import RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
+from calstation.gui.text.messages import error_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.labels import EmptyState
@@ -225,11 +225,10 @@ class HistoryPage(Page):
 
     def _complain(self, error: CalstationError) -> None:
         close = Choice("history_notice_close", lambda: self.tr("Close"), self.table.setFocus)
-        path = self.table.run.log if self.table.run is not None else None
         self.notice.ask(
             "bad",
             lambda: self.tr("The runs could not be read"),
-            lambda: word_log_error(error, path),
+            lambda: error_text(error).sentences,
             (close,),
         )
 

@@ -25,7 +25,6 @@ from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.log_columns import Wanted
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.method_bar import MethodBar
 from calstation.gui.logs.range_bar import RangeBar
 from calstation.gui.logs.source_bar import SourceBar
@@ -33,7 +32,7 @@ from calstation.gui.logs.stage_choice import StageChoice
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
-from calstation.gui.text.messages import term
+from calstation.gui.text.messages import error_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.labels import EmptyState
@@ -432,7 +431,7 @@ class OfflinePage(Page):
         self._allow()
 
     def _complain(self, title: Callable[[], str], error: CalstationError, path: Path | None) -> None:
-        self._tell("bad", title, lambda: word_log_error(error, path))
+        self._tell("bad", title, lambda: error_text(error).sentences)
 
     def _tell(self, kind: str, title: Callable[[], str], text: Callable[[], str]) -> None:
         close = Choice("offline_notice_close", lambda: self.tr("Close"), self.plot.setFocus)

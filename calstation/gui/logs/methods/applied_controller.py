@@ -8,10 +8,9 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 
 from calstation.connection.live_imu import apply_to_unit
 from calstation.errors import CalstationError
-from calstation.gui.engineer.error_wording import one_line
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.applied_view import AppliedView
 from calstation.gui.shell.context import AppContext
+from calstation.gui.text.messages import error_text
 from calstation.physics.arrays import FloatArray
 from calstation.physics.parameters import NAMES
 from calstation.results.plots.applied import apply_to_recording
@@ -92,12 +91,7 @@ class AppliedController(QObject):
         self._view.set_at_work(at_device=self._at_device, running=self._app.engine_link.running)
 
     def _complain(self, error: CalstationError) -> None:
-        path = self._path
-
-        def say() -> str:
-            return one_line(error) if error.code else word_log_error(error, path)
-
-        self.failed.emit(say)
+        self.failed.emit(lambda: error_text(error).sentences)
 
     def _look_for_another(self) -> None:
         dialog = QFileDialog(self._parent, self.tr("Apply to a recording"))

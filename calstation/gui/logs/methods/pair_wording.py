@@ -5,8 +5,8 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.figures import three_digits
+from calstation.gui.text.messages import show
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
 from calstation.results.pairs import PairProgress
 from calstation.results.plots.pairs import PairEvent
@@ -59,8 +59,8 @@ def short_happening(h: PairEvent) -> str:
 
 def why_given_up(followed: PairProgress) -> str:
     """Why the last calibration was given up, "" where none was."""
-    reasons = [str(h.values["why"]) for h in followed.happened if h.kind == "given_up"]
-    return word_log_error(reasons[-1]) if reasons else ""
+    reasons = [h.values["why"] for h in followed.happened if h.kind == "given_up"]
+    return show(reasons[-1]) if reasons else ""
 
 
 def word_schedule(schedule: Mapping[str, Any]) -> str:

@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
 from calstation.config.station import MANUAL_STATION, manual_product, uses_manual_rig
 from calstation.errors import CalstationError
 from calstation.gui.logs.exports import Exports
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.logs.methods.answer_head import AnswerHead
 from calstation.gui.logs.methods.answer_views import AnswerViews
 from calstation.gui.logs.methods.applied_controller import AppliedController
@@ -27,6 +26,7 @@ from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text.bind import on_language_change
+from calstation.gui.text.messages import error_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.notice import Choice, NoticeBar
@@ -338,7 +338,7 @@ class MethodPanel(QWidget):
 
     def _complain(self, title: Callable[[], str], error: CalstationError, path: Path | None) -> None:
         self._allow()
-        self._tell("bad", title, lambda: word_log_error(error, path))
+        self._tell("bad", title, lambda: error_text(error).sentences)
 
     def _tell(self, kind: str, title: Callable[[], str], text: Callable[[], str]) -> None:
         close = Choice(f"{self.stage}_notice_close", lambda: self.tr("Close"), self.setFocus)
