@@ -164,7 +164,7 @@ def test_a_dying_engine_is_a_fault(operator: Operator) -> None:
     os.kill(engine.process.pid, signal.SIGKILL)
     operator.until(lambda: operator.verdict == "FAULT", 10.0)
     assert "Where: Program" in operator.says()
-    assert "watchdog, where it has one, stops it and stays latched" in operator.says()
+    assert "watchdog, if it has one, stops the table and stays latched" in operator.says()
     operator.press("acknowledge_button")
     assert operator.widget("start_button").isEnabled()
 
