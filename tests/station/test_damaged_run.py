@@ -105,7 +105,7 @@ def test_the_terminal_says_what_is_left_out(log: Damaged, capsys: pytest.Capture
     assert run_app(["resolve", str(log.path), "--json", "-"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["log"]["damaged"][0]["rows"] == HURT
-    assert f"hurt.h5: damaged rows left out as gaps: {HURT}, samples " in " ".join(err.split())
+    assert f"hurt.h5: {HURT} damaged rows are treated as gaps (samples " in " ".join(err.split())
     target = log.path.with_suffix(".csv")
     assert run_app(["export", str(log.path), "-o", str(target)]) == 0
     assert f"{len(log.seq) - HURT} samples, {HURT} damaged rows left out" in " ".join(

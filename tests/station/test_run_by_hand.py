@@ -87,21 +87,21 @@ def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bi
 
 
 def test_what_needs_a_table_is_refused_in_a_sentence_before_anything_is_opened(rig: Rig) -> None:
-    with pytest.raises(ConfigurationError, match=r"'rate' needs a table that is driven.*turned by hand"):
+    with pytest.raises(ConfigurationError, match=r"Rate needs a driven table.*turned by hand"):
         prepare_run(rig.request("rate"))
-    with pytest.raises(ConfigurationError, match="'six_position' needs a table that is driven"):
+    with pytest.raises(ConfigurationError, match="Six positions needs a driven table"):
         run_summary(rig.request("multi_position", "six_position"))
     rig.write({"schedule": {"multi_position": {**SHORT, "manual": False}}})
-    with pytest.raises(
-        ConfigurationError, match=r"product.toml: schedule.multi_position.manual must be true"
-    ):
+    with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual .* must be true"):
         compute_preview(no_tell, rig.request())
 
 
 def test_what_is_carried_needs_rails(rig: Rig) -> None:
     driven = tomli_w.dumps({**STATION, "bench": {"seed": 5}})
     rig.station.write_text(driven, encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual is true, but the table"):
+    with pytest.raises(
+        ConfigurationError, match=r"schedule\.multi_position\.manual .* is true, but the table"
+    ):
         prepare_run(rig.request())
 
 
@@ -127,10 +127,10 @@ def test_rails_need_no_port_and_have_no_link_to_test(tmp_path: Path) -> None:
     report = check_table_link(no_tell, LinkTestRequest(station, product))
     assert [(f.id, f.state) for f in report.findings] == [("by_hand", "ok")]
     path.write_text(tomli_w.dumps({**file, "imu": {}}), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"imu\.port is missing"):
+    with pytest.raises(ConfigurationError, match=r"imu\.port: The port is missing"):
         load_station(path)
     path.write_text(tomli_w.dumps({**file, "table": {"profile": "bench"}}), encoding="utf-8")
-    with pytest.raises(ConfigurationError, match=r"table\.port is missing"):
+    with pytest.raises(ConfigurationError, match=r"table\.port: The port is missing"):
         load_station(path)
     assert not is_manual_table("bench")
 
