@@ -1,7 +1,6 @@
-"""What stands behind a result: innovations, residuals and observability of every stage, from its log alone.
+"""Diagnostics of a result: innovations, residuals and observability of every stage.
 
-A result JSON keeps only their summary. The log holds everything, and solving it again gives the same bits, so what an
-engineer looks at is made when it is asked for, for a run just ended and for a log from elsewhere alike.
+A result JSON keeps their summary only. Solving the log again gives the same bits, so details are computed on demand.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,20 +19,21 @@ from calstation.records.log import Log, open_log
 from calstation.records.meta import context_from_meta
 from calstation.results.solver_chain import SolveProgress, one_blas_thread, solve
 
-#: Share of the work in solving.
+#: Share of solving in the work.
 _SOLVING = 0.9
 
 
 @dataclass(frozen=True)
 class StageDiagnostics:
-    """One stage looked at closely.
+    """Diagnostics of one stage.
 
     Attributes
     ----------
-    first_seq : of the stage; sample_rate : 1/s, so that a sequence number is a time
+    first_seq : of the stage
+    sample_rate : 1/s
     consistency, observability, details : as in the result
-    innovations : None where its method tells none
-    rests : what is left at its rests with the run's final answer
+    innovations : None if the method reports none
+    rests : residuals at its rests with the final solution
     """
 
     stage: str
@@ -62,9 +62,9 @@ def diagnose(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> Diagnostics:
-    """Work for the workshop: solve a log again and keep what the result leaves out.
+    """Job: solve a log again and keep what the result leaves out.
 
-    stages, first_seq, last_seq : as `resolve`. Raises InputError or ConfigurationError with file, field and mend.
+    Parameters and exceptions are those of `resolve`.
     """
     log = open_log(path)
     expected = len(stages or (log.meta.run.stages if log.meta.run is not None else ()))
@@ -78,14 +78,14 @@ def diagnose(
             progress=_meter(tell, expected),
         )
         solutions = {solution.stage: solution for solution in chain.solutions}
-        looked: dict[str, StageDiagnostics] = {}
+        diagnosed: dict[str, StageDiagnostics] = {}
         for stage, blocks in _by_stage(log, first_seq, last_seq):
-            if stage not in solutions or stage in looked:
+            if stage not in solutions or stage in diagnosed:
                 continue
-            tell(_SOLVING + (1.0 - _SOLVING) * len(looked) / len(solutions), note=stage)
+            tell(_SOLVING + (1.0 - _SOLVING) * len(diagnosed) / len(solutions), note=stage)
             data = stage_data(list(blocks), context.imu)
             solution = solutions[stage]
-            looked[stage] = StageDiagnostics(
+            diagnosed[stage] = StageDiagnostics(
                 stage,
                 int(data.seq[0]),
                 context.imu.sample_rate,
@@ -95,21 +95,21 @@ def diagnose(
                 solution.observability,
                 solution.details,
             )
-    return Diagnostics(path, log.meta.imu.serial, tuple(looked[s] for s in solutions if s in looked))
+    return Diagnostics(path, log.meta.imu.serial, tuple(diagnosed[s] for s in solutions if s in diagnosed))
 
 
 def _by_stage(log: Log, first: int | None, last: int | None) -> Iterator[tuple[str, Iterator[SampleBlock]]]:
-    """Stages in the order of the log, each with its blocks, which are to be used at once."""
+    """Stages in the order of the log, each with an iterator over its blocks."""
     return groupby((block for block in log.blocks(first, last) if block.stage), lambda block: block.stage)
 
 
 def _meter(tell: ProgressCallback, expected: int) -> SolveProgress:
-    """Tells how far solving is, by stages: of `expected` ones where that is known."""
-    begun: dict[str, None] = {}
+    """Report the progress of solving `expected` stages."""
+    started: dict[str, None] = {}
 
     def watch(stage: str, seq: int, solved: float) -> None:
-        begun[stage] = None
-        done = (len(begun) - 1 + solved) / max(expected, len(begun))
+        started[stage] = None
+        done = (len(started) - 1 + solved) / max(expected, len(started))
         tell(_SOLVING * min(done, 1.0), note=stage)
 
     return watch

@@ -1,4 +1,4 @@
-"""A run that is over, or a log from elsewhere, brought together for a closer look: result, log, earlier values."""
+"""A finished run or a foreign log for analysis: result, log and the unit's previous values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from calstation.results.result import Result, load_result
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A result with what it is to be compared with.
+    """A result and what it is compared with.
 
     Attributes
     ----------
-    log : its log, None where that is not there any more
+    log : None if it is missing
     previous : the unit's latest earlier value of each parameter, SI
-    solved_now : the log held no result, so it was solved for this look
+    solved_now : the log held no result and has been solved
     """
 
     result: Result
@@ -36,9 +36,18 @@ class FinishedRun:
 
 
 def load_finished_run(tell: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
-    """Work for the workshop: read a result JSON or a log; a log without a result is solved.
+    """Job: read a result file or a log; a log without a result is solved.
 
-    `runs` : folder whose runs are the unit's history. Raises InputError or ConfigurationError with file and mend.
+    Parameters
+    ----------
+    tell : progress of the job
+    path : result file or log
+    runs : folder with the unit's history
+
+    Raises
+    ------
+    InputError, ConfigurationError
+        If the file cannot be used.
     """
     solved_now = False
     if path.suffix == ".json":
@@ -60,7 +69,7 @@ def load_finished_run(tell: ProgressCallback, path: Path, runs: Path) -> Finishe
 
 
 def _log_of(path: Path, result: Result) -> Path | None:
-    """A result's log: where it says, else beside it under its own name."""
+    """The log of a result: at the recorded path, or beside the result."""
     for candidate in (Path(result.log.file), path.with_suffix(SUFFIX)):
         if candidate.is_file():
             return candidate

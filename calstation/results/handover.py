@@ -1,7 +1,8 @@
-"""Hands every run's result to the factory's own system: a JSON file and a CSV line each, once, sooner or later.
+"""Delivers every run's result to the factory's system, exactly once: a JSON file and a CSV line.
 
-A run is put down as waiting when it begins, so that whatever ends it, its result is not forgotten. What cannot be
-handed over waits beside the runs and goes with the next one. Columns and files: docs/how-to/hand-over.md.
+A run is registered as pending when it starts, so that its result is delivered whatever ends it. A result that cannot
+be delivered stays pending beside the runs and is delivered with the next one. The columns and files are documented in
+the manual of the hand-over.
 """
 
 import csv
@@ -27,14 +28,14 @@ from calstation.sequencer.events import Message
 
 CSV_NAME = "handover.csv"
 
-#: Folder beside the runs with an empty file for each run that is to be handed over.
+#: Folder beside the runs with an empty file for each pending run.
 WAITING = ".handover"
 
-#: How long a run waits for a folder that does not answer before it says so and ends, s.
-_SAID_WITHIN = 10.0
+#: Time that a run waits for an unresponsive folder, s.
+_WAIT = 10.0
 
 _LOCKED_WITHIN = 5.0
-#: How much of the CSV's end is searched for a line that a power cut left without its receipt, bytes.
+#: Bytes at the end of the CSV that are searched for a line whose delivery a power cut interrupted.
 _TAIL = 65_536
 
 #: Columns of the CSV before the last, `result`, which names the JSON file beside it.
@@ -60,7 +61,7 @@ COLUMNS: dict[str, Callable[[Result], Any]] = {
 
 @dataclass(frozen=True)
 class Delivery:
-    """What came of a try: results handed over, results still pending, and why."""
+    """Outcome of a delivery: results delivered, results still pending, and why."""
 
     folder: Path
     done: int
@@ -69,7 +70,7 @@ class Delivery:
 
 
 class HandOver:
-    """A run's side of it; what the folder's file system takes its time for, it takes from nobody else's."""
+    """Delivers in a thread of its own, so that a slow folder does not delay the run."""
 
     def __init__(self, runs: Path, station_path: Path, station: StationConfig, emit: Emit) -> None:
         self._runs = runs
@@ -79,22 +80,22 @@ class HandOver:
         self._delivery: Delivery | None = None
 
     def start(self) -> None:
-        """Begin to hand over what waits from before."""
+        """Start to deliver results that are pending from earlier runs."""
         self._thread = threading.Thread(target=self._deliver, name="handover", daemon=True)
         self._thread.start()
 
     def finish(self) -> None:
-        """Hand over what waits now; says where something has to wait on."""
+        """Deliver all pending results, and emit a message if some remain or earlier ones were delivered."""
         if self._thread is not None:
-            self._thread.join(_SAID_WITHIN)
+            self._thread.join(_WAIT)
         before = 0 if self._delivery is None else self._delivery.done
         self._delivery = None
         if self._thread is None or not self._thread.is_alive():
             self.start()
             assert self._thread is not None
-            self._thread.join(_SAID_WITHIN)
+            self._thread.join(_WAIT)
         given = self._delivery or Delivery(
-            self._folder, 0, len(_waiting(self._runs)), Text.of("handover.no_answer", seconds=_SAID_WITHIN)
+            self._folder, 0, len(_waiting(self._runs)), Text.of("handover.no_answer", seconds=_WAIT)
         )
         if given.waiting:
             values = {"folder": str(given.folder), "count": given.waiting, "reason": given.reason}
@@ -108,7 +109,7 @@ class HandOver:
 
 
 def register_pending(runs: Path, name: str) -> None:
-    """Put a run, by its log's stem, down as to be handed over. Raises OSError."""
+    """Register a run, by its log's stem, as pending. Raises OSError."""
     folder = runs / WAITING
     folder.mkdir(exist_ok=True)
     (folder / name).touch()
@@ -116,20 +117,20 @@ def register_pending(runs: Path, name: str) -> None:
 
 
 def deliver_pending(tell: ProgressCallback, runs: Path, station: Path | None) -> Delivery:
-    """Work for the workshop: hand over what waits beside the runs to the folder of a station file."""
+    """Job: deliver the results pending beside the runs to the folder of a station file."""
     path, config = load_station(station)
     return _deliver(runs, *_target(runs, path, config))
 
 
 def _target(runs: Path, station_path: Path, station: StationConfig) -> tuple[Path, bool]:
-    """The hand-over folder, and whether it may be made: a missing share must not become a folder of this disk."""
+    """The hand-over folder, and whether it may be created: a missing share must not become a local folder."""
     if station.handover is None:
         return runs.absolute().parent / "handover", True
     return station_path.absolute().parent / Path(station.handover.folder).expanduser(), False
 
 
 def _waiting(runs: Path) -> list[str]:
-    """Stems of the runs that wait, oldest first; those without any file are forgotten."""
+    """Stems of the pending runs, oldest first; those without any file are dropped."""
     names = []
     for entry in (runs / WAITING).glob("*"):
         if (runs / f"{entry.name}.json").exists():
@@ -140,7 +141,7 @@ def _waiting(runs: Path) -> list[str]:
 
 
 def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
-    """Hand over what waits, each once. What fails waits on, and so does the rest where the folder has gone."""
+    """Deliver the pending results; after a failure the others are tried as long as the folder exists."""
     done = 0
     reason: Text | None = None
     try:
@@ -165,20 +166,20 @@ def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
     content = (runs / f"{name}.json").read_bytes()
     write_atomic(folder / f"{name}.json", content)
-    with suppress(ValueError):  # another program's JSON has no line
+    with suppress(ValueError):  # JSON of another program has no line
         _append(folder, name, Result.from_json(json.loads(content)))
     (runs / WAITING / name).unlink(missing_ok=True)
 
 
 def _append(folder: Path, name: str, result: Result) -> None:
-    """Add the run's line in one write, the header before the first; not where it is there already."""
+    """Append the run's line in one write, after the header in a new file; a line that exists is not repeated."""
     cells = [*(_cell(column(result)) for column in COLUMNS.values()), f"{name}.json"]
     with ExitStack() as stack:
         try:
             stack.enter_context(locked(folder / ".handover.lock", _LOCKED_WITHIN))
         except OSError as exc:
             if isinstance(exc, TimeoutError):
-                raise  # else a share without locks: one write at the end of the file is still whole
+                raise  # a share without locks: a single appending write is still atomic
         flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
         handle = os.open(folder / CSV_NAME, flags, 0o644)
         stack.callback(os.close, handle)
@@ -187,7 +188,7 @@ def _append(folder: Path, name: str, result: Result) -> None:
         tail = os.read(handle, _TAIL)
         if f",{name}.json\n".encode() in tail:
             return
-        begin = "" if not tail or tail.endswith(b"\n") else "\n"  # a line that a power cut tore
+        begin = "" if not tail or tail.endswith(b"\n") else "\n"  # a line cut by a power failure
         header = "" if size else _line([*COLUMNS, "result"])
         os.write(handle, (begin + header + _line(cells)).encode())
         os.fsync(handle)

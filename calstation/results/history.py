@@ -1,4 +1,4 @@
-"""What was run before: found by serial number, outcome and date in an index that is made from the runs' own files."""
+"""History of the runs in a folder, by serial number, outcome and date, from an index built of the runs' files."""
 
 import json
 import math
@@ -15,12 +15,12 @@ from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
 from calstation.results.merge_previous import VerifiedRegister
 from calstation.results.result import Result
 
-#: Runs read between two words of progress.
+#: Runs read between two progress reports.
 _AT_ONCE = 100
 
 _SOLVED = ("passed", "failed")
 
-#: What comes of a JSON that is no result, or one that somebody else has written.
+#: Raised for a JSON that is not a result.
 _NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 
 _MOST_ATTEMPTS = 1_000_000
@@ -31,9 +31,8 @@ T = TypeVar("T")
 class History:
     """The runs of a folder.
 
-    Queries answer from the index and take milliseconds. `refresh` brings it up to date with the folder's files;
-    every run does so before its first event and before its verdict, so only files that came otherwise (an index
-    that is missing, a folder copied here) need it from elsewhere.
+    Queries read the index and take milliseconds. `refresh` updates it from the folder's files; every run does so before
+    its first event and before its verdict.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -41,7 +40,7 @@ class History:
         self._index = RunIndex(folder)
 
     def refresh(self, tell: Callable[[float], None] | None = None) -> int:
-        """Read what is new or changed in the folder and forget what is gone; returns how many runs changed."""
+        """Update the index from the folder; returns the number of changed runs."""
         known = self._index.stamps()
         files = _files(self._folder)
         gone = [name for name in known if name not in files]
@@ -62,8 +61,11 @@ class History:
     def runs(self, search: str = "", outcome: str | None = None, limit: int = 200) -> list[RunRecord]:
         """Runs, the latest first.
 
-        `search` : part of a serial number, date (``2026-11-21``), product, station, operator or file name;
-        `outcome` : passed, failed, stopped, fault, incomplete, None for all
+        Parameters
+        ----------
+        search : part of a serial number, date (``2026-11-21``), product, station, operator or file name
+        outcome : passed, failed, stopped, fault or incomplete; None for all
+        limit : largest number of runs
         """
         return self._ask(lambda: self._index.find(search, outcome, limit))
 
@@ -77,11 +79,11 @@ class History:
         return found[0].record if found else None
 
     def attempts(self, serial: str) -> int:
-        """How many runs of the unit were begun; one that was resumed counts once."""
+        """Number of runs of the unit; a resumed run counts once."""
         return self._ask(lambda: self._index.count(serial))
 
     def failures(self, serial: str) -> int:
-        """How often the unit was outside its limits since it last passed."""
+        """Number of failures of the unit since it last passed."""
         count = 0
         for run in self._ask(lambda: self._index.of(serial, _SOLVED)):
             if run.record.outcome == "passed":
@@ -90,14 +92,14 @@ class History:
         return count
 
     def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
-        """The unit's latest solved value of each parameter, SI, from runs begun before `before` (ISO 8601)."""
+        """The unit's latest solved value of each parameter, SI, from runs started before `before` (ISO 8601)."""
         values: dict[str, float] = {}
         for run in self._ask(lambda: self._index.of(serial, _SOLVED, before)):
             values = {**run.values, **values}
         return values
 
     def verified_registers(self, serial: str) -> Mapping[str, VerifiedRegister]:
-        """Registers as the latest run that found them wrote and proved them; kept ones are of an earlier run."""
+        """The unit's registers by parameter, each as the latest run that estimated it wrote and verified it."""
         found: dict[str, VerifiedRegister] = {}
         for run in self._ask(lambda: self._index.of(serial, ("passed",))):
             written = {
@@ -121,19 +123,19 @@ class History:
 
 
 def refresh_history(tell: ProgressCallback, folder: Path) -> int:
-    """Work for the workshop: bring a folder's index up to date; returns how many runs changed."""
+    """Job: update a folder's index; returns the number of changed runs."""
     return History(folder).refresh(tell)
 
 
 def _files(folder: Path) -> dict[str, str]:
-    """Stamp of each run's files by stem; a log that is being written is left out unless its result is there."""
+    """Stamp of each run's files by stem, without logs that are still being written."""
     stamps: dict[str, str] = {}
     logs: dict[str, str] = {}
     if not folder.is_dir():
         return {}
     with os.scandir(folder) as entries:
         for entry in entries:
-            stem, suffix = os.path.splitext(entry.name)  # noqa: PTH122 - thousands of them, and a Path is slow
+            stem, suffix = os.path.splitext(entry.name)  # noqa: PTH122 - a Path is slow for thousands of files
             if suffix not in (SUFFIX, ".json") or stem.startswith("."):
                 continue
             status = entry.stat()
@@ -142,12 +144,14 @@ def _files(folder: Path) -> dict[str, str]:
                 stamps[stem] = stamp
             else:
                 logs[stem] = stamp
-    left = {stem: stamp for stem, stamp in logs.items() if stem not in stamps and not _going(folder, stem)}
+    left = {
+        stem: stamp for stem, stamp in logs.items() if stem not in stamps and not _is_running(folder, stem)
+    }
     return {**{stem: f"log {stamp}" for stem, stamp in left.items()}, **stamps}
 
 
-def _going(folder: Path, stem: str) -> bool:
-    """Whether a run is still going, or nothing can be said of its log."""
+def _is_running(folder: Path, stem: str) -> bool:
+    """Whether a run is still in progress, or its log cannot be read."""
     try:
         return being_written(folder / f"{stem}{SUFFIX}")
     except InputError:
@@ -155,7 +159,7 @@ def _going(folder: Path, stem: str) -> bool:
 
 
 def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
-    """A run from its result, or from its log where there is none; None where the file is neither, or damaged."""
+    """A run from its result, or from its log without one; None for other or damaged files."""
     try:
         return _found(folder, name, stamp)
     except (OSError, InputError, *_NO_RESULT):
@@ -228,7 +232,7 @@ def _written(result: Result) -> dict[str, tuple[float, float]]:
 
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:
-    """A run that died and has not been given its result yet."""
+    """An interrupted run that has no result yet."""
     meta = contents.meta
     run = meta.run
     record = RunRecord(

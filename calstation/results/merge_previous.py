@@ -1,9 +1,8 @@
-"""Which registers part of a calibration leaves alone: those that an earlier one has found far better.
+"""Merges the result of a partial run with registers that an earlier run estimated much better.
 
-A part of the stages (scale factors only, say) finds a parameter more coarsely than the whole calibration before it did.
-Where that calibration's value is still in the unit and nothing contradicts it, it stays, and what is written beside it
-is the answer of this run given that value: parameters that were found together fit together. The whole calibration
-keeps nothing.
+A partial run may estimate a parameter with a larger sigma than the full calibration before it. If that value is still
+in the unit and the new one does not contradict it, it is kept, and the other parameters are conditioned on it, so that
+the registers remain consistent. A full calibration keeps nothing.
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,16 +15,16 @@ from calstation.estimation.common.context import Belief
 from calstation.physics.parameters import INDEX
 from calstation.physics.units import display, number
 
-#: An earlier sigma this many times smaller than the present one is worth keeping.
+#: Ratio of the present to the previous sigma above which the previous value is kept.
 BETTER = 2.0
 
-#: Sigmas of both values together; further apart the unit has changed, and what it was is worth nothing.
+#: Difference in combined sigmas above which the unit has changed and the previous value is discarded.
 _CONTRADICTED = 6.0
 
 
 @dataclass(frozen=True)
 class VerifiedRegister:
-    """A register as a run wrote and proved it: value and sigma, SI; when that run was begun, ISO 8601."""
+    """A register that a run wrote and verified: value and sigma, SI, and the start of the run, ISO 8601."""
 
     value: float
     sigma: float
@@ -34,7 +33,7 @@ class VerifiedRegister:
 
 @dataclass(frozen=True)
 class PreviousValue:
-    """A parameter that was found far better before, and what it is found to be now; SI."""
+    """A parameter that an earlier run estimated much better, and its present estimate, SI."""
 
     name: str
     before: VerifiedRegister
@@ -43,7 +42,7 @@ class PreviousValue:
     contradicted: bool
 
     def values(self) -> dict[str, Any]:
-        """What its message says, with units that read the same in every language."""
+        """Values of its message, with units that read the same in every language."""
         return {
             "parameter": self.name,
             "before": _sigma(self.name, self.before.sigma),
@@ -52,7 +51,7 @@ class PreviousValue:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """As a result holds it."""
+        """As in the result JSON."""
         return {
             "sigma": self.before.sigma,
             "sigma_now": self.sigma,
@@ -65,20 +64,23 @@ def better_previous_values(
     held: Mapping[str, float],
     belief: Belief,
     estimated: Iterable[str],
-    in_force: Mapping[str, VerifiedRegister],
+    previous: Mapping[str, VerifiedRegister],
     *,
     after_registers: bool,
 ) -> tuple[PreviousValue, ...]:
-    """Parameters that were found far better before, of those estimated now.
+    """Find the estimated parameters that an earlier run estimated much better.
 
     Parameters
     ----------
-    held : the unit's registers now, by parameter, SI; one that was changed since by other hands is worth nothing
-    after_registers : the stream follows the registers, so that what is found now is what they leave over
+    held : the unit's present registers, by parameter, SI; one that has been changed since is ignored
+    belief : posterior of this run
+    estimated : names of the estimated parameters
+    previous : registers as earlier runs wrote and verified them
+    after_registers : the stream follows the registers, so that this run estimates the remaining error
     """
     better = []
     for name in estimated:
-        before = in_force.get(name)
+        before = previous.get(name)
         if before is None or name not in held or not abs(held[name] - before.value) <= before.sigma:
             continue
         i = INDEX[name]
@@ -94,7 +96,13 @@ def better_previous_values(
 def condition_on(
     belief: Belief, kept: Iterable[PreviousValue], held: Mapping[str, float], *, after_registers: bool
 ) -> Belief:
-    """What is known of all parameters, given that the kept ones are what the registers say; arguments as above."""
+    """Condition the posterior on the kept registers.
+
+    Parameters
+    ----------
+    belief, held, after_registers : as for `better_previous_values`
+    kept : the previous values to keep
+    """
     chosen = tuple(kept)
     if not chosen:
         return belief
@@ -102,7 +110,7 @@ def condition_on(
     value = np.array([0.0 if after_registers else held[k.name] for k in chosen])
     innovation = value - belief.mean[index]
     covariance = belief.covariance[np.ix_(index, index)] + np.diag([k.before.sigma**2 for k in chosen])
-    scale = np.sqrt(np.diag(covariance))  # units are apart by many powers of ten
+    scale = np.sqrt(np.diag(covariance))  # units differ by many powers of ten
     gain = np.linalg.solve(covariance / np.outer(scale, scale), (belief.covariance[index] / scale[:, None])).T
     after = belief.covariance - gain @ (belief.covariance[index] / scale[:, None])
     return Belief(belief.mean + gain @ (innovation / scale), 0.5 * (after + after.T))

@@ -1,4 +1,4 @@
-"""Works for the workshop around solving a stored log again: the solution, and exports of log and result."""
+"""Jobs of the offline page: solving a range of a log with progress, and exports of log and result."""
 
 import csv
 import io
@@ -15,7 +15,7 @@ from calstation.results.plots.index import StageSpan
 from calstation.results.resolve import Resolved, resolve
 
 _BATCH = {"rate": 2.5, "six_position": 1.0}
-#: What solving costs per sample where reading one costs 1, measured; filters take several passes.
+#: Measured cost of solving a sample relative to reading it; filters take several passes.
 _FILTER = 10.0
 
 CSV_COLUMNS = (
@@ -38,24 +38,25 @@ def offline_solve(
     last_seq: int,
     spans: Sequence[StageSpan],
 ) -> Resolved:
-    """Solve a log between two sequence numbers; the note told is the stage at hand.
+    """Job: solve a log between two sequence numbers; the note of its progress is the stage.
 
     Parameters
     ----------
-    stages, first_seq, last_seq : as `resolve`
-    spans : the log's stages, from its overview, to know how much there is to do
+    tell : progress of the job
+    path, stages, first_seq, last_seq : as for `resolve`
+    spans : the log's stages, from its index
 
     Raises
     ------
     CalstationError
-        as `resolve`.
+        As `resolve`.
     """
     meter = _Meter(tell, stages, first_seq, last_seq, spans)
     return resolve(path, stages, first_seq, last_seq, meter.watch)
 
 
 class _Meter:
-    """Weighs samples read and stages solved into one fraction."""
+    """Combines samples read and stages solved into one fraction."""
 
     def __init__(
         self,
@@ -80,7 +81,7 @@ class _Meter:
         self._most = 0.0
 
     def watch(self, stage: str, seq: int, solved: float) -> None:
-        """How `resolve` gets on."""
+        """Take the progress of `resolve`."""
         first, last = self._range
         self._read = max(self._read, sum(s.within(first, min(seq, last)) for s in self._spans))
         for name in self._shares:
@@ -89,22 +90,28 @@ class _Meter:
                 break
         for name in self._solved:
             if name != stage:
-                self._solved[name] = 1.0  # one stage is begun when the one before is done
+                self._solved[name] = 1.0  # stages are solved one after another
         done = self._read + sum(self._solved[name] * self._shares[name] for name in self._solved)
         self._most = max(self._most, min(done / max(self._total, 1.0), 0.99))
         self._tell(self._most, note=stage)
 
 
 def export_log(tell: Callable[..., None], source: Path, target: Path, first_seq: int, last_seq: int) -> Path:
-    """Write samples `first_seq` to `last_seq` of a log as CSV and TOML, see `export_csv`; nothing of it remains where
-    that fails."""
+    """Job: export samples of a log as CSV and TOML, see `export_csv`; a failure leaves no file.
+
+    Parameters
+    ----------
+    tell : progress of the job
+    source, target : log and CSV
+    first_seq, last_seq : range of samples, both included
+    """
     count = max(last_seq - first_seq + 1, 1)
     export_csv(source, target, lambda done: tell(min(done / count, 0.99)), first_seq, last_seq)
     return target
 
 
 def drop_partial(tell: Callable[..., None], target: Path) -> None:
-    """Remove what a cancelled `export_log` left behind."""
+    """Job: remove the partial file of a cancelled `export_log`."""
     partial_path(target).unlink(missing_ok=True)
     tell(1.0)
 
@@ -112,12 +119,19 @@ def drop_partial(tell: Callable[..., None], target: Path) -> None:
 def export_result(
     tell: Callable[..., None], result: Mapping[str, Any], stored: Mapping[str, Any] | None, target: Path
 ) -> Path:
-    """Write a result as JSON, or its parameters beside those of the run as CSV, by the target's name; atomically.
+    """Job: write a result as JSON, or its parameters and those of the run as CSV, depending on the target's suffix.
+
+    Parameters
+    ----------
+    tell : progress of the job
+    result : result JSON
+    stored : result JSON of the run, if the log has one
+    target : file to write
 
     Raises
     ------
     ConfigurationError
-        where the place cannot be written.
+        If the file cannot be written.
     """
     if target.suffix == ".csv":
         text = _parameters_csv(result, stored)
@@ -132,9 +146,9 @@ def export_result(
 
 
 def in_sigma(offline: Mapping[str, Any], online: Mapping[str, Any]) -> float:
-    """Difference of two answers for one parameter, offline less online, over the larger of their sigmas.
+    """Difference of two estimates of a parameter, offline minus online, divided by the larger sigma.
 
-    Where one is solved from part of the other's data, the difference's own sigma is never larger than that
+    If one uses part of the other's data, the sigma of the difference is never larger than that
     (J. A. Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1).
     """
     difference = float(offline["value"] - online["value"])

@@ -1,6 +1,6 @@
-"""Follows a log of IMUs on one body as it would be followed live: checks, calibrates what is off, keeps the answer.
+"""Replays a log of IMUs on one body as if live: checks them, calibrates those out of tolerance, stores the result.
 
-What is kept of a pair stands in the site's own folder; the next log is compensated with it first.
+The calibration of a pair is stored in the site's folder; the next log is compensated with it first.
 """
 
 import json
@@ -32,7 +32,7 @@ STAGE = "cross_calibration"
 
 @dataclass(frozen=True)
 class PairWatchResult:
-    """What happened, the last check of each secondary, and what is stored of it now, by number."""
+    """All events, and the last check and stored calibration of each secondary by number."""
 
     events: tuple[WatchEvent, ...]
     checks: dict[int, StaticCheck]
@@ -46,15 +46,20 @@ def watch_log(
     tell: Callable[[WatchEvent], None] | None = None,
     look: Callable[[float, PairWatch], None] | None = None,
 ) -> PairWatchResult:
-    """Follow a log from its begin to its end.
+    """Replay a log from start to end.
 
     Parameters
     ----------
-    folder : of the stored pairs; a pair that is not there yet starts with what the log says
-    command : check at the first rest, whatever the log's schedule says of triggers
-    tell : told what happens; look : shown the watch every second of the log, with that second, s
+    path : the log
+    folder : of the stored pairs; a pair without a file starts with the values in the log
+    command : check at the first rest, whatever triggers the log's schedule has
+    tell : called with every event
+    look : called every second of the log with its time, s, and the watch
 
-    Raises InputError or ConfigurationError with file, field and mend.
+    Raises
+    ------
+    InputError, ConfigurationError
+        If the log cannot be used.
     """
     log = open_log(path)
     context = context_from_meta(log.meta)
@@ -67,18 +72,22 @@ def watch_log(
         for s in context.secondaries
     )
     serials = {s.number: s.imu.serial for s in secondaries}
+
+    def store(number: int, pair: StoredPair) -> None:
+        store_pair(folder, primary, serials[number], pair)
+
     watch = PairWatch(
         context.imu,
         secondaries,
         PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule.rules),
         schedule.triggers,
-        lambda number, pair: _keep(folder, primary, serials[number], pair),
+        store,
     )
     if command or schedule.trigger == "command":
         watch.command()
     events: list[WatchEvent] = []
 
-    def heard(new: list[WatchEvent]) -> None:
+    def handle(new: list[WatchEvent]) -> None:
         events.extend(new)
         if tell is not None:
             for event in new:
@@ -87,33 +96,30 @@ def watch_log(
     with one_blas_thread():
         for block in log.blocks():
             for second in _seconds(block, log.meta.imu.sample_rate_hz):
-                heard(watch.feed(second))
+                handle(watch.feed(second))
                 if look is not None:
                     look(float(second.time[-1]), watch)
-        heard(watch.finish())
+        handle(watch.finish())
     return PairWatchResult(tuple(events), watch.checks, watch.stored)
 
 
 def _seconds(block: SampleBlock, rate: float) -> Iterator[SampleBlock]:
-    """A block in parts of a second."""
+    """Split a block into parts of one second."""
     width = max(1, round(rate))
     for start in range(0, len(block), width):
         yield block.part(start, min(start + width, len(block)))
 
 
-def _keep(folder: Path, primary: str, secondary: str, pair: StoredPair) -> None:
-    store_pair(folder, primary, secondary, pair)
-
-
 @dataclass(frozen=True)
 class PairProgress:
-    """How far a recording has been followed.
+    """Progress of a replayed recording.
 
     Attributes
     ----------
-    time, duration : s followed, and of the whole recording
-    state : waiting, checking or calibrating; motion : collected of what a calibration wants, 0 to 1
-    happened : so far, in order
+    time, duration : replayed, and of the whole recording, s
+    state : waiting, checking or calibrating
+    motion : share of the motion that a calibration needs, 0 to 1
+    happened : events so far
     """
 
     time: float
@@ -123,13 +129,13 @@ class PairProgress:
     happened: tuple[PairEvent, ...]
 
     def to_note(self) -> str:
-        """As the text that travels with a job's progress."""
+        """As the note of a job's progress."""
         happened = [(h.kind, h.time, h.number, values_to_json(h.values)) for h in self.happened]
         return json.dumps([self.time, self.duration, self.state, self.motion, happened])
 
 
 def progress_from_note(note: str) -> PairProgress | None:
-    """What `PairProgress.to_note` told; None for any other note."""
+    """Read `PairProgress.to_note`; None for any other note."""
     if not note.startswith("["):
         return None
     time, duration, state, motion, happened = json.loads(note)
@@ -141,7 +147,7 @@ def progress_from_note(note: str) -> PairProgress | None:
 
 @dataclass(frozen=True)
 class PairCheckResult:
-    """A recording followed to its end: the last check of each secondary by number, and what is kept of it now."""
+    """A replayed recording: the last check of each secondary by number, and its stored calibration."""
 
     followed: PairProgress
     checks: Mapping[int, Mapping[str, Any]]
@@ -149,39 +155,39 @@ class PairCheckResult:
 
     @property
     def calibrated(self) -> frozenset[int]:
-        """Numbers of the secondaries that were off and have been calibrated."""
+        """Numbers of the secondaries that were out of tolerance and have been calibrated."""
         return frozenset(h.number for h in self.followed.happened if h.kind == "calibrated")
 
 
 def check_pair(tell: Callable[..., None], path: Path) -> PairCheckResult:
-    """Check at the first rest, calibrate what is off, and keep what was found in the site's own folder.
+    """Job: replay a recording with a check at the first rest, and store the calibrations in the site's folder.
 
-    Raises InputError or ConfigurationError with file, field and mend.
+    Raises InputError or ConfigurationError.
     """
     log = open_log(path)
     rows = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
     duration = rows / log.meta.imu.sample_rate_hz
-    begin: list[float] = []
+    start: list[float] = []
     happened: list[PairEvent] = []
 
-    def since_begin(time: float) -> float:
-        if not begin:
-            begin.append(time)
-        return time - begin[0]
+    def since_start(time: float) -> float:
+        if not start:
+            start.append(time)
+        return time - start[0]
 
-    def heard(event: WatchEvent) -> None:
-        happened.append(PairEvent(event.kind, since_begin(event.time), event.number, event.values))
+    def handle(event: WatchEvent) -> None:
+        happened.append(PairEvent(event.kind, since_start(event.time), event.number, event.values))
 
     last = 0.0
 
     def look(time: float, watch: PairWatch) -> None:
         nonlocal last
-        now = last = since_begin(time)
+        now = last = since_start(time)
         state = PairProgress(now, duration, watch.state, watch.progress, tuple(happened))
         tell(min(now / duration, 0.99), note=state.to_note())
 
     tell(0.0)
-    watched = watch_log(path, pair_folder(), True, heard, look)
+    watched = watch_log(path, pair_folder(), True, handle, look)
     end = PairProgress(last, last, "waiting", 0.0, tuple(happened))
     checks = {number: check_values(check) for number, check in watched.checks.items()}
     return PairCheckResult(end, checks, stored_pairs(context_from_meta(log.meta), pair_folder()))

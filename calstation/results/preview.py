@@ -1,7 +1,7 @@
-"""What a run would do and reach, before anything moves: joint angles, time, limits and the sigmas at every stage's end.
+"""Preview of a run by covariance analysis: joint angles, duration, broken limits, and sigmas after every stage.
 
-The plans are those of the run and so are the solvers: they get a perfect unit's samples of the planned motion
-(`estimation.planned`) and answer with the covariance that the run will report.
+Plans and solvers are those of the run; the solvers receive a perfect unit's samples of the planned motion and return
+the covariance that the run will report.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,32 +25,32 @@ from calstation.sequencer.guard import JOINTS, check_limits
 from calstation.sequencer.plan import StagePlan, move_time, named, planned, step_time
 from procedures import method
 
-#: Rounds after which a stage that only its targets end is given up.
+#: Rounds after which a stage without another end than its targets is abandoned.
 MOST_ROUNDS = 20
 
-#: Points of a drawn move: enough for its ramps to look as they are.
+#: Points of a drawn move, enough for its ramps.
 _CORNERS = 9
 
-#: How a unit is taken to be mounted, in units of the profile's mount sigma. No fixture is perfect, and a perfect one
-#: would tell scale factors and misalignments apart a little better than any run will.
+#: Assumed mounting error in units of the profile's mount sigma. A perfect fixture would separate scale factors and
+#: misalignments slightly better than any real one.
 _MOUNT = np.full(3, 0.3)
 
-#: Largest fraction told: after the last motion its stage is still to be solved.
+#: Largest fraction reported before the last stage is solved.
 _FEEDING = 0.95
 
 
 @dataclass(frozen=True)
 class Violation:
-    """A planned step that the table cannot do.
+    """A planned step that exceeds the table.
 
     Attributes
     ----------
-    step, label : number of the stage's move, from 1, and what it does
-    kind : rate, acceleration or travel; plan where no way was found at all
+    step, label : number of the stage's move, from 1, and its label
+    kind : rate, acceleration or travel; plan if no motion was found
     joint : outer or inner, "" for both
-    value, low, high : what is asked and what is allowed, rad, rad/s or rad/s²
-    text : the refusal's own words
-    more : further moves of the stage that break the same limit
+    value, low, high : needed and allowed, rad, rad/s or rad/s²
+    text : the run's error
+    more : further moves of the stage with the same violation
     """
 
     stage: str
@@ -67,18 +67,18 @@ class Violation:
 
 @dataclass(frozen=True)
 class StagePreview:
-    """One stage as it would go.
+    """Preview of a stage.
 
     Attributes
     ----------
-    begin, end : s since the first stage began
-    reason : what ends it: plan, rounds, duration or targets; "" where MOST_ROUNDS are not enough
+    begin, end : s since the start of the first stage
+    reason : what ends it: plan, rounds, duration or targets; "" if MOST_ROUNDS are not enough
     rounds : complete rounds
     moves : of the table
     estimated : names
-    sigma : of the 30 parameters at its end, SI, shape (30,); None where it was not computed
-    error : why not, "" where it was
-    observability : as a solution's
+    sigma : of the 30 parameters at its end, SI, shape (30,); None if not computed
+    error : why not
+    observability : as of a solution
     """
 
     stage: str
@@ -95,15 +95,15 @@ class StagePreview:
 
 @dataclass(frozen=True)
 class Preview:
-    """A whole run.
+    """Preview of a run.
 
     Attributes
     ----------
     stages : in order
-    time, outer, inner : corners of the joints' course, s and rad, each shape (n,)
-    violations : of the table's limits; with any the run would be refused, so no sigma is computed
+    time, outer, inner : vertices of the joints' trajectory, s and rad, each shape (n,)
+    violations : of the table's limits; no sigma is computed with any
     before : sigmas before the first stage, SI, shape (30,)
-    limits : largest sigma allowed per parameter that is estimated, SI; those without limit are left out
+    limits : largest allowed sigma of estimated parameters, SI
     targets : sigma at which a repeated stage may stop, per parameter, SI
     travel : lowest and highest angle of each joint, rad, outer then inner
     """
@@ -125,18 +125,15 @@ class Preview:
 
 
 def compute_preview(tell: ProgressCallback, request: RunRequest) -> Preview:
-    """Work for the workshop: foretell the run that `request` asks for; its serial number may be empty.
-
-    Raises ConfigurationError with file, field and mend where it could not be run at all.
-    """
+    """Job: compute the preview of a run; the serial number may be empty. Raises ConfigurationError."""
     setup = resolve_configuration(request)
     check_manual_rig(setup)
     with one_blas_thread():
-        return _Foretelling(tell, setup).run()
+        return _Previewer(tell, setup).run()
 
 
-class _Foretelling:
-    """Drives the plans of one setup with nothing but arithmetic."""
+class _Previewer:
+    """Executes the plans of a configuration without devices."""
 
     def __init__(self, tell: ProgressCallback, setup: ResolvedConfiguration) -> None:
         self._tell = tell
@@ -177,7 +174,7 @@ class _Foretelling:
         )
 
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:
-        """Every move of a plan against the table's limits; the plan's seconds, targets aside."""
+        """Check every move of a plan against the table's limits; returns its duration without targets, s."""
         seconds, moves = 0.0, 0
         found: dict[tuple[str, str], Violation] = {}
         try:
@@ -197,7 +194,7 @@ class _Foretelling:
         return seconds
 
     def _broken(self, stage: str, number: int, move: Move) -> Iterator[Violation]:
-        """The limits that the run would refuse a move for."""
+        """The limits that a move violates."""
         try:
             check_limits(self._geometry.limits, move)
             return
@@ -216,7 +213,7 @@ class _Foretelling:
                 yield Violation(stage, number, move.label, "travel", text, name, target, *span)
 
     def _drive(self, plan: StagePlan, solve: bool, expected: float) -> StagePreview:
-        """Follow a stage to its end; `expected` is what the whole run may take, s."""
+        """Execute a stage; `expected` is the approximate duration of the run, s."""
         begin = self._clock
         moves, rounds, reason, by_hand = 0, 0, "plan", False
         if solve:
@@ -237,7 +234,7 @@ class _Foretelling:
                     self._step(step, plan.name if solve else "")
                     self._tell(_FEEDING * self._clock / expected if expected else 0.0, note=plan.name)
         except ConfigurationError:
-            reason = ""  # the plan cannot go on; `_check` has said why
+            reason = ""  # `_check` has reported why the plan cannot continue
         estimated = method(plan.name).estimates(self._context)
         stage = StagePreview(plan.name, begin, self._clock, reason, rounds, moves, estimated)
         if not solve:
@@ -251,7 +248,7 @@ class _Foretelling:
         return replace(stage, sigma=solution.belief.sigma, observability=solution.observability)
 
     def _reason(self, plan: StagePlan, rounds: int, elapsed: float, solve: bool) -> str | None:
-        """Why a repeated plan ends after this round; None to go on."""
+        """Why a repeated plan ends after this round, or None."""
         rule = plan.rule
         sigma = self._chain.sigma() if solve and rule.targets else None
         reason = rule.reason(rounds, elapsed, sigma, enough=False)
@@ -262,7 +259,7 @@ class _Foretelling:
         return "" if endless and gives_up else None
 
     def _step(self, step: Step, stage: str) -> None:
-        """Let a step pass; its samples go to the solver of `stage`, if there is one."""
+        """Execute a step and feed its samples to the solver of `stage`, if any."""
         seconds = step_time(step, self._joints, self._settle)
         if isinstance(step, Move):
             target = (step.outer, step.inner)
@@ -295,7 +292,7 @@ class _Foretelling:
         return found
 
     def _targets(self) -> dict[str, float]:
-        """The smallest target of each parameter, a parameter's own name before its group's."""
+        """The smallest target of each parameter."""
         found: dict[str, float] = {}
         for plan in self._plans:
             for name, target in plan.rule.targets.items():

@@ -26,7 +26,7 @@ def warm_up() -> None:
 class Resolved:
     """The result JSON and the stages' remarks, (message id, values).
 
-    missing_data : what stages that could not be solved lack, a sentence with the mend each
+    missing_data : why stages could not be solved
     """
 
     result: Result
@@ -48,9 +48,20 @@ def resolve(
 ) -> Resolved:
     """Solve a log's stages between two sequence numbers (both included, unwrapped).
 
-    Without `stages` those of the log that lack data are left out, and the answer can fail but not pass. `progress` is
-    told how it gets on. Damaged rows are a gap, and told by the message ``log_damaged``.
-    Raises InputError or ConfigurationError with file, field and mend.
+    Without `stages`, stages of the log that lack data are skipped, and the result can fail but not pass. Damaged rows
+    are treated as gaps and reported by the message ``log_damaged``.
+
+    Parameters
+    ----------
+    path : log, or CSV beside its TOML
+    stages : to solve; by default those of the log
+    first_seq, last_seq : range of samples, both included
+    progress : called from time to time
+
+    Raises
+    ------
+    InputError, ConfigurationError
+        If the log cannot be used or solved.
     """
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
@@ -92,7 +103,7 @@ def resolve(
 
 
 def _check_complete(log: Log, solved: list[str]) -> None:
-    """Raises InsufficientDataError where damage has cost all samples of a stage that the run had solved."""
+    """Raise InsufficientDataError if damage destroyed all samples of a stage that the run had solved."""
     for stage in solved_stages(log.events):
         if stage not in solved:
             what = Text.of("solution.stage_damaged", stage=stage)

@@ -1,1 +1,1 @@
-"""plots."""
+"""Data for the plots of logs and results, computed without Qt."""

@@ -1,4 +1,4 @@
-"""An answer applied to samples, before and after over their time and at rest; for the workshop, to a recording."""
+"""Plot data of a calibration applied to samples: force and rate before and after, over time and at rest."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,28 +18,28 @@ from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta
 
 _COLUMNS = 2000
-#: Samples are averaged over this long at least, s: a line of single samples shows their noise and nothing else.
+#: Shortest averaging time of the curves, s; single samples would show noise only.
 _MEAN_OVER = 0.25
 _SHORTEST_REST = 1.0
 
 
 @dataclass(frozen=True)
 class Applied:
-    """Samples with the parameters before and with those found.
+    """Samples compensated with the previous and with the new parameters.
 
     Attributes
     ----------
-    path : of the recording; None where they came from the unit just now
-    serial : of the unit that they are of
-    time : s from its start, shape (k,)
-    length_before, length_after : of the force less gravity, means over the time between, m/s², shape (k,)
-    rate_before, rate_after : size of the mean rate, rad/s, shape (k,)
-    rests : begin and end of each, s, shape (r, 2)
+    path : of the recording; None for samples of the connected unit
+    serial : of the unit
+    time : s since the start, shape (k,)
+    length_before, length_after : mean magnitude of the force minus gravity, m/s², shape (k,)
+    rate_before, rate_after : magnitude of the mean rate, rad/s, shape (k,)
+    rests : start and end of each, s, shape (r, 2)
     rest_length, rest_rate : means of each rest before and after, m/s² and rad/s, shape (r, 2)
-    length_rms, rate_rms : over the means of all rests, before and after, m/s² and rad/s; the rate holds the earth's
-    earth : its rate, rad/s
-    corrected : the unit has corrected them by its registers; before and after are the same, both as they came
-    named : the unit said its serial number itself
+    length_rms, rate_rms : over all rests, before and after, m/s² and rad/s; the rate includes earth rate
+    earth : earth rate, rad/s
+    corrected : the unit's registers have corrected the samples; before and after are equal
+    named : the unit reported its serial number itself
     """
 
     path: Path | None
@@ -62,9 +62,20 @@ class Applied:
 def apply_to_recording(
     tell: Callable[..., None], path: Path, before: FloatArray, found: FloatArray
 ) -> Applied:
-    """Apply parameters (SI, shape (30,) each) to all valid samples of a recording.
+    """Job: apply parameters to all valid samples of a recording.
 
-    Raises InputError where it cannot be read, InsufficientDataError where it never rests.
+    Parameters
+    ----------
+    tell : progress of the job
+    path : the recording
+    before, found : previous and new parameters, SI, shape (30,)
+
+    Raises
+    ------
+    InputError
+        If the recording cannot be read.
+    InsufficientDataError
+        If the unit never rests.
     """
     tell(0.0)
     log = open_log(path)
@@ -81,9 +92,18 @@ def applied(
     found: FloatArray,
     path: Path | None = None,
 ) -> Applied:
-    """Apply parameters (SI, shape (30,) each) to all valid samples.
+    """Apply parameters to all valid samples.
 
-    Raises InsufficientDataError where they never rest.
+    Parameters
+    ----------
+    blocks, context : samples and their model
+    before, found : previous and new parameters, SI, shape (30,)
+    path : of the recording, for messages
+
+    Raises
+    ------
+    InsufficientDataError
+        If the unit never rests.
     """
     data = stage_data(blocks, context.imu)
     whole = joined(blocks)

@@ -1,4 +1,4 @@
-"""What the window draws of a gimbal's answer: how each axis' drift shrank, and its gain in the stable range."""
+"""Plot data of a gimbal calibration: convergence of each axis' drift, and its gain within the stable range."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from calstation.physics.arrays import FloatArray
 
 @dataclass(frozen=True)
 class GimbalAxis:
-    """One axis' turns.
+    """Turns of one axis.
 
     Attributes
     ----------
     drift : larger drift of the other two joints in each turn, rad, shape (turns,)
-    predicted : what the gain promises to be left of the first, rad, shape (turns,)
-    gain, largest, best : in use, the one up to which turns converge, and the one that converges fastest, rad/rad
-    contraction, best_contraction : what a turn leaves of the error at `gain` and at `best`
-    done : the last drift lies below the threshold
+    predicted : drift predicted from the first one and the gain, rad, shape (turns,)
+    gain, largest, best : used, largest convergent, and fastest convergent gain, rad/rad
+    contraction, best_contraction : remaining share of the error per turn at `gain` and `best`
+    done : the last drift is below the threshold
     """
 
     axis: str
@@ -37,8 +37,11 @@ class GimbalAxis:
 
 @dataclass(frozen=True)
 class GimbalPlotData:
-    """All axes in the order in which they were turned; threshold : of a drift, rad.
+    """All axes in the order of their turns.
 
+    Attributes
+    ----------
+    threshold : of the drift, rad
     least_squares : value and sigma of each misalignment from all samples at once, rad
     """
 
@@ -48,7 +51,7 @@ class GimbalPlotData:
 
 
 def gimbal_plot_data(details: Mapping[str, Any], schedule: Mapping[str, Any]) -> GimbalPlotData:
-    """From the stage's details and the schedule in force."""
+    """Compute the plot data from the stage's details and schedule."""
     threshold = float(np.deg2rad(schedule["threshold_arcsec"] / 3600.0))
     order = str(schedule["order"])
     return GimbalPlotData(
@@ -78,10 +81,10 @@ def _axis(told: Mapping[str, Any], order: str, threshold: float) -> GimbalAxis:
 
 
 def _best_gain(order: str, axis: int, angle: float, largest: float) -> float:
-    """The gain with the smallest contraction; 0 where no gain converges."""
+    """The gain with the smallest contraction, or 0 without a convergent one."""
     if largest <= 0.0:
         return 0.0
-    from scipy.optimize import minimize_scalar  # takes long to import, and few answers need it
+    from scipy.optimize import minimize_scalar  # slow to import and rarely needed
 
     found = minimize_scalar(
         lambda gain: contraction(order, axis, angle, gain), bounds=(0.0, largest), method="bounded"

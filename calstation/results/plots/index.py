@@ -1,4 +1,4 @@
-"""Works for the workshop that make a log visible: its picture, its marks, and its single samples where wanted."""
+"""Index of a log for the log page: min-max pyramid, marks, and single samples on demand."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import raw_rows, row_count
 from calstation.results.plots.min_max_pyramid import Columns, MinMaxPyramid, PyramidWriter, group_of, joined
 
-#: Marks of a kind that are kept; of more only the number is known.
+#: Largest number of marks of a kind; further ones are only counted.
 MOST_MARKS = 20_000
-#: Rows read before those asked for, to find the angles last polled.
+#: Rows read in advance to find the angles last polled.
 _LOOK_BACK = 4096
-#: Beside the picture: first row and number of rows of each stretch of damaged ones, shape (n, 2).
+#: File with first row and length of each range of damaged rows, shape (n, 2).
 _HOLES = "holes.npy"
 
 
 @dataclass(frozen=True)
 class StageSpan:
-    """A stretch of a log in one stage: its samples, and the sequence numbers of the first and last of them."""
+    """A section of a log in one stage: its number of samples, and its first and last sequence number."""
 
     stage: str
     first_seq: int
@@ -37,7 +37,7 @@ class StageSpan:
     samples: int
 
     def within(self, first: int, last: int) -> int:
-        """About how many of its samples lie between two sequence numbers, both included."""
+        """Approximate number of its samples between two sequence numbers, both included."""
         width = self.last_seq - self.first_seq + 1
         inside = min(last, self.last_seq) - max(first, self.first_seq) + 1
         return max(0, round(self.samples * inside / width))
@@ -45,7 +45,7 @@ class StageSpan:
 
 @dataclass(frozen=True)
 class Marks:
-    """Places worth seeing: (first, last) sequence numbers, shape (n, 2), at most `MOST_MARKS` of all `count`."""
+    """Marks of one kind: (first, last) sequence numbers, shape (n, 2), at most `MOST_MARKS` of all `count`."""
 
     places: IntArray
     count: int
@@ -53,16 +53,19 @@ class Marks:
 
 @dataclass(frozen=True)
 class LogIndex:
-    """What a log is, as far as it is drawn and asked about.
+    """Contents of a log as the log page needs them.
 
     Attributes
     ----------
-    path, meta, outcome, stored, facts : of the log; `stored` is the result that its run left in it, or None
-    folder : where its picture lies
+    path, meta, outcome, facts : of the log
+    stored : result JSON of its run, or None
+    folder : of the min-max pyramid
     spans : its stages in order
-    steps : each move's first sequence number, twice; gaps : the samples before and after; spoilt : first and last
-    spoilt_samples : how many
-    scale : units of `picture.CHANNELS` per count, shape (6,)
+    steps : first sequence number of each move, twice
+    gaps : the samples before and after
+    spoilt : first and last invalid sample
+    spoilt_samples : number of invalid samples
+    scale : units of `CHANNELS` per count, shape (6,)
     """
 
     path: Path
@@ -85,19 +88,25 @@ class LogIndex:
 
 
 def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
-    """Read a log once: picture into `folder` (made here), marks and facts.
+    """Job: read a log once and write its min-max pyramid.
+
+    Parameters
+    ----------
+    tell : progress of the job
+    path : the log
+    folder : to create for the pyramid
 
     Raises
     ------
     InputError
-        where the log cannot be used, as `open_log` and `Log.blocks` say.
+        If the log cannot be used.
     ConfigurationError
-        where there is no room for the picture.
+        If the pyramid cannot be written.
     """
     log = open_log(path)
     total = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
     scale = _scale(log.meta)
-    gathered = _Gathered()
+    builder = _IndexBuilder()
     held, last = np.full(2, np.nan), -1
     try:
         folder.mkdir(parents=True)
@@ -107,7 +116,7 @@ def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
             angles = _held(np.rad2deg(block.angles), block.seq, held, last)
             held, last = angles[-1], int(block.seq[-1])
             writer.add(block.seq, np.hstack([block.counts * scale, angles]).astype(np.float32))
-            gathered.add(block)
+            builder.add(block)
             done += len(block)
             tell(min(done / total, 0.99))
         writer.close()
@@ -115,15 +124,20 @@ def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
         np.save(folder / _HOLES, holes)
     except OSError as exc:
         raise ConfigurationError("solution.index_not_written", folder=folder, reason=os_reason(exc)) from exc
-    return gathered.log_index(log, folder, scale)
+    return builder.log_index(log, folder, scale)
 
 
 def samples(
     tell: Callable[..., None], path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
 ) -> Columns:
-    """At most `count` columns over rows `start` to `stop` of a log whose picture lies in `folder`.
+    """Job: read columns of single samples, with angles held from poll to poll.
 
-    Angles are held from poll to poll.
+    Parameters
+    ----------
+    tell : progress of the job
+    path, folder, scale : of the log index
+    start, stop : range of rows
+    count : largest number of columns
     """
     before = max(0, start - _LOOK_BACK)
     if path.suffix == SUFFIX:
@@ -146,9 +160,9 @@ def _scale(meta: LogMeta) -> FloatArray:
 
 
 def _held(angles: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
-    """Angles, shape (n, 2), held from poll to poll, but not over samples that are missing.
+    """Hold angles, shape (n, 2), from poll to poll, but not across missing samples.
 
-    before, last_seq : angles held at the sample before the first of these, and its sequence number
+    `before` and `last_seq` are the angles and sequence number of the sample before the first.
     """
     filled = np.vstack([before, angles])
     parted = np.diff(seq, prepend=last_seq) != 1
@@ -159,8 +173,8 @@ def _held(angles: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) 
     return filled[1:]
 
 
-class _Gathered:
-    """Stages and marks of consecutive blocks."""
+class _IndexBuilder:
+    """Collects stages and marks of consecutive blocks."""
 
     def __init__(self) -> None:
         self._spans: list[StageSpan] = []
@@ -213,7 +227,7 @@ class _Gathered:
 
 
 class _Marker:
-    """Gathers marks of one kind up to `MOST_MARKS`; `join` makes one of two that touch."""
+    """Collects marks of one kind up to `MOST_MARKS`; `join` merges adjacent ones."""
 
     def __init__(self) -> None:
         self._places: list[IntArray] = []

@@ -1,7 +1,4 @@
-"""Work for the workshop: a recording solved by a method that needs no table, with what the window draws of it.
-
-What is drawn is computed from the same samples and answer, so a picture never tells more than the result does.
-"""
+"""Solves a recording by a method that needs no table and computes its plot data from the same samples and result."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -27,15 +24,18 @@ from calstation.results.result import Parameter, Result
 from calstation.schema import validate
 from procedures import method
 
-#: Shares of the work at which a recording is read, and at which it is solved.
+#: Fractions of the work after reading and after solving.
 _READ, _SOLVED = 0.3, 0.8
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What is known of a recording before it is solved.
+    """A recording before it is solved.
 
-    duration : s; truth : what drew it, by parameter, SI, where the virtual bench made it
+    Attributes
+    ----------
+    duration : s
+    truth : true parameters, SI, of a recording of the virtual bench
     """
 
     path: Path
@@ -47,14 +47,14 @@ class Recording:
 
 @dataclass(frozen=True)
 class MethodAnswer:
-    """A recording's answer.
+    """Solution of a recording.
 
     Attributes
     ----------
-    resolved : result JSON and remarks
-    before : value and sigma of each parameter before, SI; no sigma where a stored value is replaced
-    schedule : the method's schedule in force, as a product file would state it
-    picture : what the method's own pictures draw
+    resolved : result and messages
+    before : previous value and sigma of each parameter, SI; no sigma for a stored value
+    schedule : of the method, as in a product file
+    picture : plot data of the method
     """
 
     recording: Recording
@@ -71,9 +71,9 @@ class MethodAnswer:
 
 
 def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAnswer:
-    """Solve a whole recording by `stage`, ``multi_position``, ``gimbal`` or ``cross_calibration``.
+    """Job: solve a whole recording by the stage ``multi_position``, ``gimbal`` or ``cross_calibration``.
 
-    Raises InputError or ConfigurationError with file, field and mend.
+    Raises InputError or ConfigurationError.
     """
     tell(0.0, note="reading")
     log = open_log(path)
@@ -103,7 +103,7 @@ def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAns
 
 
 def found_vector(meta: LogMeta, parameters: Mapping[str, Parameter]) -> FloatArray:
-    """All 30 parameters, SI: those found, and the others as they were before, shape (30,)."""
+    """All 30 parameters, SI, shape (30,): the solved ones, and the prior means of the others."""
     values = prior_from_meta(meta).mean.copy()
     for name, row in parameters.items():
         if name in INDEX:
@@ -126,7 +126,7 @@ def _picture(
 
 
 def data_of(log: Log, stage: str) -> StageData:
-    """The samples that `resolve` takes for `stage`: those named so, or all of a recording that names none so."""
+    """The samples that `resolve` uses for `stage`: those of the stage, or all if there are none."""
     blocks = list(log.blocks())
     named = [block for block in blocks if block.stage == stage]
     return stage_data(named or blocks, context_from_meta(log.meta).imu)

@@ -1,7 +1,7 @@
-"""A log's channels as lowest and highest values over bins of samples, in files: what a plot of any width draws from.
+"""Min-max pyramid of a log: lowest and highest values of its channels over bins of samples, in files.
 
-Three levels of bins are kept; between them columns are joined as they are read, so that what is read stays within 16
-times what is drawn, whatever the log's length.
+Three levels of bins are stored; columns between them are merged while reading, so that at most 16 times the drawn data
+is read, whatever the log's length.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calstation.physics.arrays import IntArray
 
-#: Columns of every array of values: °/s, m/s² and °, as people read them.
+#: Columns of every array of values: °/s, m/s² and °.
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "outer", "inner")
 FACTOR = 16
 #: Samples in a bin of each level.
@@ -26,11 +26,13 @@ _BIN = 2 * 4 * len(CHANNELS)
 
 @dataclass(frozen=True)
 class Columns:
-    """What a plot draws: the lowest and highest values of consecutive columns of samples.
+    """Lowest and highest values of consecutive columns of samples.
 
+    Attributes
+    ----------
     seq : first sequence number of each column, shape (k,)
-    low, high : in the units of `CHANNELS`, NaN where nothing is known, shape (k, 8)
-    samples : in a column (the last may hold fewer)
+    low, high : in the units of `CHANNELS`, NaN if unknown, shape (k, 8)
+    samples : in a column; the last may have fewer
     """
 
     seq: IntArray
@@ -43,7 +45,14 @@ class Columns:
 
 
 def joined(seq: IntArray, low: Values, high: Values, group: int, samples: int) -> Columns:
-    """Columns of `group` bins each, of bins of `samples` samples."""
+    """Merge bins into columns.
+
+    Parameters
+    ----------
+    seq, low, high : of the bins, as in `Columns`
+    group : bins in a column
+    samples : in a bin
+    """
     if group == 1 or len(seq) == 0:
         return Columns(seq, low, high, samples)
     whole = len(seq) // group * group
@@ -57,12 +66,12 @@ def joined(seq: IntArray, low: Values, high: Values, group: int, samples: int) -
 
 
 def group_of(bins: int, count: int) -> int:
-    """How many bins a column joins, a power of two, so that at most `count` columns (at least half) result."""
+    """Bins in a column, a power of two, so that at most `count` and at least half as many columns result."""
     return 1 << max(0, -(-bins // max(count, 1)) - 1).bit_length()
 
 
 class _Level:
-    """Joins what it is given into bins of `FACTOR` and appends these to two files."""
+    """Merges columns into bins of `FACTOR` and appends them to two files."""
 
     def __init__(self, folder: Path, samples: int) -> None:
         self._values: BinaryIO = (folder / f"{samples}.values").open("wb")
@@ -72,13 +81,13 @@ class _Level:
         self._held = 0
 
     def add(self, columns: Columns) -> Columns | None:
-        """The whole bins that are now complete, for the next level."""
+        """Add columns; returns the bins completed by them."""
         self._rest.append(columns)
         self._held += len(columns)
         return self._take(self._held // FACTOR * FACTOR)
 
     def close(self) -> Columns | None:
-        """The last, unfinished bin."""
+        """Close the files; returns the last, incomplete bin."""
         last = self._take(self._held)
         self._values.close()
         self._seq.close()
@@ -100,12 +109,12 @@ class _Level:
 
 
 class PyramidWriter:
-    """Makes the files from consecutive samples.
+    """Writes the files from consecutive samples.
 
     Parameters
     ----------
-    folder : where; it must exist
-    keep_samples : keep every sample as well, for logs in which no row can be read by its number
+    folder : existing folder
+    keep_samples : store every sample too, for logs without random access
     """
 
     def __init__(self, folder: Path, keep_samples: bool) -> None:
@@ -113,7 +122,7 @@ class PyramidWriter:
         self._samples = (folder / _SAMPLES).open("wb") if keep_samples else None
 
     def add(self, seq: IntArray, values: Values) -> None:
-        """Take the next samples: sequence numbers, shape (n,), and values in `CHANNELS`' units, shape (n, 8)."""
+        """Add samples: sequence numbers, shape (n,), and values in the units of `CHANNELS`, shape (n, 8)."""
         if self._samples is not None:
             rows = np.empty(len(seq), SAMPLE)
             rows["seq"], rows["values"] = seq, values
@@ -121,7 +130,7 @@ class PyramidWriter:
         self._pass_on(0, Columns(seq, values, values, 1))
 
     def close(self) -> None:
-        """Write what is left of every level."""
+        """Write the incomplete bins of every level."""
         for k, level in enumerate(self._levels):
             last = level.close()
             if last is not None:
@@ -136,7 +145,7 @@ class PyramidWriter:
 
 
 class MinMaxPyramid:
-    """Reads the files; what it reads at a time is bounded by what is drawn."""
+    """Reads the files."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -144,27 +153,27 @@ class MinMaxPyramid:
         self._coarse = self._seq(BINS[-1], 0, self._bins[BINS[-1]])
 
     def columns(self, first_seq: int, last_seq: int, count: int) -> Columns:
-        """At most `count` columns over the samples from `first_seq` to `last_seq`, with one more at either side.
+        """Read at most `count` columns from `first_seq` to `last_seq`, with one more at either side.
 
-        Fewer than `count` // 2 where the finest bins are wider than that: then `samples` are worth reading.
+        Fewer than `count` // 2 columns mean that the finest bins are too wide; `samples` has more detail then.
         """
         level = len(BINS) - 1
         while level > 0 and self._size(level, first_seq, last_seq) < count:
             level -= 1
         start, stop = self._range(level, first_seq, last_seq)
         group = group_of(stop - start, count)
-        start = max(0, (start - 1) // group * group)  # columns stay the same ones while a view is dragged
+        start = max(0, (start - 1) // group * group)  # columns stay the same while a view is dragged
         stop = min(self._bins[BINS[level]], stop + group)
         seq, values = self._seq(BINS[level], start, stop), self._values(BINS[level], start, stop)
         return joined(seq, values[:, 0], values[:, 1], group, BINS[level])
 
     def rows(self, first_seq: int, last_seq: int) -> tuple[int, int]:
-        """Numbers (start, stop) of the log's rows that hold these sequence numbers, widened to whole bins."""
+        """Range (start, stop) of the log's rows with these sequence numbers, extended to whole bins."""
         start, stop = self._range(0, first_seq, last_seq)
         return start * BINS[0], stop * BINS[0]
 
     def samples(self, start: int, stop: int) -> np.ndarray:
-        """Rows start to stop where every sample was kept, structured as `SAMPLE`."""
+        """Read stored samples of a range of rows, structured as `SAMPLE`."""
         return np.fromfile(self.folder / _SAMPLES, SAMPLE, stop - start, offset=start * SAMPLE.itemsize)
 
     def _size(self, level: int, first_seq: int, last_seq: int) -> int:
@@ -172,17 +181,17 @@ class MinMaxPyramid:
         return stop - start
 
     def _range(self, level: int, first_seq: int, last_seq: int) -> tuple[int, int]:
-        """Bins of a level that hold the range, found from the coarsest down, `FACTOR` bins at a step."""
-        return self._place(level, first_seq), self._place(level, last_seq) + 1
+        """Bins of a level that contain the range."""
+        return self._find(level, first_seq), self._find(level, last_seq) + 1
 
-    def _place(self, level: int, seq: int) -> int:
-        """The last bin of a level that begins at `seq` or before, 0 where none does."""
-        place = max(0, int(self._coarse.searchsorted(seq, side="right")) - 1)
+    def _find(self, level: int, seq: int) -> int:
+        """The last bin of a level that starts at or before `seq`, or 0; searched from the coarsest level down."""
+        found = max(0, int(self._coarse.searchsorted(seq, side="right")) - 1)
         for samples in reversed(BINS[level:-1]):
-            place *= FACTOR
-            below = self._seq(samples, place, min(place + FACTOR, self._bins[samples]))
-            place += max(0, int(below.searchsorted(seq, side="right")) - 1)
-        return place
+            found *= FACTOR
+            below = self._seq(samples, found, min(found + FACTOR, self._bins[samples]))
+            found += max(0, int(below.searchsorted(seq, side="right")) - 1)
+        return found
 
     def _seq(self, samples: int, start: int, stop: int) -> IntArray:
         return np.fromfile(self.folder / f"{samples}.seq", "<i8", stop - start, offset=8 * start)

@@ -1,4 +1,4 @@
-"""What the window draws of two IMUs on one body: what is left between them over time, and what is kept of them."""
+"""Plot data of IMUs on one body: their residuals over time, and the stored calibrations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,15 +20,18 @@ from calstation.physics.imu_model import Compensation, compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
 from calstation.records.meta import load_pair, pair_path
 
-#: Stretches of time into which what is left is gathered.
+#: Number of time bins of the residuals.
 _COLUMNS = 800
 
 
 @dataclass(frozen=True)
 class PairResiduals:
-    """What a secondary's sensor shows beyond what the primary makes of it: rms over stretches of time.
+    """Residuals of a secondary's sensor against the primary: rms over time bins.
 
-    time : of their middles from the recording's start, s, shape (k,); before, after : rad/s or m/s², shape (k,)
+    Attributes
+    ----------
+    time : centres of the bins since the recording's start, s, shape (k,)
+    before, after : rad/s or m/s², shape (k,)
     rms : over the whole recording, before and after
     """
 
@@ -40,9 +43,13 @@ class PairResiduals:
 
 @dataclass(frozen=True)
 class StoredPairFile:
-    """What the site keeps of a pair; utc is empty where nothing is kept yet.
+    """The stored calibration of a pair.
 
-    values : how many; static : what gyro (rad/s) and accel (m/s²) showed at rest right after, None where unknown
+    Attributes
+    ----------
+    utc : empty without one
+    values : number of stored values
+    static : residuals of gyro (rad/s) and accel (m/s²) at rest right after the calibration, None if unknown
     """
 
     number: int
@@ -55,10 +62,12 @@ class StoredPairFile:
 
 @dataclass(frozen=True)
 class SecondaryPlotData:
-    """One secondary: its place among the IMUs, what is left of both sensors, and its check at rest.
+    """One secondary: its number, residuals of both sensors, and check at rest.
 
-    check : as `estimation.pair_watch.check_values` tells it; None where the body never rested
-    static : what gyro (rad/s) and accel (m/s²) show at rest with what was found, None where unknown
+    Attributes
+    ----------
+    check : as `estimation.pairs.watch.check_values` gives it; None if the body never rested
+    static : residuals of gyro (rad/s) and accel (m/s²) at rest with the new values, None if unknown
     """
 
     number: int
@@ -70,9 +79,9 @@ class SecondaryPlotData:
 
 @dataclass(frozen=True)
 class PairEvent:
-    """What happened at `time`, s from the recording's start; kind and values as `estimation.pair_watch.WatchEvent`.
+    """An event, as `estimation.pairs.watch.WatchEvent`, with its time since the recording's start, s.
 
-    number : of the secondary, 0 for all
+    `number` is that of the secondary, 0 for all.
     """
 
     kind: str
@@ -83,9 +92,12 @@ class PairEvent:
 
 @dataclass(frozen=True)
 class PairPlotData:
-    """All secondaries of a recording, and what the site keeps of them.
+    """All secondaries of a recording, and their stored calibrations.
 
-    happened : where the schedule leaves the calibration to its triggers, what they led to; duration : s
+    Attributes
+    ----------
+    happened : events of a calibration by triggers
+    duration : of the recording, s
     """
 
     primary: str
@@ -98,7 +110,7 @@ class PairPlotData:
 def pair_plot_data(
     data: StageData, context: SolveContext, prior: Belief, details: Mapping[str, Any]
 ) -> PairPlotData:
-    """From a stage's samples and the details of its result."""
+    """Compute the plot data from the stage's samples and the details of its result."""
     c = compensation(prior.mean)
     shown = []
     for place, (secondary, told) in enumerate(zip(context.secondaries, details["secondaries"], strict=True)):
@@ -124,7 +136,7 @@ def _happening(told: Mapping[str, Any], begin: float) -> PairEvent:
 
 
 def stored_values(context: SolveContext) -> dict[str, float]:
-    """What a recording says is stored of its secondaries, neutral where it says nothing, by contract name, SI."""
+    """Stored values of a recording's secondaries by contract name, SI; neutral values where it has none."""
     return {
         pair_name(p.name, s.number): float(s.stored.values.get(p.name, p.neutral))
         for s in context.secondaries
@@ -133,7 +145,7 @@ def stored_values(context: SolveContext) -> dict[str, float]:
 
 
 def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, ...]:
-    """What is kept in `folder` of a recording's pairs. Raises InputError on a damaged file."""
+    """The calibrations in `folder` of a recording's pairs. Raises InputError for a damaged file."""
     kept = []
     for s in context.secondaries:
         file = pair_path(folder, context.imu.serial, s.imu.serial)
@@ -149,7 +161,7 @@ def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, .
 
 
 def _left(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, PairResiduals]:
-    """What is left in the band of the fit, with the values stored before and with those found."""
+    """Residuals in the band of the fit, with the stored and the new values."""
     rows, parts = [], []
     for value in (before, after):
         read = signals(data, float(value[OFFSET]), c)
@@ -170,7 +182,7 @@ def _left(data: PairData, c: Compensation, before: FloatArray, after: FloatArray
 
 
 def _rms(time: FloatArray, square: FloatArray, edges: FloatArray) -> FloatArray:
-    """Root of the mean of `square` between edges, NaN where there is no sample, shape (k,)."""
+    """Square root of the mean of `square` in each bin, NaN without samples, shape (k,)."""
     total, _ = np.histogram(time, edges, weights=square)
     count, _ = np.histogram(time, edges)
     mean = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)

@@ -1,4 +1,4 @@
-"""What the window draws of a multi-position answer: where gravity lay, and what is left at every rest and motion."""
+"""Plot data of a multi-position calibration: direction of gravity, and residuals at every rest and motion."""
 
 from dataclasses import dataclass
 
@@ -14,16 +14,16 @@ from calstation.records.meta import ProductSection
 
 @dataclass(frozen=True)
 class PositionPlotData:
-    """Rests and motions of a recording, with the parameters before and with those found.
+    """Rests and motions of a recording, with the parameters before and after the calibration.
 
     Attributes
     ----------
     up : direction of gravity's reaction in b at each rest, unit vectors, shape (n, 3)
-    rest_time, rest_length : begin from the recording's start, and length, s, shape (n,)
-    force_before, force_after : length of the force at each rest less gravity, m/s², shape (n,)
+    rest_time, rest_length : start since the recording's start, and duration, s, shape (n,)
+    force_before, force_after : magnitude of the force at each rest minus gravity, m/s², shape (n,)
     motion_time : s, shape (m,)
-    angle_before, angle_after : between gravity after each motion and where the gyros carry it, rad, shape (m,)
-    force_limit, angle_limit : what the product's checks allow, m/s² and rad; None where they do not ask
+    angle_before, angle_after : between gravity after each motion and its propagation by the gyros, rad, shape (m,)
+    force_limit, angle_limit : of the product's checks, m/s² and rad
     """
 
     gravity: float
@@ -46,7 +46,14 @@ def position_plot_data(
     found: FloatArray,
     product: ProductSection | None,
 ) -> PositionPlotData:
-    """Compute it; `before` and `found`: all 30 parameters, SI."""
+    """Compute the plot data.
+
+    Parameters
+    ----------
+    data, context : of the stage
+    before, found : parameters before and after the calibration, SI, shape (30,)
+    product : whose checks give the limits
+    """
     site = context.site
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
     evidence = gather("multi_position", data, context, before, found)
