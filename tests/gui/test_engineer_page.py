@@ -26,7 +26,7 @@ from calstation.config import versions
 from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.page import EngineerPage
-from calstation.gui.engineer.residuals_view import face
+from calstation.gui.engineer.residuals_view import upward_axis
 from calstation.gui.text import language
 from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
@@ -81,14 +81,14 @@ class Engineer(Operator):
 
     def start(self, meanwhile: Callable[[], None] = lambda: None) -> dict[str, Any]:
         """Press START, wait for the end and for the result to be shown."""
-        shown = self.page.look.result.shown
+        shown = self.page.analysis.result.shown
         self.press("engineer_start_button")
         meanwhile()
-        self.until(lambda: self.page.look.result.shown is not shown or self.run.fault is not None)
+        self.until(lambda: self.page.analysis.result.shown is not shown or self.run.fault is not None)
         self.until_ended()
         assert self.run.fault is None, self.run.fault
-        assert self.page.look.result.shown is not None
-        return dict(self.page.look.result.shown.result_json)
+        assert self.page.analysis.result.shown is not None
+        return dict(self.page.analysis.result.shown.result_json)
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
         """A parameter table as it stands: texts by row and heading."""
@@ -186,7 +186,7 @@ def test_single_stages_run_in_any_order_here_and_on_the_operator_page(engineer: 
 
     path = engineer.place.folder / "x.json"
     path.write_text(json.dumps({"schema": "other"}), encoding="utf-8")
-    engineer.page.look.open(path)
+    engineer.page.analysis.open(path)
     engineer.until(lambda: "This file cannot be opened" in engineer.says())
 
 
@@ -195,12 +195,12 @@ def test_a_schedule_is_checked_as_typed_previewed_and_saved_to_its_product(
 ) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate")
-    engineer.page.choice.parts.look_at("rate")
+    engineer.page.choice.parts.select("rate")
     for field, text, said in (
         ("schedule_rate_dwell_s", "1", "Too small; enter 2 to 600 s."),
         ("schedule_rate_dwell_s", "long", "Not a number; enter 2 to 600 s."),
         ("schedule_rate_turns", "1.5", "Must be a whole number, 1 to 50."),
-        ("schedule_rate_rate_dps", "130", "The table does 120 °/s at most; lower it."),
+        ("schedule_rate_rate_dps", "130", "The table reaches 120 °/s at most; lower the value."),
     ):
         engineer.type(field, text)
         assert said in engineer.says()
@@ -221,8 +221,8 @@ def test_a_schedule_is_checked_as_typed_previewed_and_saved_to_its_product(
     assert not engineer.widget("preview_violations", QLabel).isVisible()
     assert "within the table's limits" in engineer.says()
     assert "9 moves" in engineer.widget("preview_summary", QLabel).text()
-    assert engineer.page.preview.forecast is not None
-    assert np.ptp(engineer.page.preview.forecast.outer) == pytest.approx(4.0 * np.pi)
+    assert engineer.page.preview.preview is not None
+    assert np.ptp(engineer.page.preview.preview.outer) == pytest.approx(4.0 * np.pi)
 
     engineer.press("reset_schedule_button")
     assert "are the product's" in engineer.why_not("save_product_button")
@@ -246,7 +246,7 @@ def test_a_departure_is_run_and_stands_in_the_log_and_in_the_hash(engineer: Engi
     engineer.tick("stage_check_six_position")
     before = engineer.start()
     engineer.unlock()
-    engineer.page.choice.parts.look_at("six_position")
+    engineer.page.choice.parts.select("six_position")
     engineer.type("schedule_six_position_dwell_s", "4")
     after = engineer.start(engineer.check_closed)
     assert open_log(Path(after["log"]["file"])).meta.schedule["six_position"]["dwell_s"] == 4.0
@@ -280,7 +280,7 @@ def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
     assert [line.split("\t")[0] for line in lines[1:]] == list(result["parameters"])
 
     engineer.turn_to(2)
-    engineer.until(lambda: page.look.innovations.isVisible())
+    engineer.until(lambda: page.analysis.innovations.isVisible())
     combo = engineer.widget("innovation_stage_combo", QComboBox)
     assert [combo.itemText(i) for i in range(combo.count())] == ["Six positions", "Azimuth flips"]
     assert "beyond ±3 σ" in engineer.says()
@@ -288,8 +288,8 @@ def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
     assert f"{nis:.3f}" in engineer.says()
 
     engineer.turn_to(3)
-    assert page.look.residuals.isVisible()
-    plot = page.look.residuals.plots[0]
+    assert page.analysis.residuals.isVisible()
+    plot = page.analysis.residuals.plots[0]
     place = (
         plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
     )
@@ -298,23 +298,23 @@ def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
 
     engineer.turn_to(4)
     assert "determined by this stage" in engineer.widget("unobservable_label", QLabel).text().lower()
-    heat = page.look.observability.map
+    heat = page.analysis.observability.map
     row, column = 6, 0
     told = help_at(heat, heat.cell(row, column).center().toPoint())
     assert told.startswith("gyro_bias_x after step")
 
     combo = engineer.widget("language_combo", QComboBox)
-    page.look.open(Path(result["log"]["file"]))
-    engineer.until(lambda: not page.look.loading.busy)
+    page.analysis.open(Path(result["log"]["file"]))
+    engineer.until(lambda: not page.analysis.loading.busy)
     assert "SN-000042" in engineer.says()
 
 
 def help_at(heat: HeatMap, at: QPoint) -> str:
     """What the picture tells where the pointer rests."""
     QApplication.sendEvent(heat, QHelpEvent(QEvent.Type.ToolTip, at, heat.mapToGlobal(at)))
-    found = heat.at(at)
+    found = heat.cell_at(at)
     assert found is not None
-    return heat.word(*found)
+    return heat.describe(*found)
 
 
 def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer: Engineer) -> None:
@@ -328,6 +328,7 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     engineer.turn_to(0)
     engineer.unlock()
     engineer.turn_to(5)
+    engineer.until(lambda: engineer.page.registers.target is not None)
     assert "Read the unit first" in engineer.why_not("write_registers_button")
     assert engineer.widget("write_reason_label", QLabel).text() == engineer.why_not("write_registers_button")
     engineer.press("read_registers_button")
@@ -346,7 +347,7 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     engineer.until(lambda: "being written" in engineer.says())
     assert "being written" in engineer.why_not("engineer_start_button")
     engineer.until(lambda: "written and read back" in engineer.says())
-    assert "Found right with a turn of the table." in engineer.says()
+    assert "Verified with a turn of the table." in engineer.says()
     engineer.until_ended()
     assert (engineer.run.state, engineer.run.fault) == ("idle", None), "what is no calibration has not passed"
     (entry,) = register_journal.history(engineer.place.runs, SERIAL)
@@ -364,7 +365,7 @@ def at_the_registers(engineer: Engineer, **bench: Any) -> None:
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
     result = {"unit": {"serial": SERIAL}, "parameters": found, "log": {"file": "x.h5"}, "registers": None}
-    engineer.page._desk.take(FinishedRun(result, None, {}))
+    engineer.page._controller.show_run(FinishedRun(result, None, {}))
     engineer.turn_to(5)
     engineer.until(lambda: bool(engineer.cells("register_table")))
     engineer.press("read_registers_button")
@@ -376,18 +377,18 @@ def test_a_result_of_another_profile_asks_for_its_own_product(engineer: Engineer
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
     result = {"unit": {"serial": SERIAL}, "parameters": found, "log": {"file": "x.h5"}, "registers": None}
-    engineer.page._desk.take(FinishedRun(result, None, {}))
+    engineer.page._controller.show_run(FinishedRun(result, None, {}))
     engineer.turn_to(5)
     engineer.until(lambda: bool(engineer.cells("register_table")))
     used = {"imu": {"name": "bench_mems", "version": None, "sha256": ""}}
     other = {**result, "product": "MEMS grade C", "configuration": used}
-    engineer.page._desk.take(FinishedRun(other, None, {}))
+    engineer.page._controller.show_run(FinishedRun(other, None, {}))
     engineer.until(
         lambda: (
             "choose the result's own product, 'MEMS grade C'" in engineer.says().replace("Choose", "choose")
         )
     )
-    assert engineer.page.registers.wanted is None
+    assert engineer.page.registers.target is None
 
 
 @pytest.mark.long
@@ -395,7 +396,7 @@ def test_registers_are_written_with_the_table_left_alone_by_choice(engineer: Eng
     at_the_registers(engineer)
     engineer.press("confirm_at_rest_button")
     engineer.until(lambda: "written and read back" in engineer.says())
-    assert "Found right at rest; no turn was made." in engineer.says()
+    assert "Verified at rest; no turn was made." in engineer.says()
     (entry,) = register_journal.history(engineer.place.runs, SERIAL)
     assert (entry.closing, entry.steps[-1]) == ("done", "at_rest")
 
@@ -445,9 +446,9 @@ def test_a_part_says_so_and_when_its_registers_were_written(engineer: Engineer) 
     }
     path = engineer.place.folder / "x.json"
     path.write_text(json.dumps(result), encoding="utf-8")
-    engineer.page.look.open(path)
+    engineer.page.analysis.open(path)
     engineer.until(lambda: bool(engineer.cells("register_table")))
-    assert "PASS (part: Rate, Six positions)" in engineer.says()
+    assert "PASS (partial: Rate, Six positions)" in engineer.says()
     assert "registers written 2026-11-21" in engineer.says()
     assert "kept, found better before: gyro_scale_x" in engineer.says()
     rows = engineer.cells("register_table")
@@ -482,5 +483,5 @@ def test_what_a_plan_refuses_is_said_in_the_language_in_force(
 @pytest.mark.parametrize(
     ("up", "name"), [((0.0, 0.1, 0.99), "+z"), ((-1.0, 0.0, 0.0), "−x"), ((0.6, 0.6, 0.5), "")]
 )
-def test_a_rest_goes_by_the_face_that_is_up(up: tuple[float, float, float], name: str) -> None:
-    assert face(np.array(up)) == name
+def test_a_rest_is_named_by_the_axis_that_is_up(up: tuple[float, float, float], name: str) -> None:
+    assert upward_axis(np.array(up)) == name

@@ -220,7 +220,7 @@ def test_the_search_follows_the_keys(page: HistoryPage, runs: dict[str, Path], q
     assert rows(page) == [("SN-000001", "FAIL")]
     qtbot.keyClicks(search, "9")
     qtbot.waitUntil(lambda: rows(page) == [], timeout=WAIT)
-    assert page.nothing_title == "No run fits"
+    assert page.nothing_title == "No run matches"
     button(page, "history_clear_button").click()
     qtbot.waitUntil(lambda: len(rows(page)) == 5, timeout=WAIT)
 

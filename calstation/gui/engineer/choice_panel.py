@@ -1,97 +1,89 @@
-"""The left of the engineer page: what is calibrated, and the schedule of the stage looked at."""
+"""The left of the engineer page: the stages to calibrate, and the schedule of the stage selected."""
 
 from collections.abc import Mapping
 from typing import Any
 
-from PySide6.QtCore import QEvent, Qt, Signal
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QScrollArea, QToolButton, QVBoxLayout, QWidget
 
 from calstation.config.schedules import ScheduleOptions
-from calstation.gui.engineer.parts import Parts
 from calstation.gui.engineer.schedule_form import ScheduleForm
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import button, column, enable, label, row
+
+#: Stages of each part, by the end of the part's object name.
+PARTS = {
+    "scale_factors": ("rate", "six_position"),
+    "installation": ("excitation",),
+    "biases": ("azimuth_flip",),
+}
+_ROW_HEIGHT = theme.BUTTON - theme.GRID
 
 
 class ChoicePanel(QFrame):
-    """`changed` when stages, order or a value do; `unlock_wanted` where the engineer's role is asked for."""
+    """Emits `changed` with stages, order or values, and `save_wanted` and `unlock_wanted` from its buttons."""
 
     changed = Signal()
     save_wanted = Signal()
     unlock_wanted = Signal()
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setProperty("kind", "panel")
-        self._offer: ScheduleOptions | None = None
         self._forms: dict[str, ScheduleForm] = {}
-        self.parts = Parts()
-        self._heading, self._lock_label = QLabel(), QLabel()
-        self._heading.setProperty("kind", "section")
-        self._lock_label.setProperty("kind", "muted")
-        self._lock_label.setWordWrap(True)
-        self.unlock_button, self.reset_button, self.save_button = QPushButton(), QPushButton(), QPushButton()
-        self.unlock_button.setObjectName("unlock_schedule_button")
-        self.reset_button.setObjectName("reset_schedule_button")
-        self.save_button.setObjectName("save_product_button")
         self._new_pin = False
-        self._reason = QLabel()
-        self._reason.setObjectName("save_reason_label")
-        self._reason.setProperty("kind", "muted")
-        self._reason.setWordWrap(True)
+        self.parts = Parts()
+        self._heading, self._lock_label = label(kind="section"), label(kind="muted", wrap=True)
+        self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_wanted)
+        self._reset_button = button("reset_schedule_button", lambda: self.tr("Reset"), self._reset)
+        self._save_button = button(
+            "save_product_button", lambda: self.tr("Save to product"), self.save_wanted
+        )
+        self._reason = label(kind="muted", name="save_reason_label", wrap=True)
+        content = QWidget()
+        content.setAutoFillBackground(False)
+        self._form_box = column(on=content, spacing=0, margins=(0, 0, theme.GRID // 2, 0))
         self._area = QScrollArea()
         self._area.setFrameShape(QFrame.Shape.NoFrame)
         self._area.setWidgetResizable(True)
-        held = QWidget()
-        self._held = QVBoxLayout(held)
-        self._held.setContentsMargins(0, 0, theme.GRID // 2, 0)
-        self._area.setWidget(held)
+        self._area.setWidget(content)
         self._area.viewport().setAutoFillBackground(False)
-        held.setAutoFillBackground(False)
         self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self._lay_out()
+        column(
+            self.parts,
+            self._heading,
+            self._lock_label,
+            (self._area, 1),
+            self._unlock_button,
+            row(self._reset_button, (self._save_button, 1)),
+            self._reason,
+            on=self,
+            margins=(2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID),
+        )
         self.parts.changed.connect(self.changed)
-        self.parts.looked_at.connect(self._look_at)
-        self.unlock_button.clicked.connect(self.unlock_wanted)
-        self.reset_button.clicked.connect(self._reset)
-        self.save_button.clicked.connect(self.save_wanted)
-        self.retranslate()
-
-    def _lay_out(self) -> None:
-        buttons = QHBoxLayout()
-        buttons.setSpacing(theme.GRID)
-        buttons.addWidget(self.reset_button)
-        buttons.addWidget(self.save_button, 1)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID)
-        column.setSpacing(theme.GRID)
-        column.addWidget(self.parts)
-        column.addWidget(self._heading)
-        column.addWidget(self._lock_label)
-        column.addWidget(self._area, 1)
-        column.addWidget(self.unlock_button)
-        column.addLayout(buttons)
-        column.addWidget(self._reason)
+        self.parts.selected.connect(self._show_form)
+        on_language_change(self, self._show_texts)
 
     @property
     def schedule(self) -> dict[str, Mapping[str, Any]]:
-        """Departures from the product's schedule of the stages chosen, by stage; those without are left out."""
-        return {
-            stage: departures for stage in self.parts.stages if (departures := self._forms[stage].departures)
-        }
+        """Departures from the product's schedule, by chosen stage; stages without any are left out."""
+        found = {stage: self._forms[stage].departures for stage in self.parts.stages}
+        return {stage: departures for stage, departures in found.items() if departures}
 
     @property
-    def unsound(self) -> tuple[str, ...]:
-        """Stages chosen whose schedule cannot be run as typed."""
-        return tuple(stage for stage in self.parts.stages if not self._forms[stage].sound)
+    def invalid(self) -> tuple[str, ...]:
+        """Chosen stages whose schedule cannot be run as typed."""
+        return tuple(stage for stage in self.parts.stages if not self._forms[stage].valid)
 
-    def form(self, stage: str) -> ScheduleForm:
-        """A stage's form."""
-        return self._forms[stage]
+    @property
+    def form(self) -> ScheduleForm:
+        """The form of the stage selected."""
+        return self._forms[self.parts.current]
 
     def show_offer(self, offer: ScheduleOptions) -> None:
-        """Offer a product's stages with their schedules."""
-        self._offer = offer
+        """ScheduleOptions a product's stages with their schedules."""
         for form in self._forms.values():
             form.setParent(None)
             form.deleteLater()
@@ -99,62 +91,222 @@ class ChoicePanel(QFrame):
         for form in self._forms.values():
             form.changed.connect(self.changed)
             form.hide()
-            self._held.addWidget(form)
+            self._form_box.addWidget(form)
         self.parts.offer(offer.offered, offer.stages)
 
     def lock(self, choice: str, schedule: str, save: str) -> None:
-        """Why stages cannot be chosen, values not edited, the product not saved; "" where they can."""
+        """Disable parts of the panel, each with its reason; "" enables it.
+
+        Parameters
+        ----------
+        choice : why stages cannot be chosen
+        schedule : why values cannot be edited
+        save : why the product cannot be saved
+        """
         self.parts.lock(choice)
         for form in self._forms.values():
             form.lock(choice or schedule)
         self._lock_label.setText(schedule)
         self._lock_label.setVisible(bool(schedule))
-        self.unlock_button.setVisible(bool(schedule))
-        for button, why in (
-            (self.reset_button, choice or schedule),
-            (self.save_button, choice or schedule or save),
-        ):
-            button.setVisible(not schedule)
-            button.setEnabled(not why)
-            button.setToolTip(why)
+        self._unlock_button.setVisible(bool(schedule))
+        for each in (self._reset_button, self._save_button):
+            each.setVisible(not schedule)
+        enable(
+            self._reset_button,
+            choice or schedule,
+            self.tr("Back to the product's values of this stage"),
+        )
+        enable(self._save_button, choice or schedule or save)
         self._reason.setText("" if schedule else choice or save)
         self._reason.setVisible(bool(self._reason.text()))
 
     def ask_for_pin(self, new: bool) -> None:
-        """What the button that unlocks asks for; `new` where no PIN has been set yet."""
+        """Name the button that unlocks; `new` while no PIN has been set."""
         self._new_pin = new
-        self._say_unlock()
+        self._show_texts()
 
-    def _say_unlock(self) -> None:
-        self.unlock_button.setText(
+    def _show_texts(self) -> None:
+        self._unlock_button.setText(
             self.tr("Set the engineer's PIN") if self._new_pin else self.tr("Enter the engineer's PIN")
         )
-
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._say_unlock()
-        self.reset_button.setText(self.tr("Reset"))
-        self.reset_button.setToolTip(self.tr("Back to the product's values of this stage"))
-        self.save_button.setText(self.tr("Save to product"))
-        self._head()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
-    def _look_at(self, stage: str) -> None:
-        if stage not in self._forms:
-            return
-        for name, form in self._forms.items():
-            form.setVisible(name == stage)
-        self._area.verticalScrollBar().setValue(0)
-        self._head()
-
-    def _head(self) -> None:
         stage = self.parts.current
         self._heading.setText(self.tr("Schedule: {0}").format(term("stage", stage)) if stage else "")
 
+    def _show_form(self, stage: str) -> None:
+        for name, form in self._forms.items():
+            form.setVisible(name == stage)
+        self._area.verticalScrollBar().setValue(0)
+        self._show_texts()
+
     def _reset(self) -> None:
-        self._forms[self.parts.current].reset()
+        self.form.reset()
+
+
+class Parts(QWidget):
+    """Check boxes of parts and stages; emits `changed` with the choice or its order, `selected` with a stage's row."""
+
+    changed = Signal()
+    selected = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._rows: list[_StageRow] = []
+        self._current = ""
+        self._parts = {name: QCheckBox() for name in PARTS}
+        bind(self._parts["scale_factors"], lambda: self.tr("Scale factors"))
+        bind(self._parts["installation"], lambda: self.tr("Installation matrix and lever arms"))
+        bind(self._parts["biases"], lambda: self.tr("Biases"))
+        for name, check in self._parts.items():
+            check.setObjectName(f"part_check_{name}")
+            check.setMinimumHeight(_ROW_HEIGHT)
+            check.setFont(theme.font(theme.SECTION))
+            check.clicked.connect(lambda _=False, part=name: self._choose_part(part))
+        self._list: QVBoxLayout = column(spacing=0)
+        column(
+            label(lambda: self.tr("What to calibrate"), "section"),
+            *self._parts.values(),
+            theme.GRID,
+            label(lambda: self.tr("or single stages, in this order:"), "muted"),
+            self._list,
+            on=self,
+            spacing=0,
+        )
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stages chosen, in their order."""
+        return tuple(each.stage for each in self._rows if each.check.isChecked())
+
+    @property
+    def current(self) -> str:
+        """The stage selected."""
+        return self._current
+
+    def offer(self, stages: tuple[str, ...], chosen: tuple[str, ...]) -> None:
+        """ScheduleOptions these stages, the `chosen` ones checked."""
+        for each in self._rows:
+            each.setParent(None)
+            each.deleteLater()
+        self._rows = [_StageRow(stage, self) for stage in stages]
+        for each in self._rows:
+            each.check.setChecked(each.stage in chosen)
+            each.check.toggled.connect(self._toggled)
+            each.check.installEventFilter(self)
+            each.moved.connect(self._move)
+        self._arrange()
+        for name, check in self._parts.items():
+            check.setVisible(any(stage in stages for stage in PARTS[name]))
+        self.select(self._current if self._current in stages else stages[0])
+        self._toggled()
+
+    def select(self, stage: str) -> None:
+        """Select a stage's row."""
+        self._current = stage
+        for each in self._rows:
+            theme.set_kind(each, "current" if each.stage == stage else "")
+        self.selected.emit(stage)
+
+    def lock(self, why: str) -> None:
+        """Disable the choice with a reason; "" enables it."""
+        for check in (*self._parts.values(), *(each.check for each in self._rows)):
+            enable(check, why)
+        for each in self._rows:
+            each.setEnabled(not why)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Select the row that gets the focus."""
+        if event.type() == QEvent.Type.FocusIn:
+            for each in self._rows:
+                if each.check is watched and each.stage != self._current:
+                    self.select(each.stage)
+        return super().eventFilter(watched, event)
+
+    def _choose_part(self, part: str) -> None:
+        wanted = self._parts[part].checkState() != Qt.CheckState.Unchecked
+        for each in self._rows:
+            if each.stage in PARTS[part]:
+                each.check.setChecked(wanted)
+        self._toggled()
+
+    def _toggled(self) -> None:
+        offered, chosen = {each.stage for each in self._rows}, self.stages
+        for name, check in self._parts.items():
+            stages = offered.intersection(PARTS[name])
+            count = len(stages.intersection(chosen))
+            if 0 < count < len(stages):
+                check.setCheckState(Qt.CheckState.PartiallyChecked)
+            else:
+                check.setTristate(False)
+                check.setChecked(bool(count))
+        for each in self._rows:
+            each.show_number(chosen.index(each.stage) + 1 if each.stage in chosen else None)
+        self.changed.emit()
+
+    def _move(self, moved: "_StageRow", by: int) -> None:
+        index = self._rows.index(moved)
+        self._rows.insert(index + by, self._rows.pop(index))
+        self._arrange()
+        self.select(moved.stage)
+        self._toggled()
+
+    def _arrange(self) -> None:
+        """Lay out the rows in their order, which is that of Tab."""
+        for each in self._rows:
+            self._list.removeWidget(each)
+        previous: QWidget = self._parts["biases"]
+        for index, each in enumerate(self._rows):
+            self._list.addWidget(each)
+            each.up.setEnabled(index > 0)
+            each.down.setEnabled(index < len(self._rows) - 1)
+            for widget in (each.check, each.up, each.down):
+                QWidget.setTabOrder(previous, widget)
+                previous = widget
+
+
+class _StageRow(QFrame):
+    """One stage: its number among those chosen, its check box, and buttons that move it."""
+
+    moved = Signal(object, int)
+
+    def __init__(self, stage: str, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.stage = stage
+        self._number = QLabel()
+        self._number.setFixedWidth(2 * theme.GRID)
+        self._number.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.check, self.up, self.down = QCheckBox(), QToolButton(), QToolButton()
+        self.check.setObjectName(f"stage_check_{stage}")
+        self.check.setMinimumHeight(_ROW_HEIGHT)
+        bind(self.check, lambda: term("stage", stage))
+        for each, name, arrow, by in (
+            (self.up, "up", Qt.ArrowType.UpArrow, -1),
+            (self.down, "down", Qt.ArrowType.DownArrow, 1),
+        ):
+            each.setObjectName(f"stage_{name}_{stage}")
+            each.setArrowType(arrow)
+            each.setAutoRaise(True)
+            each.setFixedSize(_ROW_HEIGHT, _ROW_HEIGHT)
+            each.clicked.connect(lambda _=False, by=by: self.moved.emit(self, by))
+        row(
+            self._number,
+            (self.check, 1),
+            self.up,
+            self.down,
+            on=self,
+            spacing=theme.GRID // 2,
+            margins=(theme.GRID, 0, 0, 0),
+        )
+        on_language_change(self, self._show_texts)
+
+    def show_number(self, number: int | None) -> None:
+        """Show the stage's number among those chosen, None if it is not chosen."""
+        self._number.setText("" if number is None else str(number))
+
+    def _show_texts(self) -> None:
+        name = term("stage", self.stage)
+        for each, text in (
+            (self.up, self.tr("Move {0} one up")),
+            (self.down, self.tr("Move {0} one down")),
+        ):
+            each.setToolTip(text.format(name))
+            each.setAccessibleName(each.toolTip())

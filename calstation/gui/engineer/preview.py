@@ -1,135 +1,110 @@
-"""The preview: what the chosen stages would do and reach, before anything moves."""
+"""The preview: motion, time, limits and expected sigmas of the chosen stages, before anything moves."""
+
+from functools import partial
 
 import numpy as np
-from PySide6.QtCore import QEvent, Qt, Signal
-from PySide6.QtWidgets import (
-    QHBoxLayout,
-    QLabel,
-    QPushButton,
-    QSplitter,
-    QStackedWidget,
-    QVBoxLayout,
-    QWidget,
-)
+import pyqtgraph as pg
+from PySide6.QtCore import QCoreApplication, Qt, Signal
+from PySide6.QtWidgets import QSplitter, QStackedWidget, QWidget
 
 from calstation.errors import CalstationError
-from calstation.gui.engineer import forecast_table
 from calstation.gui.engineer.error_wording import one_line
-from calstation.gui.engineer.motion_plot import MotionPlot
-from calstation.gui.text.messages import duration_text, show, step_sentence, term
+from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
+from calstation.gui.text.bind import on_language_change
+from calstation.gui.text.messages import duration_text, step_sentence, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.labels import EmptyState
-from calstation.gui.widgets.parameter_table import ParameterModel, ParameterTable
+from calstation.gui.widgets.layout import button, column, enable, label, row
+from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
+from calstation.physics.parameters import INDEX, NAMES
+from calstation.physics.units import display
 from calstation.results.preview import Preview, Violation
 
-#: Height of a line of a table with all parameters, px.
+#: Height of a row of the table, px.
 _ROW = 26
 
 
 class PreviewView(QWidget):
-    """Motion, time, limits and expected sigmas; `wanted` when the user asks for a preview."""
+    """The preview and the button that asks for it with `wanted`."""
 
     wanted = Signal()
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.forecast: Preview | None = None
-        self._stale = False
+    def __init__(self) -> None:
+        super().__init__()
+        self.preview: Preview | None = None
+        self._outdated = False
         self._error: CalstationError | None = None
         self.watch = JobWatch(self)
-        self._row = JobRow(self.watch)
-        self._row.setVisible(False)
-        self._empty = EmptyState()
-        self.preview_button = QPushButton()
-        self.preview_button.setObjectName("preview_button")
-        self.preview_button.clicked.connect(self.wanted)
-        self._badge = StateBadge()
-        self._summary, self._broken = QLabel(), QLabel()
-        self._summary.setObjectName("preview_summary")
-        self._broken.setObjectName("preview_violations")
-        self._broken.setWordWrap(True)
-        self._broken.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        theme.set_kind(self._broken, "error")
-        self.plot = MotionPlot()
-        self.model = ParameterModel(())
-        self.table = ParameterTable(self.model)
-        self.table.setObjectName("preview_table")
-        self._lay_out()
         self.watch.done.connect(self._done)
         self.watch.failed.connect(self._failed)
         self.watch.cancelled.connect(self._ended)
-        self.retranslate()
-
-    def _lay_out(self) -> None:
-        head = QHBoxLayout()
-        head.setSpacing(2 * theme.GRID)
-        head.addWidget(self._badge)
-        head.addWidget(self._summary, 1)
-        head.addWidget(self._row, 1)
-        head.addWidget(self.preview_button)
+        self._job = JobRow(self.watch)
+        self._job.hide()
+        self._button = button("preview_button", lambda: self.tr("Preview"), self.wanted)
+        self._badge = StateBadge()
+        self._summary = label(name="preview_summary")
+        self._problems = label(kind="error", name="preview_violations", wrap=True)
+        self._problems.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._plot = MotionPlot()
+        self._plot.setMinimumHeight(22 * theme.GRID)
+        self._model = ParameterModel(())
+        self._table = ParameterTable(self._model)
+        self._table.setObjectName("preview_table")
+        self._table.verticalHeader().setDefaultSectionSize(_ROW)
+        self._empty = EmptyState()
         split = QSplitter(Qt.Orientation.Vertical)
         split.setChildrenCollapsible(False)
-        split.addWidget(self.plot)
-        split.addWidget(self.table)
-        split.setStretchFactor(0, 2)
-        split.setStretchFactor(1, 3)
+        for stretch, widget in ((2, self._plot), (3, self._table)):
+            split.addWidget(widget)
+            split.setStretchFactor(split.count() - 1, stretch)
         split.setSizes([26 * theme.GRID, 36 * theme.GRID])
-        self.plot.setMinimumHeight(22 * theme.GRID)
-        self.table.verticalHeader().setDefaultSectionSize(_ROW)
         self._stack = QStackedWidget()
         self._stack.addWidget(self._empty)
         self._stack.addWidget(split)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, theme.GRID, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addLayout(head)
-        column.addWidget(self._broken)
-        column.addWidget(self._stack, 1)
+        column(
+            row(self._badge, (self._summary, 1), (self._job, 1), self._button, spacing=2 * theme.GRID),
+            self._problems,
+            (self._stack, 1),
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        on_language_change(self, self._show_texts)
 
-    def outdate(self) -> None:
-        """What was chosen has changed since this preview."""
-        self._stale = self.forecast is not None
-        self._say()
+    def mark_outdated(self) -> None:
+        """Show that the choice has changed since this preview."""
+        self._outdated = self.preview is not None
+        self._refresh()
 
     def begin(self) -> None:
-        """A preview is being made."""
+        """Show that a preview is being computed."""
         self._error = None
-        self._row.setVisible(True)
-        self._say()
+        self._job.show()
+        self._refresh()
 
     def set_why_not(self, why: str) -> None:
-        """Whether a preview can be asked for, and why not."""
-        self.preview_button.setEnabled(not why)
-        self.preview_button.setToolTip(why)
+        """Enable the button, or disable it with the reason."""
+        enable(self._button, why)
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self.preview_button.setText(self.tr("Preview"))
+    def _show_texts(self) -> None:
         self._empty.say(
-            self.tr("Nothing moves for a preview"),
+            self.tr("A preview moves nothing"),
             self.tr(
                 "Choose what to calibrate on the left and press Preview: it shows both axes' angles against time, "
-                "the total time, whether the table can do it, and the sigma to expect of every parameter."
+                "the total time, whether the table can do it, and the expected sigma of every parameter."
             ),
         )
-        self.model.refresh()
-        self._say()
+        self._model.refresh()
+        self._refresh()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
-    def _done(self, forecast: Preview) -> None:
-        self.forecast, self._stale = forecast, False
-        self.plot.show_forecast(forecast)
-        self.model.set_names(())
-        self.model.set_columns(forecast_table.columns(forecast))
-        self.model.set_names(forecast_table.names(forecast))
-        self.table.setVisible(not forecast.violations)
+    def _done(self, preview: Preview) -> None:
+        self.preview, self._outdated = preview, False
+        self._plot.show_preview(preview)
+        self._model.set_names(())
+        self._model.set_columns(_Columns(preview).all)
+        self._model.set_names(_names(preview))
+        self._table.setVisible(not preview.violations)
         self._stack.setCurrentIndex(1)
         self._ended()
 
@@ -138,78 +113,188 @@ class PreviewView(QWidget):
         self._ended()
 
     def _ended(self) -> None:
-        self._row.setVisible(False)
-        self._say()
+        self._job.hide()
+        self._refresh()
 
-    def _say(self) -> None:
-        forecast = self.forecast
-        busy = self.watch.busy
-        self.preview_button.setVisible(not busy)
+    def _refresh(self) -> None:
+        preview, busy = self.preview, self.watch.busy
+        self._button.setVisible(not busy)
         self._summary.setVisible(not busy)
-        self._badge.setVisible(not busy and forecast is not None and not self._error)
-        lines: list[str] = [one_line(self._error)] if self._error else []
-        if forecast is None:
-            self._summary.setText("")
-        else:
-            moves = sum(stage.moves for stage in forecast.stages)
-            said = self.tr("{0} in all, {1} moves").format(duration_text(forecast.duration), moves)
-            if self._stale:
-                said = self.tr("{0}; the choice has changed since, preview again").format(said)
-            self._summary.setText(said)
-            self._judge(forecast)
-            if not self._stale:
-                lines += [self._word(violation) for violation in forecast.violations]
-                lines += [f"{term('stage', s.stage)}: {show(s.error)}" for s in forecast.stages if s.error]
-                lines += [
-                    self.tr("{0}: {1} rounds do not reach its targets; give it rounds or a duration.").format(
-                        term("stage", s.stage), s.rounds
-                    )
-                    for s in forecast.stages
-                    if s.reason == "" and not forecast.violations
-                ]
-        self._broken.setText("\n".join(lines))
-        self._broken.setVisible(bool(lines) and not busy)
-
-    def _judge(self, forecast: Preview) -> None:
-        if self._stale:
-            self._badge.show_state("waiting", self.tr("out of date"))
-        elif forecast.violations:
-            self._badge.show_state("bad", self.tr("beyond the table's limits"))
-        else:
-            missed = [
-                name
-                for name in forecast_table.names(forecast)
-                if forecast_table.reached(forecast, name) is False
-            ]
-            if any(stage.sigma is None for stage in forecast.stages):
-                self._badge.show_state("bad", self.tr("cannot be solved"))
-            elif missed:
-                self._badge.show_state(
-                    "caution",
-                    self.tr("within the table's limits, {0} sigma limits missed").format(len(missed)),
-                )
+        self._badge.setVisible(not busy and preview is not None and not self._error)
+        problems = [one_line(self._error)] if self._error else []
+        summary = ""
+        if preview is not None:
+            moves = sum(stage.moves for stage in preview.stages)
+            summary = self.tr("{0} in all, {1} moves").format(duration_text(preview.duration), moves)
+            if self._outdated:
+                summary = self.tr("{0}; the choice has changed since, preview again").format(summary)
             else:
-                self._badge.show_state(
-                    "good", self.tr("within the table's limits, every sigma limit reached")
-                )
+                problems += self._problems_of(preview)
+            self._badge.show_state(*self._verdict(preview))
+        self._summary.setText(summary)
+        self._problems.setText("\n".join(problems))
+        self._problems.setVisible(bool(problems) and not busy)
 
-    def _word(self, broken: Violation) -> str:
-        """A broken limit with its step and the mend."""
-        stage = term("stage", broken.stage)
-        if broken.kind == "plan":
-            return f"{stage}: {show(broken.text)}"
-        where = self.tr("{0}, move {1} ({2})").format(stage, broken.step, step_sentence("move", broken.label))
-        if broken.more:
-            where = self.tr("{0} and {1} more").format(where, broken.more)
-        value, low, high = (float(v) for v in np.rad2deg([broken.value, broken.low, broken.high]))
-        if broken.kind == "rate":
-            said = self.tr("rate {0:g} °/s, the table does {1:g} °/s at most; lower the rate")
-            return f"{where}: {said.format(value, round(high, 6))}"
-        if broken.kind == "acceleration":
-            said = self.tr(
-                "acceleration {0:g} °/s², the table does {1:g} °/s² at most; lower the acceleration"
+    def _verdict(self, preview: Preview) -> tuple[str, str]:
+        if self._outdated:
+            return "waiting", self.tr("out of date")
+        if preview.violations:
+            return "bad", self.tr("beyond the table's limits")
+        if any(stage.sigma is None for stage in preview.stages):
+            return "bad", self.tr("cannot be solved")
+        missed = sum(_reached(preview, name) is False for name in _names(preview))
+        if missed:
+            return "caution", self.tr("within the table's limits, {0} sigma limits missed").format(missed)
+        return "good", self.tr("within the table's limits, every sigma limit reached")
+
+    def _problems_of(self, preview: Preview) -> list[str]:
+        problems = [self._violation_text(violation) for violation in preview.violations]
+        for stage in preview.stages:
+            name = term("stage", stage.stage)
+            if stage.error:
+                problems.append(f"{name}: {one_line(stage.error)}")
+            if stage.reason == "" and not preview.violations:
+                sentence = self.tr("{0}: {1} rounds do not reach its targets; set rounds or a duration.")
+                problems.append(sentence.format(name, stage.rounds))
+        return problems
+
+    def _violation_text(self, violation: Violation) -> str:
+        """A violated limit with its step and the remedy."""
+        stage = term("stage", violation.stage)
+        if violation.kind == "plan":
+            return f"{stage}: {one_line(violation.text)}"
+        move = step_sentence("move", violation.label)
+        where = self.tr("{0}, move {1} ({2})").format(stage, violation.step, move)
+        if violation.more:
+            where = self.tr("{0} and {1} more").format(where, violation.more)
+        value, low, high = (float(v) for v in np.rad2deg([violation.value, violation.low, violation.high]))
+        if violation.kind == "rate":
+            text = self.tr("rate {0:g} °/s, the table reaches {1:g} °/s; lower the rate")
+            return f"{where}: {text.format(value, round(high, 6))}"
+        if violation.kind == "acceleration":
+            text = self.tr("acceleration {0:g} °/s², the table reaches {1:g} °/s²; lower the acceleration")
+            return f"{where}: {text.format(value, round(high, 6))}"
+        joint = self.tr("outer axis") if violation.joint == "outer" else self.tr("inner axis")
+        text = self.tr("{0} to {1:.1f}°, its travel is {2:.0f}° to {3:.0f}°; choose fewer turns or rounds")
+        return f"{where}: {text.format(joint, value, low, high)}"
+
+
+class MotionPlot(StackedPlots):
+    """The angles of both joints against time, with the stages and the travel."""
+
+    def __init__(self) -> None:
+        super().__init__(2, 9 * theme.GRID)
+        self._preview: Preview | None = None
+        for plot in self.plots:
+            plot.getPlotItem().getViewBox().setDefaultPadding(0.1)
+            plot.setMinimumHeight(8 * theme.GRID)
+        column(*((plot, 1) for plot in self.plots), on=self, spacing=0)
+
+    def show_preview(self, preview: Preview) -> None:
+        """Draw the motion of a preview."""
+        self._preview = preview
+        self.refresh()
+
+    def draw(self) -> None:
+        """Draw angles, bands and travel."""
+        preview = self._preview
+        if preview is None:
+            return
+        c = theme.colours()
+        self.add_bands([(term("stage", s.stage), s.begin / 60.0, s.end / 60.0) for s in preview.stages])
+        angles = (preview.outer, preview.inner)
+        titles = (self.tr("outer, °"), self.tr("inner, °"))
+        for plot, title, angle, travel in zip(self.plots, titles, angles, preview.travel, strict=True):
+            name_axis(plot, "left", title)
+            pen = pg.mkPen(c.accent, width=1)
+            self.add(plot, pg.PlotDataItem(preview.time / 60.0, np.rad2deg(angle), pen=pen))
+            for end in travel:
+                if np.isfinite(end):
+                    line = pg.InfiniteLine(np.rad2deg(end), 0, pen=dashed(c.bad))
+                    self.add(plot, line, scaled=False)
+            plot.enableAutoRange()
+        name_axis(self.plots[1], "bottom", self.tr("time, min"))
+        self.plots[0].setXRange(0.0, max(preview.duration / 60.0, 1e-3), padding=0.01)
+
+
+class _Columns:
+    """Columns of the table: unit, sigma before, after each stage, limit, target, verdict."""
+
+    def __init__(self, preview: Preview) -> None:
+        self._preview = preview
+        stages = [
+            Column(
+                partial(term, "stage", stage.stage),
+                partial(self._sigma_after, number),
+                hint=partial(self._gain, number),
             )
-            return f"{where}: {said.format(value, round(high, 6))}"
-        joint = self.tr("outer axis") if broken.joint == "outer" else self.tr("inner axis")
-        said = self.tr("{0} to {1:.1f}°, its travel is {2:.0f}° to {3:.0f}°; choose fewer turns or rounds")
-        return f"{where}: {said.format(joint, value, low, high)}"
+            for number, stage in enumerate(preview.stages)
+        ]
+        self.all = [
+            Column(lambda: self.tr("Unit"), lambda name: display(name, 0.0)[1], number=False),
+            Column(
+                lambda: self.tr("σ before"), lambda name: _shown(name, float(preview.before[INDEX[name]]))
+            ),
+            *stages,
+            Column(lambda: self.tr("σ limit"), lambda name: _bound(name, preview.limits.get(name))),
+        ]
+        if preview.targets:
+            self.all.append(
+                Column(lambda: self.tr("σ target"), lambda name: _bound(name, preview.targets.get(name)))
+            )
+        self.all.append(Column(lambda: self.tr("Expected"), self._verdict, number=False, state=self._state))
+
+    def tr(self, text: str) -> str:
+        """The text in the current language."""
+        return QCoreApplication.translate("_Columns", text)
+
+    def _sigma_after(self, number: int, name: str) -> str:
+        sigma = self._preview.stages[number].sigma
+        return "—" if sigma is None else _shown(name, float(sigma[INDEX[name]]))
+
+    def _gain(self, number: int, name: str) -> str:
+        """By how much a stage improves a parameter."""
+        stage = self._preview.stages[number]
+        if stage.sigma is None:
+            return one_line(stage.error)
+        before = self._preview.before if number == 0 else self._preview.stages[number - 1].sigma
+        if name not in stage.estimated or before is None:
+            return self.tr("This stage does not estimate it.")
+        after = float(stage.sigma[INDEX[name]])
+        gain = float(before[INDEX[name]]) / after if after > 0.0 else 1.0
+        return self.tr("{0:.3g} times better known than before this stage").format(gain)
+
+    def _verdict(self, name: str) -> str:
+        reached = _reached(self._preview, name)
+        if reached is None:
+            return "—" if name in self._preview.limits else self.tr("no limit")
+        return self.tr("reached") if reached else self.tr("missed")
+
+    def _state(self, name: str) -> str | None:
+        reached = _reached(self._preview, name)
+        return None if reached is None else "good" if reached else "bad"
+
+
+def _names(preview: Preview) -> tuple[str, ...]:
+    """Parameters that some stage estimates, in the order of the parameter table."""
+    estimated = {name for stage in preview.stages for name in stage.estimated}
+    return tuple(name for name in NAMES if name in estimated)
+
+
+def _reached(preview: Preview, name: str) -> bool | None:
+    """Whether a parameter will meet its sigma limit, None if unknown or without a limit."""
+    sigma = preview.stages[-1].sigma if preview.stages else None
+    limit = preview.limits.get(name)
+    return None if sigma is None or limit is None else float(sigma[INDEX[name]]) <= limit
+
+
+def _shown(name: str, sigma: float) -> str:
+    """A sigma in the unit shown, with three digits."""
+    value = abs(display(name, sigma)[0])
+    if value >= 1000.0:
+        return f"{value:.0f}"
+    return f"{value:#.3g}".rstrip(".") if value >= 1e-4 else f"{value:.2g}"
+
+
+def _bound(name: str, bound: float | None) -> str:
+    return "" if bound is None else _shown(name, bound)

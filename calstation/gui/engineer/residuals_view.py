@@ -1,187 +1,146 @@
-"""What is left at every rest after compensation: gravity's length and the earth's rate, measured less expected."""
+"""The residuals of every rest after compensation: magnitude of gravity and earth rate, measured minus expected."""
 
 from collections.abc import Sequence
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF
-from PySide6.QtGui import QResizeEvent, QShowEvent
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtGui import QResizeEvent
 
-from calstation.gui.engineer.bands import Band, Bands
+from calstation.gui.engineer.stacked_plots import Band, StackedPlots, name_axis
+from calstation.gui.text.bind import on_language_change
 from calstation.gui.text.messages import term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.labels import ElidedLabel
+from calstation.gui.widgets.layout import column
 from calstation.gui.widgets.plot import ThemedPlot
 from calstation.physics.arrays import FloatArray
 from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
 from calstation.results.diagnostics import Diagnostics, StageDiagnostics
 
 _LEFT = 9 * theme.GRID
-#: A rest closer than this to a face goes by the face's name.
-_FACE = np.cos(np.deg2rad(30.0))
+#: A rest is named by the axis that is within this angle (its cosine) of up.
+_UPWARD = np.cos(np.deg2rad(30.0))
 
 
-class ResidualsView(QWidget):
-    """Three plots over the rests of all stages; where the pointer is, the rest is named."""
+class ResidualsView(StackedPlots):
+    """Three plots over the rests of all stages; the rest under the pointer is described."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__(3, _LEFT)
         self._diagnostics: Diagnostics | None = None
-        self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
-        self._places: list[tuple[StageDiagnostics, int]] = []
-        self._drawn = False
-        self.rest_label = ElidedLabel()
-        self.rest_label.setObjectName("rest_label")
-        self.plots = tuple(ThemedPlot() for _ in range(3))
-        self._bands = tuple(Bands(plot, named=number == 0) for number, plot in enumerate(self.plots))
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, theme.GRID, 0, 0)
-        column.setSpacing(theme.GRID // 2)
-        column.addWidget(self.rest_label)
-        for number, plot in enumerate(self.plots):
-            plot.getAxis("left").setWidth(_LEFT)
-            plot.showGrid(y=True, alpha=0.2)
-            plot.setMouseEnabled(x=True, y=False)
-            if number < 2:
-                plot.getAxis("bottom").setStyle(showValues=False)
-                plot.getAxis("bottom").setHeight(4)
-            if number:
-                plot.setXLink(self.plots[0])
-            plot.scene().sigMouseMoved.connect(lambda at, of=plot: self._point(of, at))
-            column.addWidget(plot, 1)
-        self.retranslate()
+        #: Each rest drawn, as its stage and its number in it.
+        self._rests: list[tuple[StageDiagnostics, int]] = []
+        self._rest_label = ElidedLabel()
+        self._rest_label.setObjectName("rest_label")
+        for plot in self.plots:
+            plot.scene().sigMouseMoved.connect(lambda at, of=plot: self._describe_rest(of, at))
+        column(
+            self._rest_label,
+            *((plot, 1) for plot in self.plots),
+            on=self,
+            spacing=theme.GRID // 2,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        on_language_change(self, self._explain)
 
     def show_diagnostics(self, diagnostics: Diagnostics) -> None:
-        """Show these."""
+        """Show diagnostics."""
         self._diagnostics = diagnostics
-        self._drawn = False
-        if self.isVisible():
-            self._draw()
+        self.refresh()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._explain()
-        for plot, text in zip(
-            self.plots,
-            (self.tr("gravity, µg"), self.tr("vertical rate, °/h"), self.tr("horizontal rate, °/h")),
-            strict=True,
-        ):
-            plot.setLabel("left", text)
-            plot.getAxis("left").label.setFont(theme.font())
-        self.plots[2].setLabel("bottom", self.tr("rest, by the axis that is up"))
-        self._draw()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language or theme."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        elif event.type() == QEvent.Type.PaletteChange and self._drawn:
-            self._draw()
-        super().changeEvent(event)
-
-    def showEvent(self, event: QShowEvent) -> None:
-        """Draw once it is looked at."""
-        super().showEvent(event)
-        if not self._drawn:
-            self._draw()
-
-    def _draw(self) -> None:
-        for plot, item in self._items:
-            plot.removeItem(item)
-        self._items.clear()
-        self._drawn = True
-        self._places = []
+    def draw(self) -> None:
+        """Draw the rests of all stages."""
         if self._diagnostics is None:
             return
         stages = [stage for stage in self._diagnostics.stages if len(stage.rests)]
+        self._rests = [(stage, k) for stage in stages for k in range(len(stage.rests))]
         bands: list[Band] = []
+        begin = -0.5
         for stage in stages:
-            begin = len(self._places)
-            self._places += [(stage, k) for k in range(len(stage.rests))]
-            bands.append((term("stage", stage.stage), begin - 0.5, len(self._places) - 0.5))
-        for band in self._bands:
-            band.show(bands)
-        columns = self._columns(stages)
-        for plot, (values, sigmas) in zip(self.plots, columns, strict=True):
+            bands.append((term("stage", stage.stage), begin, begin + len(stage.rests)))
+            begin += len(stage.rests)
+        self.add_bands(bands)
+        titles = (self.tr("gravity, µg"), self.tr("vertical rate, °/h"), self.tr("horizontal rate, °/h"))
+        for plot, title, (values, sigmas) in zip(self.plots, titles, _columns(stages), strict=True):
+            name_axis(plot, "left", title)
             self._draw_column(plot, values, sigmas)
-        self.plots[0].setXRange(-0.5, max(len(self._places) - 0.5, 0.5), padding=0.01)
+        name_axis(self.plots[2], "bottom", self.tr("rest, by the axis that is up"))
+        self.plots[0].setXRange(-0.5, max(len(self._rests) - 0.5, 0.5), padding=0.01)
         self._name_ticks()
 
-    def _name_ticks(self) -> None:
-        """As many rests' faces as there is room for."""
-        ticks = [(k, face(stage.rests.up[i])) for k, (stage, i) in enumerate(self._places)]
-        room = max(1, (self.plots[2].width() - _LEFT) // (4 * theme.GRID))
-        self.plots[2].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
-
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Another width has room for more or fewer names."""
+        """Name as many rests as the width allows."""
         super().resizeEvent(event)
         self._name_ticks()
 
     def leaveEvent(self, event: QEvent) -> None:
-        """No rest is pointed at any more."""
+        """Explain the plots again."""
         self._explain()
         super().leaveEvent(event)
 
-    def _explain(self) -> None:
-        theme.set_kind(self.rest_label, "muted")
-        self.rest_label.setText(
-            self.tr(
-                "Measured less expected at every rest, with ±1 σ of the rest's own noise; point at a rest."
-            )
-        )
-
-    def _columns(self, stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, FloatArray]]:
-        """Values and sigmas of each plot, in the units people read."""
-        rests = [stage.rests for stage in stages]
-        none = np.empty(0)
-        force = np.concatenate([none, *(r.force for r in rests)]) / MICRO_G
-        force_sigma = np.concatenate([none, *(r.force_sigma for r in rests)]) / MICRO_G
-        vertical = np.concatenate([none, *(r.vertical_rate for r in rests)]) / DEGREE_PER_HOUR
-        horizontal = np.concatenate([none, *(r.horizontal_rate for r in rests)]) / DEGREE_PER_HOUR
-        rate_sigma = np.concatenate([none, *(r.rate_sigma for r in rests)]) / DEGREE_PER_HOUR
-        return [(force, force_sigma), (vertical, rate_sigma), (horizontal, rate_sigma)]
-
     def _draw_column(self, plot: ThemedPlot, values: FloatArray, sigmas: FloatArray) -> None:
         c = theme.colours()
-        place = np.arange(len(values), dtype=np.float64)
-        bars = pg.ErrorBarItem(x=place, y=values, height=2.0 * sigmas, beam=0.25, pen=pg.mkPen(c.muted))
-        dots = pg.ScatterPlotItem(place, values, size=7, pen=None, brush=pg.mkBrush(c.accent))
-        zero = pg.InfiniteLine(0.0, 0, pen=pg.mkPen(c.text))
-        for item in (zero, bars, dots):
-            plot.addItem(item, ignoreBounds=item is not dots)
-            self._items.append((plot, item))
+        number = np.arange(len(values), dtype=np.float64)
+        bars = pg.ErrorBarItem(x=number, y=values, height=2.0 * sigmas, beam=0.25, pen=pg.mkPen(c.muted))
+        self.add(plot, pg.InfiniteLine(0.0, 0, pen=pg.mkPen(c.text)), scaled=False)
+        self.add(plot, bars, scaled=False)
+        self.add(plot, pg.ScatterPlotItem(number, values, size=7, pen=None, brush=pg.mkBrush(c.accent)))
         reach = float(np.max(np.abs(values) + sigmas, initial=0.0)) * 1.1 or 1.0
         plot.setYRange(-reach, reach, padding=0.0)
 
-    def _point(self, plot: ThemedPlot, at: QPointF) -> None:
-        """Name the rest under the pointer."""
+    def _name_ticks(self) -> None:
+        ticks = [(k, upward_axis(stage.rests.up[i])) for k, (stage, i) in enumerate(self._rests)]
+        room = max(1, (self.plots[2].width() - _LEFT) // (4 * theme.GRID))
+        self.plots[2].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
+
+    def _explain(self) -> None:
+        theme.set_kind(self._rest_label, "muted")
+        self._rest_label.setText(
+            self.tr(
+                "Measured minus expected at every rest, with ±1 σ of the rest's own noise; point at a rest."
+            )
+        )
+
+    def _describe_rest(self, plot: ThemedPlot, at: QPointF) -> None:
+        """Describe the rest under the pointer."""
         view = plot.getPlotItem().getViewBox()
-        if not self._places or not view.sceneBoundingRect().contains(at):
+        if not self._rests or not view.sceneBoundingRect().contains(at):
             return
-        k = min(max(round(view.mapSceneToView(at).x()), 0), len(self._places) - 1)
-        stage, i = self._places[k]
+        k = min(max(round(view.mapSceneToView(at).x()), 0), len(self._rests) - 1)
+        stage, i = self._rests[k]
         rests = stage.rests
         x, y, z = (float(v) for v in rests.up[i])
-        said = self.tr("{0}, rest {1}, up ({2:+.2f}, {3:+.2f}, {4:+.2f})").format(
+        text = self.tr("{0}, rest {1}, up ({2:+.2f}, {3:+.2f}, {4:+.2f})").format(
             term("stage", stage.stage), i + 1, x, y, z
         )
         if np.isfinite(rests.angles[i]).all():
             outer, inner = np.rad2deg(rests.angles[i])
-            said += self.tr(", outer {0:.1f}°, inner {1:.1f}°").format(float(outer), float(inner))
-        said += self.tr(": {0:+.2f} µg, {1:+.4f} °/h up, {2:+.4f} °/h level").format(
+            text += self.tr(", outer {0:.1f}°, inner {1:.1f}°").format(float(outer), float(inner))
+        text += self.tr(": {0:+.2f} µg, {1:+.4f} °/h vertical, {2:+.4f} °/h horizontal").format(
             float(rests.force[i] / MICRO_G),
             float(rests.vertical_rate[i] / DEGREE_PER_HOUR),
             float(rests.horizontal_rate[i] / DEGREE_PER_HOUR),
         )
-        theme.set_kind(self.rest_label, "")
-        self.rest_label.setText(said)
+        theme.set_kind(self._rest_label, "")
+        self._rest_label.setText(text)
 
 
-def face(up: FloatArray) -> str:
-    """The axis that points up, "" where none does by 30°."""
+def upward_axis(up: FloatArray) -> str:
+    """The axis within 30° of up, "" if there is none; `up` in the body, shape (3,)."""
     axis = int(np.argmax(np.abs(up)))
-    if abs(up[axis]) < _FACE:
+    if abs(up[axis]) < _UPWARD:
         return ""
     return ("+" if up[axis] > 0.0 else "−") + "xyz"[axis]
+
+
+def _columns(stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, FloatArray]]:
+    """Values and sigmas of each plot, in the units shown."""
+    none = np.empty(0)
+    rests = [stage.rests for stage in stages]
+    force = np.concatenate([none, *(r.force for r in rests)]) / MICRO_G
+    force_sigma = np.concatenate([none, *(r.force_sigma for r in rests)]) / MICRO_G
+    vertical = np.concatenate([none, *(r.vertical_rate for r in rests)]) / DEGREE_PER_HOUR
+    horizontal = np.concatenate([none, *(r.horizontal_rate for r in rests)]) / DEGREE_PER_HOUR
+    rate_sigma = np.concatenate([none, *(r.rate_sigma for r in rests)]) / DEGREE_PER_HOUR
+    return [(force, force_sigma), (vertical, rate_sigma), (horizontal, rate_sigma)]

@@ -1,21 +1,23 @@
-"""A finished run looked at closely: opened by a job, its innovations and residuals made once somebody looks at them."""
+"""A finished run in four views: opened by a job, innovations and residuals computed when they are first shown."""
 
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from calstation.errors import CalstationError
-from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.innovations_view import InnovationsView
-from calstation.gui.engineer.lazy import LazyView
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.residuals_view import ResidualsView
-from calstation.gui.engineer.result_view import ResultView
-from calstation.gui.engineer.verdict_wording import word_verdict
+from calstation.gui.engineer.result_view import ResultView, verdict_text
+from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.messages import error_text, term
-from calstation.gui.widgets.jobs import JobWatch
+from calstation.gui.text.bind import on_language_change
+from calstation.gui.text.messages import legacy_text, term
+from calstation.gui.widgets import theme
+from calstation.gui.widgets.jobs import JobRow, JobWatch
+from calstation.gui.widgets.labels import EmptyState
+from calstation.gui.widgets.layout import Words, column
 from calstation.results.diagnostics import Diagnostics, diagnose
 from calstation.results.finished_run import FinishedRun, load_finished_run
 from calstation.results.preview import Preview
@@ -24,7 +26,8 @@ from calstation.results.preview import Preview
 class ResultAnalysis(QObject):
     """The four views of a result and the jobs that fill them.
 
-    `changed` when another run is opened or could not be; `loaded` once it is there; `failed(path, error)`
+    Emits `changed` when another run is being opened or could not be, `loaded(run)` once it is open, and
+    `failed(path, error)`.
     """
 
     changed = Signal()
@@ -34,73 +37,74 @@ class ResultAnalysis(QObject):
     def __init__(self, app: AppContext, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._app = app
-        self.run: FinishedRun | None = None
+        self._run: FinishedRun | None = None
         self._path: Path | None = None
-        self._looked: Path | None = None
-        self.loading, self.diagnosing = JobWatch(self), JobWatch(self)
+        #: The log whose diagnostics are shown or being computed.
+        self._diagnosed_log: Path | None = None
+        self.loading, self._diagnosing = JobWatch(self), JobWatch(self)
         self.result, self.observability = ResultView(), ObservabilityView()
         self.innovations, self.residuals = InnovationsView(), ResidualsView()
-        self._result, self._observability = LazyView(self.result), LazyView(self.observability)
-        self._deep = tuple(LazyView(view, self.diagnosing) for view in (self.innovations, self.residuals))
+        self._result, self._observability = _LazyView(self.result), _LazyView(self.observability)
+        self._deep = tuple(_LazyView(view, self._diagnosing) for view in (self.innovations, self.residuals))
         self.loading.done.connect(self._loaded)
         self.loading.failed.connect(self._not_loaded)
-        self.diagnosing.done.connect(self._diagnosed)
-        self.diagnosing.failed.connect(self._not_diagnosed)
-        self.diagnosing.cancelled.connect(lambda: self._not_diagnosed(None))
+        self._diagnosing.done.connect(self._diagnosed)
+        self._diagnosing.failed.connect(self._not_diagnosed)
+        self._diagnosing.cancelled.connect(self._cancelled)
 
     @property
-    def views(self) -> tuple[LazyView, ...]:
+    def views(self) -> tuple[QWidget, ...]:
         """Parameters, innovations, residuals, observability."""
         return (self._result, *self._deep, self._observability)
 
     def open(self, path: Path) -> None:
-        """Look at a result or a log."""
+        """Open a result or a log."""
         self._path = path
         self.loading.watch(self._app.job_queue.submit(load_finished_run, path, self._app.runs_folder))
         self.changed.emit()
 
-    def foresee(self, told: Preview) -> None:
-        """Before any run is opened, the observability that a preview expects."""
-        if self.run is None:
-            self.observability.show_stages({s.stage: s.observability for s in told.stages})
+    def show_preview(self, preview: Preview) -> None:
+        """Show the observability that a preview expects, until a run is opened."""
+        if self._run is None:
+            self.observability.show_stages({s.stage: s.observability for s in preview.stages})
             self._observability.show_view()
 
-    def look(self, view: QWidget | None) -> None:
-        """A view is looked at: innovations and residuals are made now if they were not."""
-        run = self.run
-        if run is None or view not in self._deep or run.log == self._looked is not None:
+    def prepare(self, view: QWidget | None) -> None:
+        """Compute innovations and residuals if `view` shows them and they are not there yet."""
+        run = self._run
+        if run is None or view not in self._deep or run.log == self._diagnosed_log is not None:
             return
         if run.log is None:
-            self._say_why_not(self.tr("Its log is not there any more."))
-        elif not run.result_json["stages"]:
-            self._say_why_not(self._why_no_answer(run))
+            self._show_deep_empty(lambda: self.tr("The log is no longer there."))
+        elif not run.result.stages:
+            self._show_deep_empty(lambda: self._why_no_answer(run))
         else:
-            self._looked = run.log
-            log, stages = run.result_json["log"], tuple(run.result_json["stages"])
-            job = self._app.job_queue.submit(diagnose, run.log, stages, log["first_seq"], log["last_seq"])
-            self.diagnosing.watch(job)
+            self._diagnosed_log = run.log
+            log, stages = run.result.log, tuple(run.result.stages)
+            job = self._app.job_queue.submit(diagnose, run.log, stages, log.first_seq, log.last_seq)
+            self._diagnosing.watch(job)
             for lazy in self._deep:
                 lazy.show_work()
 
     def source(self) -> str:
-        """What is looked at, in a line."""
+        """Serial number, time and verdict of the run shown, in a line."""
         if self.loading.busy and self._path is not None:
             return self.tr("Opening {0}").format(self._path.name)
-        if self.run is None:
+        if self._run is None:
             return ""
-        result = self.run.result_json
-        started = str(result.get("started_utc") or "").replace("T", " ")[:16]
-        parts = (str(result["unit"]["serial"]), started, word_verdict(result, stages=False))
+        result = self._run.result
+        started = (result.started_utc or "").replace("T", " ")[:16]
+        parts = (result.serial, started, verdict_text(result, stages=False))
         return "  ·  ".join(part for part in parts if part)
 
     def _loaded(self, run: FinishedRun) -> None:
-        self.run, self._looked = run, None
-        if run.result_json["parameters"]:
+        self._run, self._diagnosed_log = run, None
+        if run.result.parameters:
             self.result.show_run(run)
             self._result.show_view()
         else:
-            self._result.show_empty(self._why_no_answer(run))
-        self.observability.show_stages(run.result_json.get("observability") or {})
+            self._result.show_empty(lambda: self._why_no_answer(run))
+        self.observability.show_stages(run.result.observability)
         self._observability.show_view()
         for lazy in self._deep:
             lazy.show_empty()
@@ -118,17 +122,62 @@ class ResultAnalysis(QObject):
         for lazy in self._deep:
             lazy.show_view()
 
-    def _not_diagnosed(self, error: CalstationError | None) -> None:
-        self._say_why_not(error_text(error).sentences if error else "")
+    def _not_diagnosed(self, error: CalstationError) -> None:
+        path, self._diagnosed_log = self._diagnosed_log, None
+        self._show_deep_empty(lambda: word_log_error(error, path))
 
-    def _say_why_not(self, text: str) -> None:
-        self._looked = None
+    def _cancelled(self) -> None:
+        self._diagnosed_log = None
+        self._show_deep_empty(None)
+
+    def _show_deep_empty(self, why: Words | None) -> None:
         for lazy in self._deep:
-            lazy.show_empty(text)
+            lazy.show_empty(why)
 
     def _why_no_answer(self, run: FinishedRun) -> str:
-        said = self.tr("The run ended without an answer: {0}").format(
-            term("badge", str(run.result_json["outcome"]))
+        text = self.tr("The run ended without a result: {0}").format(term("badge", run.result.outcome))
+        error = run.result.error
+        return f"{text}. {legacy_text(error).sentences}" if error else text
+
+
+class _LazyView(QStackedWidget):
+    """A view that explains what it will show, or its job, until there is something to show."""
+
+    def __init__(self, view: QWidget, watch: JobWatch | None = None) -> None:
+        super().__init__()
+        self._why: Words | None = None
+        self._empty, self._working = EmptyState(), EmptyState()
+        work = QWidget()
+        if watch is not None:
+            wide = 8 * theme.GRID
+            column((self._working, 1), JobRow(watch), None, on=work, spacing=0, margins=(wide, 0, wide, 0))
+        for widget in (self._empty, view, work):
+            self.addWidget(widget)
+        on_language_change(self, self._show_texts)
+
+    def show_view(self) -> None:
+        """Show the view itself."""
+        self.setCurrentIndex(1)
+
+    def show_work(self) -> None:
+        """Show the progress of its job."""
+        self.setCurrentIndex(2)
+
+    def show_empty(self, why: Words | None = None) -> None:
+        """Show why there is nothing to show, or how to get it."""
+        self._why = why
+        self._show_texts()
+        self.setCurrentIndex(0)
+
+    def _show_texts(self) -> None:
+        if self._why is not None:
+            self._empty.say(self.tr("Nothing to show for this run"), self._why())
+        else:
+            self._empty.say(
+                self.tr("No run opened yet"),
+                self.tr("Finish a run, open a result or a log here, or choose a run on the History page."),
+            )
+        self._working.say(
+            self.tr("Solving the log again"),
+            self.tr("Innovations and residuals are computed from the log; the result does not store them."),
         )
-        error = run.result_json.get("error")
-        return f"{said}. {one_line(str(error))}" if error else said

@@ -1,47 +1,56 @@
-"""The answer of a run, parameter by parameter: value, sigma, change since the last time, limits, verdict."""
+"""The result of a run, parameter by parameter: value, sigma, change since the run before, limits, verdict."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable
 
-from PySide6.QtCore import QEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtCore import QCoreApplication
+from PySide6.QtWidgets import QWidget
 
-from calstation.gui.engineer.verdict_wording import word_verdict
 from calstation.gui.history.run_table import local_time
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.text.checks import of_parameter
 from calstation.gui.text.messages import KINDS, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.checks_table import ChecksTable
+from calstation.gui.widgets.layout import button, column, label, row
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.physics.parameters import NAMES
 from calstation.physics.units import aligned, display, number
 from calstation.records.limits import Check
 from calstation.results.finished_run import FinishedRun
+from calstation.results.result import Parameter, Registers, Result
 
 _NONE = "–"
-#: A change of more than so many sigmas is marked.
+#: A change of more than this many sigmas is marked.
 _NOTABLE = 3.0
-#: Greatest height of the table of checks that compare no single parameter, px.
-_CHECKS_MOST = 26 * theme.GRID
+#: Greatest height of the table of checks that concern no single parameter, px.
+_MOST_CHECKS = 26 * theme.GRID
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "sigma_limit")
+#: Shape of each verdict of a parameter (`widgets.badge.KINDS`).
+_SHAPES = {
+    "good": "good",
+    "near": "caution",
+    "lost": "caution",
+    "value": "bad",
+    "sigma": "bad",
+    "both": "bad",
+    "none": None,
+}
 
 
 class ResultView(QWidget):
-    """The table, with the run's verdict above it."""
+    """The table of parameters below the run's verdict, and the checks that concern no single parameter."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.shown: FinishedRun | None = None
         self._cells: dict[str, dict[str, str]] = {}
-        self._states: dict[str, str] = {}
+        #: The verdict of each parameter, a key of `_SHAPES`.
+        self._verdicts: dict[str, str] = {}
         self._changed: frozenset[str] = frozenset()
-        self.badge = StateBadge(theme.SECTION)
-        self._about = QLabel()
-        self._about.setWordWrap(True)
-        self.copy_button = QPushButton()
-        self.copy_button.setObjectName("copy_button")
-        self.model = ParameterModel(
+        self._badge = StateBadge(theme.SECTION)
+        self._about = label(wrap=True)
+        self._model = ParameterModel(
             (
                 Column(lambda: self.tr("Unit"), self._text("unit"), number=False),
                 Column(lambda: self.tr("Value"), self._text("value")),
@@ -51,125 +60,113 @@ class ResultView(QWidget):
                 Column(lambda: self.tr("in σ"), self._text("in_sigma"), state=self._change_state),
                 Column(lambda: self.tr("Value limit"), self._text("limit")),
                 Column(lambda: self.tr("σ limit"), self._text("sigma_limit")),
-                Column(lambda: self.tr("Stage"), self._stage, number=False),
-                Column(lambda: self.tr("Verdict"), self._verdict, number=False, state=self._verdict_state),
+                Column(
+                    lambda: self.tr("Stage"),
+                    lambda name: term("stage", self._cells[name]["stage"]),
+                    number=False,
+                ),
+                Column(
+                    lambda: self.tr("Verdict"),
+                    self._verdict,
+                    number=False,
+                    state=lambda name: _SHAPES[self._verdicts[name]],
+                ),
             )
         )
-        self.table = ParameterTable(self.model)
-        self.table.setObjectName("result_table")
-        self.table.verticalHeader().setDefaultSectionSize(26)
-        self.checks = ChecksTable()
-        self.checks.setObjectName("acceptance_checks")
-        self.copy_button.clicked.connect(self.table.copy)
-        head = QHBoxLayout()
-        head.setSpacing(2 * theme.GRID)
-        head.addWidget(self.badge)
-        head.addWidget(self._about, 1)
-        head.addWidget(self.copy_button)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, theme.GRID, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addLayout(head)
-        column.addWidget(self.table, 1)
-        column.addWidget(self.checks)
-        self.retranslate()
+        self._table = ParameterTable(self._model)
+        self._table.setObjectName("result_table")
+        self._table.verticalHeader().setDefaultSectionSize(26)
+        bind(self._table.setAccessibleName, lambda: self.tr("Parameters of the run"))
+        self._checks = ChecksTable()
+        self._checks.setObjectName("acceptance_checks")
+        copy = button("copy_button", lambda: self.tr("Copy table"), self._table.copy)
+        bind(
+            copy.setToolTip,
+            lambda: self.tr("The selected rows, or all, as a table for a spreadsheet (Ctrl+C)"),
+        )
+        column(
+            row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
+            (self._table, 1),
+            self._checks,
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        on_language_change(self, self._show_texts)
 
     def show_run(self, finished: FinishedRun) -> None:
-        """Show this run."""
+        """Show a run."""
         self.shown = finished
-        result = finished.result_json
-        parameters = result["parameters"]
+        result, previous = finished.result, finished.previous
+        parameters = result.parameters
         names = [name for name in NAMES if name in parameters]
         names += [name for name in parameters if name not in NAMES]
-        checks = _checks(result["checks"])
+        checks: dict[str, dict[str, Check]] = {name: {} for name in names}
+        for check in result.checks:
+            if of_parameter(check) and check.subject in checks:
+                checks[check.subject][check.kind] = check
         self._cells = {
-            name: _row(name, parameters[name], finished.previous.get(name), checks.get(name, {}))
-            for name in names
+            name: _cells(name, parameters[name], previous.get(name), checks[name]) for name in names
         }
-        for column in _NUMBERS:
-            there = [name for name in names if column in self._cells[name]]
-            texts = aligned([self._cells[name][column] for name in there])
-            for name, text in zip(there, texts, strict=True):
-                self._cells[name][column] = text
-        lost = set(result["unobservable"])
-        self._states = {name: _state(checks.get(name, {}), name in lost) for name in names}
+        for key in _NUMBERS:
+            present = [name for name in names if key in self._cells[name]]
+            texts = aligned([self._cells[name][key] for name in present])
+            for name, text in zip(present, texts, strict=True):
+                self._cells[name][key] = text
+        self._verdicts = {
+            name: "lost" if name in result.unobservable else _verdict(checks[name]) for name in names
+        }
         self._changed = frozenset(
             name
             for name in names
-            if name in finished.previous
-            and abs(parameters[name]["value"] - finished.previous[name])
-            > _NOTABLE * parameters[name]["sigma"]
+            if name in previous
+            and abs(parameters[name].value - previous[name]) > _NOTABLE * parameters[name].sigma
         )
-        self.model.set_names(names)
-        broad = [check for check in map(Check.from_json, result["checks"]) if not of_parameter(check)]
-        self.checks.show_checks(broad)
-        self.checks.setFixedHeight(min(self.checks.height_of_rows(), _CHECKS_MOST))
-        self.checks.setVisible(bool(broad))
-        self._say()
+        self._model.set_names(names)
+        general = [check for check in result.checks if not of_parameter(check)]
+        self._checks.show_checks(general)
+        self._checks.setFixedHeight(min(self._checks.height_of_rows(), _MOST_CHECKS))
+        self._checks.setVisible(bool(general))
+        self._show_texts()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self.copy_button.setText(self.tr("Copy table"))
-        self.copy_button.setToolTip(
-            self.tr("The selected rows, or all, as a table for a spreadsheet (Ctrl+C)")
-        )
-        self.table.setAccessibleName(self.tr("Parameters of the run"))
-        self.model.refresh()
-        self._say()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
-
-    def _say(self) -> None:
+    def _show_texts(self) -> None:
+        self._model.refresh()
         if self.shown is None:
             return
-        result = self.shown.result_json
-        outcome = str(result["outcome"])
-        checks: Sequence[Mapping[str, Any]] = result["checks"]
-        if outcome == "resolved":
-            passed = result["passed"]
-            kind = "none" if passed is None else "good" if passed else "bad"
-            word = {
-                None: self.tr("solved offline, no limits"),
-                True: self.tr("solved offline, inside the limits"),
-                False: self.tr("solved offline, outside the limits"),
-            }[passed]
-            self.badge.show_state(kind, word)
+        result = self.shown.result
+        if result.outcome == "resolved":
+            kind, text = {
+                None: ("none", self.tr("solved offline, no limits")),
+                True: ("good", self.tr("solved offline, inside the limits")),
+                False: ("bad", self.tr("solved offline, outside the limits")),
+            }[result.passed]
+            self._badge.show_state(kind, text)
         else:
-            self.badge.show_state(KINDS.get(outcome, "none"), word_verdict(result))
-        failed = [check for check in checks if not check["passed"]]
-        said = self.tr("{0} of {1} checks passed").format(len(checks) - len(failed), len(checks))
-        near = sum(bool(check.get("near_miss")) for check in checks)
-        about = [said] if checks else []
-        if near:
+            self._badge.show_state(KINDS.get(result.outcome, "none"), verdict_text(result))
+        about = []
+        if count := len(result.checks):
+            passed = count - len(result.failed_checks)
+            about.append(self.tr("{0} of {1} checks passed").format(passed, count))
+        if near := sum(check.near_miss for check in result.checks):
             about.append(self.tr("near-misses: {0}").format(near))
-        about += self._registers(result.get("registers") or {})
+        if result.registers is not None and result.verified:
+            about += self._register_texts(result.registers)
         self._about.setText("  ·  ".join(about))
 
-    def _registers(self, registers: Mapping[str, Any]) -> list[str]:
-        """When the registers were written, and which were left alone."""
-        if not registers.get("verified"):
-            return []
-        when = registers.get("written_utc")
-        said = [
-            self.tr("registers written {0}").format(local_time(str(when)))
-            if when
+    def _register_texts(self, registers: Registers) -> list[str]:
+        """When the registers were written, and which were kept."""
+        texts = [
+            self.tr("registers written {0}").format(local_time(registers.written_utc))
+            if registers.written_utc
             else self.tr("registers written")
         ]
-        if registers.get("proved_on") == "read_back":
-            said.append(self.tr("read back only: the unit shows no output with them"))
-        if kept := registers.get("kept"):
-            said.append(self.tr("kept, found better before: {0}").format(", ".join(kept)))
-        return said
+        if registers.proved_on == "read_back":
+            texts.append(self.tr("read back only: the unit's output does not show its registers"))
+        if registers.kept:
+            texts.append(self.tr("kept, found better before: {0}").format(", ".join(registers.kept)))
+        return texts
 
-    def _text(self, column: str) -> Callable[[str], str]:
-        return lambda name: self._cells[name].get(column, _NONE)
-
-    def _stage(self, name: str) -> str:
-        return term("stage", self._cells[name]["stage"])
+    def _text(self, key: str) -> Callable[[str], str]:
+        return lambda name: self._cells[name].get(key, _NONE)
 
     def _change_state(self, name: str) -> str | None:
         return "caution" if name in self._changed else None
@@ -183,65 +180,66 @@ class ResultView(QWidget):
             "both": self.tr("value outside, σ too large"),
             "lost": self.tr("not determined"),
             "none": self.tr("no limit"),
-        }[self._states[name]]
-
-    def _verdict_state(self, name: str) -> str | None:
-        state = self._states[name]
-        return {"good": "good", "none": None, "lost": "caution", "near": "caution"}.get(state, "bad")
+        }[self._verdicts[name]]
 
 
-def _checks(checks: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Mapping[str, Any]]]:
-    """The two checks of each parameter by their kind, ``within`` and ``sigma below``."""
-    found: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for check in checks:
-        name, _, kind = str(check["name"]).partition(" ")
-        found.setdefault(name, {})[kind] = check
-    return found
+def verdict_text(result: Result, *, stages: bool = True) -> str:
+    """The verdict of a run: ``PASS``, or ``PASS (partial: Rate)`` if stages of the product were left out.
+
+    Parameters
+    ----------
+    result : of the run
+    stages : whether the stages of a partial run are named
+    """
+    word = term("badge", result.outcome)
+    if not result.partial or not result.stages:
+        return word
+    if not stages:
+        return QCoreApplication.translate("verdict", "{0} (partial)").format(word)
+    names = ", ".join(term("stage", stage) for stage in result.stages)
+    return QCoreApplication.translate("verdict", "{0} (partial: {1})").format(word, names)
 
 
-def _state(checks: Mapping[str, Mapping[str, Any]], lost: bool) -> str:
-    if lost:
-        return "lost"
-    value = "within" in checks and not checks["within"]["passed"]
-    sigma = "sigma below" in checks and not checks["sigma below"]["passed"]
+def _verdict(checks: dict[str, Check]) -> str:
+    value = "within" in checks and not checks["within"].passed
+    sigma = "sigma_below" in checks and not checks["sigma_below"].passed
     if value or sigma:
         return "both" if value and sigma else "value" if value else "sigma"
-    if any(check.get("near_miss") for check in checks.values()):
+    if any(check.near_miss for check in checks.values()):
         return "near"
     return "good" if checks else "none"
 
 
-def _row(
-    name: str, answer: Mapping[str, Any], previous: float | None, checks: Mapping[str, Mapping[str, Any]]
+def _cells(
+    name: str, parameter: Parameter, previous: float | None, checks: dict[str, Check]
 ) -> dict[str, str]:
-    """A parameter's cells, each with the digits that its sigma is worth."""
-    value, unit = _display(name, answer["value"])
-    unit = unit or str(answer["unit"])
-    sigma = _display(name, answer["sigma"])[0]
+    """The texts of a row, numbers in the unit shown and rounded to the sigma."""
+    value, unit = _display(name, parameter.value)
+    sigma, _ = _display(name, parameter.sigma)
     cells = {
-        "unit": unit,
+        "unit": unit or parameter.unit,
         "value": number(value, sigma),
         "sigma": number(sigma, sigma),
-        "stage": str(answer["stage"]),
+        "stage": parameter.stage,
     }
     if previous is not None:
-        before = _display(name, previous)[0]
+        before, _ = _display(name, previous)
         cells["previous"] = number(before, sigma)
         cells["change"] = "0" if before == value else number(value - before, sigma)
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
-    if "within" in checks:
-        low, high = (_display(name, float(bound))[0] for bound in checks["within"]["limit"])
-        cells["limit"] = f"±{_plain(high)}" if low == -high else f"{_plain(low)} … {_plain(high)}"
-    if "sigma below" in checks:
-        cells["sigma_limit"] = _plain(_display(name, float(checks["sigma below"]["limit"]))[0], 3)
+    if "within" in checks and isinstance(checks["within"].limit, tuple):
+        low, high = (_display(name, bound)[0] for bound in checks["within"].limit)
+        cells["limit"] = f"±{_limit(high)}" if low == -high else f"{_limit(low)} … {_limit(high)}"
+    if "sigma_below" in checks and not isinstance(checks["sigma_below"].limit, tuple):
+        cells["sigma_limit"] = _limit(_display(name, checks["sigma_below"].limit)[0], 3)
     return cells
 
 
-def _plain(value: float, digits: int = 4) -> str:
-    """A limit with so many digits at most, never as a power of ten."""
+def _limit(value: float, digits: int = 4) -> str:
+    """A limit with this many digits at most, never as a power of ten."""
     return f"{value:.0f}" if abs(value) >= 10.0 ** (digits - 1) else f"{value:.{digits}g}"
 
 
 def _display(name: str, value: float) -> tuple[float, str]:
-    """In the unit people read; a value that is none of the 30 parameters as it is, its unit ""."""
+    """In the unit shown; unchanged and without a unit if it is not one of the 30 parameters."""
     return display(name, value) if name in NAMES else (value, "")

@@ -4,33 +4,35 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, QUrl
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
-from PySide6.QtWidgets import QPushButton, QSplitter, QStackedWidget, QVBoxLayout
+from PySide6.QtWidgets import QSplitter, QStackedWidget
 
 from calstation.errors import CalstationError, InputError
-from calstation.gui.history.details import RunDetails
+from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
+from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
-from calstation.gui.text.messages import error_text
+from calstation.gui.text.bind import bind, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.labels import EmptyState
+from calstation.gui.widgets.layout import button, column
 from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.records.run_index import RunRecord
 from calstation.results.history import History, refresh_history
 from calstation.results.result import Result, load_result
-from calstation.runs.incomplete import close_incomplete_job
+from calstation.runs.close_incomplete import close_run
 from calstation.runs.resume import Resumable, find_resumable
 from calstation.sequencer.events import Event, Verdict
 
-#: Runs listed at a time.
+#: Most runs listed.
 MOST = 300
 _TABLE_SHARE, _DETAILS_SHARE = 15, 8
 
 
 class HistoryPage(Page):
-    """The runs of the window's runs folder."""
+    """The runs in the window's folder of runs."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -38,32 +40,35 @@ class HistoryPage(Page):
         self._refresher, self._offers, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
         self._resumable: frozenset[Path] = frozenset()
         self._index: tuple[Path, History] | None = None
-        self.filters, self.table, self.details = Filters(), RunTable(), RunDetails()
+        self._filters, self.table, self.details = Filters(), RunTable(), RunDetails()
+        bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
         self.notice = NoticeBar()
         self.notice.setObjectName("history_notice")
         self._nothing = EmptyState()
-        self._clear_button = QPushButton()
-        self._clear_button.setObjectName("history_clear_button")
+        self._clear_button = button(
+            "history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear
+        )
         self._nothing.add(self._clear_button)
         self._split = QSplitter(Qt.Orientation.Horizontal)
         self._split.setChildrenCollapsible(False)
         self._split.setHandleWidth(2 * theme.GRID)
-        self._split.addWidget(self.table)
-        self._split.addWidget(self.details)
-        self._split.setStretchFactor(0, _TABLE_SHARE)
-        self._split.setStretchFactor(1, _DETAILS_SHARE)
+        for index, (widget, share) in enumerate(((self.table, _TABLE_SHARE), (self.details, _DETAILS_SHARE))):
+            self._split.addWidget(widget)
+            self._split.setStretchFactor(index, share)
         self._split.setSizes([_TABLE_SHARE * 100, _DETAILS_SHARE * 100])
         self._stack = QStackedWidget()
         self._stack.addWidget(self._nothing)
         self._stack.addWidget(self._split)
-        box = QVBoxLayout(self)
-        box.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 2 * theme.GRID)
-        box.setSpacing(theme.GRID)
-        box.addWidget(self.filters)
-        box.addWidget(self.notice)
-        box.addWidget(self._stack, 1)
+        wide = 2 * theme.GRID
+        column(
+            self._filters,
+            self.notice,
+            (self._stack, 1),
+            on=self,
+            margins=(wide, theme.GRID, wide, wide),
+        )
         self._connect()
-        self.retranslate()
+        on_language_change(self, self._show_texts)
 
     def title(self) -> str:
         """The page's name on its tab."""
@@ -71,16 +76,16 @@ class HistoryPage(Page):
 
     @property
     def busy(self) -> bool:
-        """Whether the folder is being looked into."""
+        """Whether a background job of the page is going on."""
         return self._refresher.busy or self._offers.busy or self._closer.busy
 
     @property
     def nothing_title(self) -> str:
-        """What the page says where it has no run to show; empty where it has."""
+        """Title of the empty state, "" while runs are listed."""
         return self._nothing.title if self._stack.currentWidget() is self._nothing else ""
 
     def refresh(self) -> None:
-        """Bring the index up to date with the folder's files, then show it."""
+        """Bring the index up to date with the folder, then list the runs."""
         if not self.app.runs_folder.is_dir():
             self.show_runs()
         elif not self._refresher.busy:
@@ -88,94 +93,81 @@ class HistoryPage(Page):
             self._offers.watch(self.app.job_queue.submit(find_resumable, self.app.runs_folder))
 
     def show_runs(self) -> None:
-        """Show what the index holds of what is asked for."""
-        folder, filters = self.app.runs_folder, self.filters
+        """List the runs of the index that match the filters."""
+        filters = self._filters
         runs = []
-        if folder.is_dir():
+        if self.app.runs_folder.is_dir():
             found = self._history().runs(filters.search, filters.outcome, MOST)
             runs = [run for run in found if run.started_utc >= filters.since]
-        filters.show_count(len(runs), MOST)
         self._stack.setCurrentWidget(self._split if runs else self._nothing)
         self.table.show_runs(runs)
-        self._say_nothing()
+        self._show_nothing()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Look into the folder when the page comes up."""
+        """List the runs of the index at once, and those of the folder when it has been read."""
         super().showEvent(event)
         self.show_runs()
         self.refresh()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self._clear_button.setText(self.tr("Show all runs"))
-        self.table.setAccessibleName(self.tr("Runs, the latest first"))
-        self.table.refresh()
-        self.filters.show_count(len(self.table.runs.runs), MOST)
-        self._say_nothing()
-
     def _connect(self) -> None:
-        self.filters.changed.connect(self.show_runs)
-        self._clear_button.clicked.connect(self.filters.clear)
-        self.table.selected.connect(self._look_at)
+        self._filters.changed.connect(self.show_runs)
+        self.table.selected.connect(self._show_details)
         self.table.doubleClicked.connect(lambda _: self._open_result())
         details = self.details
         details.result_wanted.connect(self._open_result)
         details.log_wanted.connect(self._open_log)
         details.folder_wanted.connect(self._open_folder)
         details.resume_wanted.connect(self._resume)
-        details.close_wanted.connect(self._close)
+        details.close_wanted.connect(self._close_run)
         self._refresher.done.connect(lambda _: self.show_runs())
-        self._refresher.failed.connect(self._complain)
-        self._offers.done.connect(self._offered)
-        self._closer.done.connect(lambda _: self._closed())
-        self._closer.failed.connect(self._not_closed)
-        self.app.engine_link.event.connect(self._take)
-        self.app.runs_folder_changed.connect(self._elsewhere)
-        self.app.engine_link.running_changed.connect(lambda _: self._allow())
-        finder = QShortcut(QKeySequence.StandardKey.Find, self, self.filters.search_edit.setFocus)
+        self._refresher.failed.connect(self._show_error)
+        self._offers.done.connect(self._show_resumable)
+        self._closer.done.connect(lambda _: self._run_closed())
+        self._closer.failed.connect(self._run_not_closed)
+        self.app.engine_link.event.connect(self._follow)
+        self.app.runs_folder_changed.connect(self._folder_changed)
+        self.app.engine_link.running_changed.connect(lambda _: self._update())
+        finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
-    def _take(self, event: Event) -> None:
-        """A run has ended: its row is there."""
+    def _follow(self, event: Event) -> None:
+        """List a run that has ended."""
         if isinstance(event, Verdict) and self.isVisible():
             self.refresh()
 
-    def _elsewhere(self) -> None:
-        """Another folder holds the runs."""
+    def _folder_changed(self) -> None:
         if self.isVisible():
             self.show_runs()
             self.refresh()
 
     def _history(self) -> History:
-        """The index of the folder at hand; opening it takes longer than asking it."""
+        """The index of the present folder, kept open: opening takes longer than a query."""
         folder = self.app.runs_folder
         if self._index is None or self._index[0] != folder:
             self._index = (folder, History(folder))
         return self._index[1]
 
-    def _look_at(self, run: RunRecord | None) -> None:
+    def _show_details(self, run: RunRecord | None) -> None:
         self.details.setVisible(run is not None)
         if run is not None:
-            unit = self._history().solved(run.serial)
-            self.details.show_run(run, _read(run.result), unit, self._standing())
+            unit_runs = self._history().solved(run.serial)
+            self.details.show_run(run, _result(run), unit_runs, self._actions())
 
-    def _standing(self) -> tuple[bool, bool, bool]:
-        """Whether a run is going on, one is being closed, the one looked at can be resumed."""
+    def _actions(self) -> Actions:
         run = self.table.run
         resumable = run is not None and run.log in self._resumable
-        return self.app.engine_link.running, self._closer.busy, resumable
+        return Actions(self.app.engine_link.running, self._closer.busy, resumable)
 
-    def _allow(self) -> None:
-        self.details.allow(self._standing())
+    def _update(self) -> None:
+        self.details.allow(self._actions())
 
-    def _offered(self, offers: list[Resumable]) -> None:
-        """These runs can be resumed."""
+    def _show_resumable(self, offers: list[Resumable]) -> None:
         self._resumable = frozenset(offer.log for offer in offers)
-        self._allow()
+        self._update()
 
     def _open_result(self) -> None:
         run = self.table.run
-        if run is not None and run.result is not None and self.details.result_button.isEnabled():
+        if run is not None and run.result is not None and self.details.has_parameters:
             self.app.open_run.emit(run.result)
 
     def _open_log(self) -> None:
@@ -189,7 +181,7 @@ class HistoryPage(Page):
                 self._show_folder(folder)
 
     def _show_folder(self, folder: str) -> None:
-        """Where this computer has nothing to show a folder with, its path is to be copied."""
+        """Show the path of a folder, to copy it, if this computer cannot open folders."""
         self.notice.ask(
             "none",
             lambda: self.tr("Folder of this run"),
@@ -209,34 +201,42 @@ class HistoryPage(Page):
         if self.table.run is not None:
             self.app.resume_run.emit(self.table.run.log)
 
-    def _close(self) -> None:
+    def _close_run(self) -> None:
         if self.table.run is not None:
-            self._closer.watch(self.app.job_queue.submit(close_incomplete_job, self.table.run.log, None))
-            self._allow()
+            self._closer.watch(self.app.job_queue.submit(close_run, self.table.run.log, None))
+            self._update()
 
-    def _closed(self) -> None:
-        self._allow()
+    def _run_closed(self) -> None:
+        self._update()
         self.refresh()
 
-    def _not_closed(self, error: CalstationError) -> None:
-        self._allow()
-        self._complain(error)
+    def _run_not_closed(self, error: CalstationError) -> None:
+        self._update()
+        self._show_error(error)
         self.refresh()
 
-    def _complain(self, error: CalstationError) -> None:
+    def _show_error(self, error: CalstationError) -> None:
         close = Choice("history_notice_close", lambda: self.tr("Close"), self.table.setFocus)
+        path = self.table.run.log if self.table.run is not None else None
         self.notice.ask(
             "bad",
             lambda: self.tr("The runs could not be read"),
-            lambda: error_text(error).sentences,
+            lambda: word_log_error(error, path),
             (close,),
         )
 
-    def _say_nothing(self) -> None:
-        self._clear_button.setVisible(self.filters.narrow)
-        if self.filters.narrow:
+    def _show_texts(self) -> None:
+        self.table.refresh()
+        self._show_nothing()
+
+    def _show_nothing(self) -> None:
+        self._filters.show_count(len(self.table.runs.runs), MOST)
+        active = self._filters.active
+        self._clear_button.setVisible(active)
+        if active:
             self._nothing.say(
-                self.tr("No run fits"), self.tr("Search for less, or show every outcome and time.")
+                self.tr("No run matches"),
+                self.tr("Search for less, or show every outcome and time."),
             )
         else:
             self._nothing.say(
@@ -248,9 +248,11 @@ class HistoryPage(Page):
             )
 
 
-def _read(path: Path | None) -> Result | None:
-    """The result of a run; None if there is none, or none that can be read."""
+def _result(run: RunRecord) -> Result | None:
+    """The result of a run, None if there is none that can be read."""
+    if run.result is None:
+        return None
     try:
-        return None if path is None else load_result(path)
+        return load_result(run.result)
     except InputError:
         return None

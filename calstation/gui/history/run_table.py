@@ -1,4 +1,4 @@
-"""Runs as rows: how each ended, which unit, when, by whom, how long, which stages."""
+"""Runs as rows: outcome, unit, time, operator, duration and stages."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from PySide6.QtCore import (
     Signal,
 )
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from calstation.gui.text.messages import KINDS, duration_text, term
 from calstation.gui.widgets import theme
@@ -23,10 +23,11 @@ from calstation.records.run_index import RunRecord
 
 Index = QModelIndex | QPersistentModelIndex
 
-#: Width that the stages need to be told apart, px.
+#: Width that the stages need, px.
 _STAGES = 30 * theme.GRID
-#: Columns left out where the room is short: attempt, operator, product, which stand beside the table as well.
-_GIVE_WAY = (4, 5, 3)
+#: Columns hidden first if the width is short: attempt, operator, product, which the details show as well.
+_HIDDEN_FIRST = (4, 5, 3)
+_OUTCOME, _STARTED = 0, 2
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,15 @@ class _Column:
     text: Callable[[RunRecord], str]
     number: bool = False
 
+    @property
+    def alignment(self) -> Qt.AlignmentFlag:
+        """Numbers to the right, words to the left."""
+        side = Qt.AlignmentFlag.AlignRight if self.number else Qt.AlignmentFlag.AlignLeft
+        return side | Qt.AlignmentFlag.AlignVCenter
+
 
 class RunModel(QAbstractTableModel):
-    """The runs that were found, in the order of the index: the latest first."""
+    """The runs found, the latest first."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -59,11 +66,6 @@ class RunModel(QAbstractTableModel):
         self.runs = tuple(runs)
         self.endResetModel()
 
-    def refresh(self) -> None:
-        """Ask for every cell and heading again."""
-        self.beginResetModel()
-        self.endResetModel()
-
     def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008 - Qt's own signature
         """Number of runs."""
         return 0 if parent.isValid() else len(self.runs)
@@ -73,16 +75,15 @@ class RunModel(QAbstractTableModel):
         return 0 if parent.isValid() else len(self._columns)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """A cell; the outcome with its shape, the time with its UTC as tooltip."""
+        """A cell; the outcome with its shape, the time with UTC as its tooltip."""
         run, column = self.runs[index.row()], self._columns[index.column()]
         if role == Qt.ItemDataRole.DisplayRole:
             return column.text(run)
         if role == Qt.ItemDataRole.TextAlignmentRole:
-            side = Qt.AlignmentFlag.AlignRight if column.number else Qt.AlignmentFlag.AlignLeft
-            return side | Qt.AlignmentFlag.AlignVCenter
+            return column.alignment
         if role == Qt.ItemDataRole.ToolTipRole:
-            return utc_text(run.started_utc) if index.column() == 2 else column.text(run)
-        if index.column() == 0:
+            return utc_text(run.started_utc) if index.column() == _STARTED else column.text(run)
+        if index.column() == _OUTCOME:
             kind = KINDS.get(run.outcome, "none")
             if role == Qt.ItemDataRole.DecorationRole:
                 return state_icon(kind)
@@ -99,19 +100,16 @@ class RunModel(QAbstractTableModel):
         column = self._columns[section]
         if role == Qt.ItemDataRole.DisplayRole:
             return column.heading()
-        if role == Qt.ItemDataRole.TextAlignmentRole:
-            side = Qt.AlignmentFlag.AlignRight if column.number else Qt.AlignmentFlag.AlignLeft
-            return side | Qt.AlignmentFlag.AlignVCenter
-        return None
+        return column.alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
 
 
 class RunTable(QTableView):
-    """Shows a `RunModel`; `selected(run)` tells the run looked at, None where there is none."""
+    """Shows a `RunModel`; emits `selected(run)`, None if there is no run."""
 
     selected = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.runs = RunModel()
         self.setModel(self.runs)
         self.setObjectName("history_table")
@@ -122,42 +120,45 @@ class RunTable(QTableView):
         self.setAlternatingRowColors(True)
         self.setShowGrid(False)
         self.setTabKeyNavigation(False)
+        self.setWordWrap(False)
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(theme.BUTTON)
         header = self.horizontalHeader()
         header.setHighlightSections(False)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         header.setStretchLastSection(True)
-        header.setResizeContentsPrecision(0)  # what is in sight says how wide a column must be
-        self.setWordWrap(False)
-        self.runs.modelReset.connect(self._spread)
-        self.selectionModel().currentRowChanged.connect(self._moved)
+        header.setResizeContentsPrecision(0)  # columns are as wide as the visible rows need
+        self.runs.modelReset.connect(self._share_width)
+        self.selectionModel().currentRowChanged.connect(self._row_changed)
 
     @property
     def run(self) -> RunRecord | None:
-        """The run looked at."""
-        row = self.currentIndex().row()
-        return self.runs.runs[row] if 0 <= row < len(self.runs.runs) else None
+        """The run selected."""
+        number = self.currentIndex().row()
+        return self.runs.runs[number] if 0 <= number < len(self.runs.runs) else None
 
     def show_runs(self, runs: Sequence[RunRecord]) -> None:
-        """Show these runs; the one looked at stays so where it is still among them, else the latest is."""
-        looked_at = self.run.log if self.run is not None else None
+        """Show these runs; the selected one stays selected if it is among them, else the latest is."""
+        log = self.run.log if self.run is not None else None
         self.runs.set_runs(runs)
-        row = next((i for i, run in enumerate(runs) if run.log == looked_at), 0)
         if runs:
-            self.selectRow(row)
+            self.selectRow(next((i for i, run in enumerate(runs) if run.log == log), 0))
         else:
             self.selected.emit(None)
 
     def refresh(self) -> None:
-        """Say everything again in the language in force."""
-        row = self.currentIndex().row()
-        self.runs.refresh()
-        if row >= 0:
-            self.selectRow(row)
+        """Show the texts of all cells again."""
+        if self.runs.runs:
+            self.show_runs(self.runs.runs)
 
-    def _spread(self) -> None:
-        """Columns as wide as what they hold, a little apart; the last takes the rest, and others give way to it."""
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Share another width."""
+        super().resizeEvent(event)
+        if event.size().width() != event.oldSize().width():
+            self._share_width()
+
+    def _share_width(self) -> None:
+        """Fit columns to their contents; the stages take the rest, and some columns are hidden for them."""
         last = self.runs.columnCount() - 1
         for column in range(last):
             self.setColumnHidden(column, False)
@@ -165,26 +166,20 @@ class RunTable(QTableView):
         for column in range(last):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
         left = self.viewport().width() - sum(self.columnWidth(column) for column in range(last))
-        for column in _GIVE_WAY:
+        for column in _HIDDEN_FIRST:
             if left >= _STAGES:
                 break
             left += self.columnWidth(column)
             self.setColumnHidden(column, True)
         self.setColumnWidth(last, max(left, 10 * theme.GRID))
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Share another width."""
-        super().resizeEvent(event)
-        if event.size().width() != event.oldSize().width():
-            self._spread()
-
-    def _moved(self, current: QModelIndex) -> None:
+    def _row_changed(self, current: QModelIndex) -> None:
         if current.isValid():
             self.selected.emit(self.run)
 
 
 def local_time(started_utc: str) -> str:
-    """When a run began, in the time of this place; as written where it is no ISO 8601."""
+    """A time in this computer's time zone; unchanged if it is not ISO 8601."""
     try:
         return f"{datetime.fromisoformat(started_utc).astimezone():%Y-%m-%d %H:%M}"
     except ValueError:
@@ -192,7 +187,7 @@ def local_time(started_utc: str) -> str:
 
 
 def utc_text(started_utc: str) -> str:
-    """The same in UTC, to the second."""
+    """A time in UTC, to the second."""
     try:
         return f"{datetime.fromisoformat(started_utc):%Y-%m-%d %H:%M:%S} UTC"
     except ValueError:

@@ -13,6 +13,7 @@
     </message>
     <message>
         <source>Reset</source>
+        <extracomment>Stages of each part, by the end of the part&apos;s object name.</extracomment>
         <translation>恢复</translation>
     </message>
     <message>
@@ -29,25 +30,10 @@
     </message>
 </context>
 <context>
-    <name>CloseLook</name>
-    <message>
-        <source>Its log is not there any more.</source>
-        <translation>它的数据记录已经不在了。</translation>
-    </message>
-    <message>
-        <source>Opening {0}</source>
-        <translation>正在打开 {0}</translation>
-    </message>
-    <message>
-        <source>The run ended without an answer: {0}</source>
-        <translation>这次标定没有得出结果：{0}</translation>
-    </message>
-</context>
-<context>
     <name>EngineerHeader</name>
     <message>
         <source>Serial number</source>
-        <translation>编号</translation>
+        <translation>序列号</translation>
     </message>
     <message>
         <source>Your name</source>
@@ -70,7 +56,20 @@
     <name>EngineerPage</name>
     <message>
         <source>Engineer</source>
+        <extracomment>Why station and product cannot be used together.</extracomment>
         <translation>工程师</translation>
+    </message>
+    <message>
+        <source>The program is communicating with the unit.</source>
+        <translation>正在与产品通信。</translation>
+    </message>
+    <message>
+        <source>It takes a few seconds; press START again then.</source>
+        <translation>需要几秒钟，完成后请再按一次开始。</translation>
+    </message>
+    <message>
+        <source>Is everyone clear of the table and the unit secured?</source>
+        <translation>人员是否都已离开转台，产品是否装牢？</translation>
     </message>
     <message>
         <source>None of this product&apos;s stages can run on this station&apos;s rig.</source>
@@ -79,6 +78,10 @@
     <message>
         <source>Save the schedule of {0} to the product {1}?</source>
         <translation>把“{0}”的流程参数存入产品“{1}”吗？</translation>
+    </message>
+    <message>
+        <source>Show an earlier result or log</source>
+        <translation>查看以前的标定结果或数据记录</translation>
     </message>
     <message>
         <source>Every later run of this product uses it. The present version is kept; this one is saved under the name {0}.</source>
@@ -101,16 +104,20 @@
         <translation>产品没有保存</translation>
     </message>
     <message>
-        <source>It takes some seconds; press START again then.</source>
-        <translation>需要几秒钟，完成后请再按一次开始。</translation>
+        <source>Correct the schedule of {0} first.</source>
+        <translation>请先改正“{0}”的流程参数。</translation>
+    </message>
+    <message>
+        <source>The serial number does not match this product ({0}).</source>
+        <translation>序列号不符合该产品的规则（{0}）。</translation>
+    </message>
+    <message>
+        <source>Correct the marked values first.</source>
+        <translation>请先改正标出的数值。</translation>
     </message>
     <message>
         <source>The table of &apos;{0}&apos; is going to move</source>
         <translation>“{0}”的转台即将转动</translation>
-    </message>
-    <message>
-        <source>Is everybody clear of it, and the unit tight?</source>
-        <translation>人都离开了吗？产品固定牢了吗？</translation>
     </message>
     <message>
         <source>All clear, start</source>
@@ -145,24 +152,12 @@
         <translation>请先填写姓名，它会记入档案。</translation>
     </message>
     <message>
-        <source>The unit is being asked.</source>
-        <translation>正在与产品通信。</translation>
-    </message>
-    <message>
         <source>Choose at least one stage.</source>
         <translation>请至少选择一个阶段。</translation>
     </message>
     <message>
-        <source>Mend the schedule of {0} first.</source>
-        <translation>请先改正“{0}”的流程参数。</translation>
-    </message>
-    <message>
         <source>Enter the unit&apos;s serial number.</source>
-        <translation>请输入产品编号。</translation>
-    </message>
-    <message>
-        <source>The serial number does not fit this product ({0}).</source>
-        <translation>编号不符合该产品的规则（{0}）。</translation>
+        <translation>请输入产品序列号。</translation>
     </message>
     <message>
         <source>Read the fault on the Operator page and press Understood first.</source>
@@ -171,10 +166,6 @@
     <message>
         <source>Being saved.</source>
         <translation>正在保存。</translation>
-    </message>
-    <message>
-        <source>Mend the values marked first.</source>
-        <translation>请先改正标出的数值。</translation>
     </message>
     <message>
         <source>This stage&apos;s values are the product&apos;s.</source>
@@ -208,17 +199,9 @@
         <source>Open</source>
         <translation>打开</translation>
     </message>
-    <message>
-        <source>Look at an earlier result or log</source>
-        <translation>查看以前的标定结果或数据记录</translation>
-    </message>
 </context>
 <context>
     <name>HeatMap</name>
-    <message>
-        <source>{0} after step {1}: not known better than before</source>
-        <translation>{0}，第 {1} 步之后：还没有比原来更准</translation>
-    </message>
     <message>
         <source>{0} after step {1}: {2:.3g} times better known than before the stage</source>
         <translation>{0}，第 {1} 步之后：比本阶段之前准 {2:.3g} 倍</translation>
@@ -230,6 +213,10 @@
     <message>
         <source>east</source>
         <translation>东</translation>
+    </message>
+    <message>
+        <source>{0} after step {1}: not better known than before</source>
+        <translation>{0}，第 {1} 步之后：还没有比原来更准</translation>
     </message>
     <message>
         <source>north</source>
@@ -252,6 +239,7 @@
     <name>InnovationsView</name>
     <message>
         <source>Stage</source>
+        <extracomment>Largest number of observations inside ±3 σ drawn in each plot; more are thinned out. With fewer observations, a mean below its band is not significant. Least range of a plot, sigmas either way.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -283,39 +271,16 @@
         <translation>99.9 % 区间</translation>
     </message>
     <message>
-        <source>above: errors the model does not explain</source>
+        <source>above: errors that the model does not explain</source>
         <translation>偏大：有模型没有描述的误差</translation>
     </message>
     <message>
-        <source>below the band: sigma is on the safe side</source>
+        <source>below the band: sigma is conservative</source>
         <translation>低于区间：σ 偏保守</translation>
     </message>
     <message>
         <source>inside</source>
         <translation>在区间内</translation>
-    </message>
-</context>
-<context>
-    <name>LazyView</name>
-    <message>
-        <source>Nothing to show of this run</source>
-        <translation>这次标定没有可显示的内容</translation>
-    </message>
-    <message>
-        <source>No run opened yet</source>
-        <translation>还没有打开标定结果</translation>
-    </message>
-    <message>
-        <source>Finish a run, open a result or a log here, or choose a run on the History page.</source>
-        <translation>完成一次标定，或在这里打开标定结果、数据记录，也可以在历史页选择一次标定。</translation>
-    </message>
-    <message>
-        <source>Solving the log once more</source>
-        <translation>正在重新解算数据记录</translation>
-    </message>
-    <message>
-        <source>Innovations and residuals are made from the log, not stored with the result.</source>
-        <translation>新息和残差由数据记录算出，不随结果保存。</translation>
     </message>
 </context>
 <context>
@@ -337,6 +302,7 @@
     <name>ObservabilityView</name>
     <message>
         <source>Stage</source>
+        <extracomment>Strength from which a state counts as observable. Range of the scale: strengths from 1 to 100 000.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -344,8 +310,8 @@
         <translation>没有可观测性数据</translation>
     </message>
     <message>
-        <source>Only stages solved by the filter tell it: the excitation and the azimuth flips.</source>
-        <translation>只有滤波解算的阶段才有：激励和方位翻转。</translation>
+        <source>Only stages solved by the filter report it: the excitation and the azimuth flips.</source>
+        <translation>只有滤波解算的阶段才有：三轴激励和方位翻转。</translation>
     </message>
     <message>
         <source>Not determined by this stage: {0}</source>
@@ -383,15 +349,8 @@
     <name>PreviewView</name>
     <message>
         <source>Preview</source>
+        <extracomment>Height of a row of the table, px.</extracomment>
         <translation>预览</translation>
-    </message>
-    <message>
-        <source>Nothing moves for a preview</source>
-        <translation>预览时转台不动</translation>
-    </message>
-    <message>
-        <source>Choose what to calibrate on the left and press Preview: it shows both axes&apos; angles against time, the total time, whether the table can do it, and the sigma to expect of every parameter.</source>
-        <translation>在左侧选好标定内容，再按“预览”：显示两轴角度随时间的变化、总时间、转台能否完成，以及各参数的预期标准差。</translation>
     </message>
     <message>
         <source>{0} in all, {1} moves</source>
@@ -402,8 +361,12 @@
         <translation>{0}；选择已改变，请重新预览</translation>
     </message>
     <message>
-        <source>{0}: {1} rounds do not reach its targets; give it rounds or a duration.</source>
-        <translation>{0}：做 {1} 轮也达不到目标，请给定轮数或时长。</translation>
+        <source>A preview moves nothing</source>
+        <translation>预览时转台不动</translation>
+    </message>
+    <message>
+        <source>Choose what to calibrate on the left and press Preview: it shows both axes&apos; angles against time, the total time, whether the table can do it, and the expected sigma of every parameter.</source>
+        <translation>在左侧选好标定内容，再按“预览”：显示两轴角度随时间的变化、总时间、转台能否完成，以及各参数的预期标准差。</translation>
     </message>
     <message>
         <source>out of date</source>
@@ -426,6 +389,10 @@
         <translation>转台可以完成，标准差全部满足限差</translation>
     </message>
     <message>
+        <source>{0}: {1} rounds do not reach its targets; set rounds or a duration.</source>
+        <translation>{0}：做 {1} 轮也达不到目标，请给定轮数或时长。</translation>
+    </message>
+    <message>
         <source>{0}, move {1} ({2})</source>
         <translation>{0}，第 {1} 次转动（{2}）</translation>
     </message>
@@ -434,11 +401,11 @@
         <translation>{0}及另外 {1} 次</translation>
     </message>
     <message>
-        <source>rate {0:g} °/s, the table does {1:g} °/s at most; lower the rate</source>
+        <source>rate {0:g} °/s, the table reaches {1:g} °/s; lower the rate</source>
         <translation>速率 {0:g} °/s，转台最大 {1:g} °/s，请降低速率</translation>
     </message>
     <message>
-        <source>acceleration {0:g} °/s², the table does {1:g} °/s² at most; lower the acceleration</source>
+        <source>acceleration {0:g} °/s², the table reaches {1:g} °/s²; lower the acceleration</source>
         <translation>加速度 {0:g} °/s²，转台最大 {1:g} °/s²，请降低加速度</translation>
     </message>
     <message>
@@ -455,9 +422,10 @@
     </message>
 </context>
 <context>
-    <name>RegisterDesk</name>
+    <name>RegisterController</name>
     <message>
         <source>Open a result or finish a run first: its values are what is written.</source>
+        <extracomment>Stands for the unit in a request while no serial number is given. Events that tell in which state an incomplete write has left the unit. The last event of `_INCOMPLETE` of the present write.</extracomment>
         <translation>请先打开标定结果或完成一次标定，写入的就是其中的数值。</translation>
     </message>
     <message>
@@ -473,7 +441,7 @@
         <translation>产品里已经是这些数值。</translation>
     </message>
     <message>
-        <source>Another page is talking to a device; try again in some seconds.</source>
+        <source>Another page is using a device; try again in a few seconds.</source>
         <translation>另一页面正在与设备通信，请过几秒再试。</translation>
     </message>
     <message>
@@ -496,6 +464,10 @@
         <translation>单位</translation>
     </message>
     <message>
+        <source>Open a result or finish a run to see what it would write, and read the unit in the fixture to see what it holds. Nothing is written without confirmation.</source>
+        <translation>打开标定结果或完成一次标定，就能看到要写入的内容；读取夹具上的产品，就能看到它现有的内容。不经确认不会写入。</translation>
+    </message>
+    <message>
         <source>Old</source>
         <translation>原值</translation>
     </message>
@@ -513,6 +485,7 @@
     </message>
     <message>
         <source>Read the unit</source>
+        <extracomment>What verified the present write, &quot;&quot; if there was none; see `Settled.proof`.</extracomment>
         <translation>读取产品</translation>
     </message>
     <message>
@@ -522,10 +495,6 @@
     <message>
         <source>Registers, old against new</source>
         <translation>寄存器新旧对比</translation>
-    </message>
-    <message>
-        <source>Open a result or finish a run to see what it would write, and read the unit in the fixture to see what it holds. Nothing is written without being asked for.</source>
-        <translation>打开标定结果或完成一次标定，就能看到要写入的内容；读取夹具上的产品，就能看到它现有的内容。不经确认不会写入。</translation>
     </message>
     <message>
         <source>In the unit</source>
@@ -548,10 +517,6 @@
         <translation>写入产品 {1} 的 {0} 个寄存器吗？</translation>
     </message>
     <message>
-        <source>{0} of them change, exactly as the table shows below ({1}); all others keep their values. The unit commits them to flash and restarts: flash write number {2} known here. It stands in the journal under the name {3}.</source>
-        <translation>其中 {0} 个会改变，与下表完全一致（{1}），其余保持不变。产品将其存入闪存并重启，这是本机所知第 {2} 次写闪存。日志记在 {3} 名下。</translation>
-    </message>
-    <message>
         <source>Cancel</source>
         <translation>取消</translation>
     </message>
@@ -560,11 +525,15 @@
         <translation>写入 {0} 个寄存器</translation>
     </message>
     <message>
+        <source>{0} of them change, exactly as the table shows below ({1}); all others keep their values. The unit commits them to flash and restarts: flash write number {2} known here. The journal records it under the name {3}.</source>
+        <translation>其中 {0} 个会改变，与下表完全一致（{1}），其余保持不变。产品将其存入闪存并重启，这是本机所知第 {2} 次写闪存。日志记在 {3} 名下。</translation>
+    </message>
+    <message>
         <source>Then its output is checked at rest; do not touch the unit.</source>
         <translation>写入后在静止状态下检查输出，请勿碰动产品。</translation>
     </message>
     <message>
-        <source>The table of “{0}” moves: home first; then whole turns of both axes, before and after the write, which proves the gyros as well. Is everybody clear of it, and the unit tight? STOP works all the time.</source>
+        <source>The table of “{0}” moves: home first, then whole turns of both axes before and after the write, which verify the gyros as well. Is everyone clear of the table and the unit secured? STOP works at any time.</source>
         <translation>“{0}”的转台会转动：先回零，写入前后两轴各转整圈，这样陀螺也能得到验证。人员是否都已离开转台，产品是否装牢？随时可以按停止。</translation>
     </message>
     <message>
@@ -592,15 +561,15 @@
         <translation>一致</translation>
     </message>
     <message>
-        <source>Found right with a turn of the table.</source>
+        <source>Verified with a turn of the table.</source>
         <translation>已用转台转动验证，输出正确。</translation>
     </message>
     <message>
-        <source>Found right at rest; no turn was made.</source>
+        <source>Verified at rest; no turn was made.</source>
         <translation>已在静止状态下验证，输出正确；没有转动。</translation>
     </message>
     <message>
-        <source>Only read back: the unit shows no output with its registers.</source>
+        <source>Only read back: the unit&apos;s output does not show its registers.</source>
         <translation>仅回读核对：本机不输出按寄存器修正后的数据。</translation>
     </message>
     <message>
@@ -632,6 +601,7 @@
     <name>ResidualsView</name>
     <message>
         <source>gravity, µg</source>
+        <extracomment>A rest is named by the axis that is within this angle (its cosine) of up. Each rest drawn, as its stage and its number in it.</extracomment>
         <translation>重力，µg</translation>
     </message>
     <message>
@@ -647,8 +617,12 @@
         <translation>静止位置，按朝上的轴</translation>
     </message>
     <message>
-        <source>Measured less expected at every rest, with ±1 σ of the rest&apos;s own noise; point at a rest.</source>
+        <source>Measured minus expected at every rest, with ±1 σ of the rest&apos;s own noise; point at a rest.</source>
         <translation>每个静止位置补偿后的测量值减理论值，误差棒为该位置噪声的 ±1 σ；指向一点可看详情。</translation>
+    </message>
+    <message>
+        <source>: {0:+.2f} µg, {1:+.4f} °/h vertical, {2:+.4f} °/h horizontal</source>
+        <translation>：{0:+.2f} µg，垂向 {1:+.4f} °/h，水平 {2:+.4f} °/h</translation>
     </message>
     <message>
         <source>{0}, rest {1}, up ({2:+.2f}, {3:+.2f}, {4:+.2f})</source>
@@ -658,15 +632,28 @@
         <source>, outer {0:.1f}°, inner {1:.1f}°</source>
         <translation>，外框 {0:.1f}°，内框 {1:.1f}°</translation>
     </message>
+</context>
+<context>
+    <name>ResultAnalysis</name>
     <message>
-        <source>: {0:+.2f} µg, {1:+.4f} °/h up, {2:+.4f} °/h level</source>
-        <translation>：{0:+.2f} µg，垂向 {1:+.4f} °/h，水平 {2:+.4f} °/h</translation>
+        <source>The log is no longer there.</source>
+        <extracomment>The log whose diagnostics are shown or being computed.</extracomment>
+        <translation>数据记录已不在原处。</translation>
+    </message>
+    <message>
+        <source>Opening {0}</source>
+        <translation>正在打开 {0}</translation>
+    </message>
+    <message>
+        <source>The run ended without a result: {0}</source>
+        <translation>这次标定没有得出结果：{0}</translation>
     </message>
 </context>
 <context>
     <name>ResultView</name>
     <message>
         <source>Unit</source>
+        <extracomment>A change of more than this many sigmas is marked. Greatest height of the table of checks that concern no single parameter, px. Shape of each verdict of a parameter (`widgets.badge.KINDS`). The verdict of each parameter, a key of `_SHAPES`.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -703,7 +690,7 @@
     </message>
     <message>
         <source>Verdict</source>
-        <translation>判定</translation>
+        <translation>结论</translation>
     </message>
     <message>
         <source>Copy table</source>
@@ -712,6 +699,10 @@
     <message>
         <source>The selected rows, or all, as a table for a spreadsheet (Ctrl+C)</source>
         <translation>复制所选行或全部，可粘贴到电子表格（Ctrl+C）</translation>
+    </message>
+    <message>
+        <source>read back only: the unit&apos;s output does not show its registers</source>
+        <translation>仅回读核对：本机不输出修正后的数据</translation>
     </message>
     <message>
         <source>Parameters of the run</source>
@@ -744,10 +735,6 @@
     <message>
         <source>registers written</source>
         <translation>寄存器已写入</translation>
-    </message>
-    <message>
-        <source>read back only: the unit shows no output with them</source>
-        <translation>仅回读核对：本机不输出修正后的数据</translation>
     </message>
     <message>
         <source>kept, found better before: {0}</source>
@@ -783,18 +770,7 @@
     </message>
 </context>
 <context>
-    <name>_StageRow</name>
-    <message>
-        <source>{0} one place earlier</source>
-        <translation>{0}提前一位</translation>
-    </message>
-    <message>
-        <source>{0} one place later</source>
-        <translation>{0}推后一位</translation>
-    </message>
-</context>
-<context>
-    <name>forecast</name>
+    <name>_Columns</name>
     <message>
         <source>Unit</source>
         <translation>单位</translation>
@@ -816,7 +792,7 @@
         <translation>预期</translation>
     </message>
     <message>
-        <source>This stage leaves it as it was.</source>
+        <source>This stage does not estimate it.</source>
         <translation>本阶段不估计它。</translation>
     </message>
     <message>
@@ -834,6 +810,40 @@
     <message>
         <source>missed</source>
         <translation>达不到</translation>
+    </message>
+</context>
+<context>
+    <name>_LazyView</name>
+    <message>
+        <source>Nothing to show for this run</source>
+        <translation>这次标定没有可显示的内容</translation>
+    </message>
+    <message>
+        <source>No run opened yet</source>
+        <translation>还没有打开标定结果</translation>
+    </message>
+    <message>
+        <source>Finish a run, open a result or a log here, or choose a run on the History page.</source>
+        <translation>完成一次标定，或在这里打开标定结果、数据记录，也可以在历史页选择一次标定。</translation>
+    </message>
+    <message>
+        <source>Solving the log again</source>
+        <translation>正在重新解算数据记录</translation>
+    </message>
+    <message>
+        <source>Innovations and residuals are computed from the log; the result does not store them.</source>
+        <translation>新息和残差由数据记录算出，不随结果保存。</translation>
+    </message>
+</context>
+<context>
+    <name>_StageRow</name>
+    <message>
+        <source>Move {0} one up</source>
+        <translation>{0}上移一位</translation>
+    </message>
+    <message>
+        <source>Move {0} one down</source>
+        <translation>{0}下移一位</translation>
     </message>
 </context>
 <context>
@@ -864,164 +874,13 @@
     </message>
 </context>
 <context>
-    <name>schedule</name>
-    <message>
-        <source>Whole turns each way</source>
-        <translation>每个方向整圈数</translation>
-    </message>
-    <message>
-        <source>Rate</source>
-        <translation>速率</translation>
-    </message>
-    <message>
-        <source>Acceleration</source>
-        <translation>加速度</translation>
-    </message>
-    <message>
-        <source>Rest</source>
-        <translation>静止时间</translation>
-    </message>
-    <message>
-        <source>Rest in between</source>
-        <translation>过渡静止时间</translation>
-    </message>
-    <message>
-        <source>Rounds</source>
-        <translation>轮数</translation>
-    </message>
-    <message>
-        <source>Duration</source>
-        <translation>时长</translation>
-    </message>
-    <message>
-        <source>Target sigma</source>
-        <translation>目标标准差</translation>
-    </message>
-    <message>
-        <source>First rest</source>
-        <translation>起始静止时间</translation>
-    </message>
-    <message>
-        <source>Rest in every position</source>
-        <translation>每个位置静止时间</translation>
-    </message>
-    <message>
-        <source>From position to position</source>
-        <translation>相邻位置间隔</translation>
-    </message>
-    <message>
-        <source>Moved by hand</source>
-        <translation>手动转动</translation>
-    </message>
-    <message>
-        <source>Shortest rest</source>
-        <translation>最短静止时间</translation>
-    </message>
-    <message>
-        <source>Turn</source>
-        <translation>转角</translation>
-    </message>
-    <message>
-        <source>whole turns each way about every axis</source>
-        <translation>绕每个轴正反各转的整圈数</translation>
-    </message>
-    <message>
-        <source>rate of every move</source>
-        <translation>每次转动的速率</translation>
-    </message>
-    <message>
-        <source>acceleration of every move</source>
-        <translation>每次转动的加速度</translation>
-    </message>
-    <message>
-        <source>rest before and after every turn</source>
-        <translation>每次转动前后的静止时间</translation>
-    </message>
-    <message>
-        <source>rest in every position</source>
-        <translation>每个位置的静止时间</translation>
-    </message>
-    <message>
-        <source>rest after every quarter turn</source>
-        <translation>每转 90° 后的静止时间</translation>
-    </message>
-    <message>
-        <source>rest after an axis was brought into place</source>
-        <translation>轴转到位后的静止时间</translation>
-    </message>
-    <message>
-        <source>rest after every half turn</source>
-        <translation>每次翻转后的静止时间</translation>
-    </message>
-    <message>
-        <source>complete rounds</source>
-        <translation>完整的轮数</translation>
-    </message>
-    <message>
-        <source>the round during which this is over is the last</source>
-        <translation>到时间的那一轮为最后一轮</translation>
-    </message>
-    <message>
-        <source>the round after which every sigma is below its target is the last</source>
-        <translation>标准差全部达到目标的那一轮为最后一轮</translation>
-    </message>
-    <message>
-        <source>empty: does not end the stage</source>
-        <translation>留空：不以此结束</translation>
-    </message>
-    <message>
-        <source>a number above {0:g}, at most {1:g}{2}</source>
-        <translation>大于 {0:g} 且不超过 {1:g}{2} 的数</translation>
-    </message>
-    <message>
-        <source>a number above {0:g}{1}</source>
-        <translation>大于 {0:g}{1} 的数</translation>
-    </message>
-    <message>
-        <source>{0:g} to {1:g}{2}</source>
-        <translation>{0:g} 到 {1:g}{2}</translation>
-    </message>
-    <message>
-        <source>{0:g}{1} or more</source>
-        <translation>不小于 {0:g}{1}</translation>
-    </message>
-    <message>
-        <source>The table does {0:g}{1} at most; lower it.</source>
-        <translation>转台最大 {0:g}{1}，请调低。</translation>
-    </message>
-    <message>
-        <source>Must be a whole number, {0}.</source>
-        <translation>必须是整数，{0}。</translation>
-    </message>
-    <message>
-        <source>Too small; enter {0}.</source>
-        <translation>太小，请输入 {0}。</translation>
-    </message>
-    <message>
-        <source>Too large; enter {0}.</source>
-        <translation>太大，请输入 {0}。</translation>
-    </message>
-    <message>
-        <source>enter a number above 0, or leave it empty.</source>
-        <translation>请输入大于 0 的数，或留空。</translation>
-    </message>
-    <message>
-        <source>{0} is no parameter or group; remove it.</source>
-        <translation>没有参数或参数组 {0}，请删除。</translation>
-    </message>
-    <message>
-        <source>Not a number; enter {0}.</source>
-        <translation>不是数，请输入 {0}。</translation>
-    </message>
-</context>
-<context>
     <name>verdict</name>
     <message>
-        <source>{0} (part)</source>
+        <source>{0} (partial)</source>
         <translation>{0}（部分）</translation>
     </message>
     <message>
-        <source>{0} (part: {1})</source>
+        <source>{0} (partial: {1})</source>
         <translation>{0}（部分：{1}）</translation>
     </message>
 </context>

@@ -17,7 +17,8 @@
     </message>
     <message>
         <source>Serial number, date, product, operator</source>
-        <translation>编号、日期、产品、操作员</translation>
+        <extracomment>Delay between the last key and the search, ms.</extracomment>
+        <translation>序列号、日期、产品、操作员</translation>
     </message>
     <message>
         <source>Every outcome</source>
@@ -64,6 +65,7 @@
     </message>
     <message>
         <source>Runs, the latest first</source>
+        <extracomment>Most runs listed.</extracomment>
         <translation>标定记录，最近的在前</translation>
     </message>
     <message>
@@ -83,7 +85,7 @@
         <translation>无法读取标定记录</translation>
     </message>
     <message>
-        <source>No run fits</source>
+        <source>No run matches</source>
         <translation>没有符合条件的记录</translation>
     </message>
     <message>
@@ -117,14 +119,6 @@
     <message>
         <source>The run did not reach its end.</source>
         <translation>这次标定没有做完。</translation>
-    </message>
-    <message>
-        <source>It can be resumed behind its last finished stage, or closed.</source>
-        <translation>可以从最后完成的阶段之后接着做，或就此结束。</translation>
-    </message>
-    <message>
-        <source>It was closed and is not to be resumed.</source>
-        <translation>已经结束，不再接着做。</translation>
     </message>
     <message>
         <source>Started</source>
@@ -191,6 +185,14 @@
         <translation>接着做</translation>
     </message>
     <message>
+        <source>It can be resumed after its last completed stage, or closed.</source>
+        <translation>可以从最后完成的阶段之后接着做，或就此结束。</translation>
+    </message>
+    <message>
+        <source>It was closed and cannot be resumed.</source>
+        <translation>已经结束，不能再接着做。</translation>
+    </message>
+    <message>
         <source>Close as incomplete</source>
         <translation>按未完成结束</translation>
     </message>
@@ -219,7 +221,7 @@
         <translation>正在标定，请等它结束</translation>
     </message>
     <message>
-        <source>Go on behind the last finished stage</source>
+        <source>Resume after the last completed stage</source>
         <translation>从最后完成的阶段之后继续</translation>
     </message>
     <message>
@@ -235,11 +237,12 @@
     <name>RunModel</name>
     <message>
         <source>Outcome</source>
+        <extracomment>Width that the stages need, px. Columns hidden first if the width is short: attempt, operator, product, which the details show as well.</extracomment>
         <translation>结果</translation>
     </message>
     <message>
         <source>Serial number</source>
-        <translation>编号</translation>
+        <translation>序列号</translation>
     </message>
     <message>
         <source>Started</source>
@@ -278,6 +281,7 @@
     </message>
     <message>
         <source>Parameter</source>
+        <extracomment>Most runs shown, the latest.</extracomment>
         <translation>参数</translation>
     </message>
     <message>
