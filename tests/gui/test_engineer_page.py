@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from calstation.gui.engineer.error_wording import one_line
 from PySide6.QtCore import QEvent, QPoint, Qt
 from PySide6.QtGui import QGuiApplication, QHelpEvent
 from PySide6.QtWidgets import (
@@ -23,7 +24,6 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config import versions
-from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.engineer.residuals_view import upward_axis

@@ -17,7 +17,6 @@ from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.register_controller import UNNAMED, RegisterController
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
 from calstation.gui.text.bind import bind, on_language_change
@@ -290,7 +289,7 @@ class EngineerPage(Page):
 
     def _not_loaded(self, path: Path | None, error: CalstationError) -> None:
         self.notice.ask(
-            "bad", lambda: self.tr("This file cannot be opened"), lambda: word_log_error(error, path)
+            "bad", lambda: self.tr("This file cannot be opened"), lambda: error_text(error).sentences
         )
 
     def _show_view(self, index: int) -> None:

@@ -8,10 +8,9 @@ from PySide6.QtCore import QCoreApplication, Qt, Signal
 from PySide6.QtWidgets import QSplitter, QStackedWidget, QWidget
 
 from calstation.errors import CalstationError
-from calstation.gui.engineer.error_wording import one_line
 from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
 from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import duration_text, step_sentence, term
+from calstation.gui.text.messages import duration_text, error_text, show, step_sentence, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.jobs import JobRow, JobWatch
@@ -121,7 +120,7 @@ class PreviewView(QWidget):
         self._button.setVisible(not busy)
         self._summary.setVisible(not busy)
         self._badge.setVisible(not busy and preview is not None and not self._error)
-        problems = [one_line(self._error)] if self._error else []
+        problems = [error_text(self._error).sentences] if self._error else []
         summary = ""
         if preview is not None:
             moves = sum(stage.moves for stage in preview.stages)
@@ -152,7 +151,7 @@ class PreviewView(QWidget):
         for stage in preview.stages:
             name = term("stage", stage.stage)
             if stage.error:
-                problems.append(f"{name}: {one_line(stage.error)}")
+                problems.append(f"{name}: {show(stage.error)}")
             if stage.reason == "" and not preview.violations:
                 sentence = self.tr("{0}: {1} rounds do not reach its targets; set rounds or a duration.")
                 problems.append(sentence.format(name, stage.rounds))
@@ -162,7 +161,7 @@ class PreviewView(QWidget):
         """A violated limit with its step and the remedy."""
         stage = term("stage", violation.stage)
         if violation.kind == "plan":
-            return f"{stage}: {one_line(violation.text)}"
+            return f"{stage}: {show(violation.text)}"
         move = step_sentence("move", violation.label)
         where = self.tr("{0}, move {1} ({2})").format(stage, violation.step, move)
         if violation.more:
@@ -256,7 +255,7 @@ class _Columns:
         """By how much a stage improves a parameter."""
         stage = self._preview.stages[number]
         if stage.sigma is None:
-            return one_line(stage.error)
+            return "" if stage.error is None else show(stage.error)
         before = self._preview.before if number == 0 else self._preview.stages[number - 1].sigma
         if name not in stage.estimated or before is None:
             return self.tr("This stage does not estimate it.")

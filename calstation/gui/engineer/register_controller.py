@@ -56,7 +56,7 @@ class RegisterController(QObject):
         self._run = run
         self.view.show_target(None)
         if run.result.parameters:
-            job = self._app.job_queue.submit(wanted_registers, self._request(), run.result_json)
+            job = self._app.job_queue.submit(wanted_registers, self._request(), run.result)
             self._target_watch.watch(job)
 
     def why_not_write(self) -> str:

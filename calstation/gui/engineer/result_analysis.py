@@ -10,10 +10,9 @@ from calstation.gui.engineer.innovations_view import InnovationsView
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.residuals_view import ResidualsView
 from calstation.gui.engineer.result_view import ResultView, verdict_text
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import legacy_text, term
+from calstation.gui.text.messages import error_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobRow, JobWatch
 from calstation.gui.widgets.labels import EmptyState
@@ -123,8 +122,8 @@ class ResultAnalysis(QObject):
             lazy.show_view()
 
     def _not_diagnosed(self, error: CalstationError) -> None:
-        path, self._diagnosed_log = self._diagnosed_log, None
-        self._show_deep_empty(lambda: word_log_error(error, path))
+        self._diagnosed_log = None
+        self._show_deep_empty(lambda: error_text(error).sentences)
 
     def _cancelled(self) -> None:
         self._diagnosed_log = None
@@ -137,7 +136,7 @@ class ResultAnalysis(QObject):
     def _why_no_answer(self, run: FinishedRun) -> str:
         text = self.tr("The run ended without a result: {0}").format(term("badge", run.result.outcome))
         error = run.result.error
-        return f"{text}. {legacy_text(error).sentences}" if error else text
+        return f"{text}. {error}" if error else text
 
 
 class _LazyView(QStackedWidget):

@@ -10,7 +10,7 @@ from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import advice
 from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import KINDS, duration_text, event_sentence, legacy_text, term
+from calstation.gui.text.messages import KINDS, duration_text, event_sentence, free_text, term
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateBadge
 from calstation.gui.widgets.labels import ElidedLabel
@@ -147,7 +147,7 @@ class RunDetails(QFrame):
         """Why the run ended as it did, and whether it can be resumed."""
         result = self._result
         if run.outcome == "fault" and run.error:
-            text = legacy_text(run.error)
+            text = free_text(run.error)
             return "\n".join(part for part in (text.reason, text.remedy) if part)
         if run.outcome in ("passed", "failed") and result is not None:
             if result.failed_checks:

@@ -10,10 +10,10 @@ from calstation.errors import CalstationError, InputError
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
-from calstation.gui.logs.log_wording import word_log_error
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
 from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.messages import error_text
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.labels import EmptyState
@@ -22,7 +22,7 @@ from calstation.gui.widgets.notice import Choice, NoticeBar
 from calstation.records.run_index import RunRecord
 from calstation.results.history import History, refresh_history
 from calstation.results.result import Result, load_result
-from calstation.runs.close_incomplete import close_run
+from calstation.runs.incomplete import close_incomplete_job
 from calstation.runs.resume import Resumable, find_resumable
 from calstation.sequencer.events import Event, Verdict
 
@@ -118,7 +118,7 @@ class HistoryPage(Page):
         details.log_wanted.connect(self._open_log)
         details.folder_wanted.connect(self._open_folder)
         details.resume_wanted.connect(self._resume)
-        details.close_wanted.connect(self._close_run)
+        details.close_wanted.connect(self._close_incomplete_job)
         self._refresher.done.connect(lambda _: self.show_runs())
         self._refresher.failed.connect(self._show_error)
         self._offers.done.connect(self._show_resumable)
@@ -201,9 +201,9 @@ class HistoryPage(Page):
         if self.table.run is not None:
             self.app.resume_run.emit(self.table.run.log)
 
-    def _close_run(self) -> None:
+    def _close_incomplete_job(self) -> None:
         if self.table.run is not None:
-            self._closer.watch(self.app.job_queue.submit(close_run, self.table.run.log, None))
+            self._closer.watch(self.app.job_queue.submit(close_incomplete_job, self.table.run.log, None))
             self._update()
 
     def _run_closed(self) -> None:
@@ -217,11 +217,10 @@ class HistoryPage(Page):
 
     def _show_error(self, error: CalstationError) -> None:
         close = Choice("history_notice_close", lambda: self.tr("Close"), self.table.setFocus)
-        path = self.table.run.log if self.table.run is not None else None
         self.notice.ask(
             "bad",
             lambda: self.tr("The runs could not be read"),
-            lambda: word_log_error(error, path),
+            lambda: error_text(error).sentences,
             (close,),
         )
 
