@@ -193,7 +193,9 @@ def test_a_wrong_gravity_is_never_a_pass(floor: Floor) -> None:
 def test_a_brown_out_over_the_write_is_a_fault_and_the_unit_keeps_its_registers(floor: Floor) -> None:
     # Behind the mark, the biases and the gyros' matrix, which is then lost.
     ran = floor.run({"kind": "brown_out_write", "value": 75.0})
-    ran.assert_stopped("before the commit; look at the unit's supply", "holds its old registers")
+    ran.assert_stopped(
+        "before the commit. The unit was restarted and holds its old registers.", "Check the unit's supply"
+    )
     assert ran.bench["flash_cycles"] == 0
     (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
     assert (entry.closing, entry.cycles) == ("kept", 0)
@@ -206,7 +208,7 @@ def test_a_unit_whose_page_is_lost_in_a_brown_out_is_told_by_what_it_refuses(flo
     floor.product = {**PRODUCT, "imu": "dsp_modbus", "bench_grade": "mems", "limits": limits}
     ran = floor.run({"kind": "brown_out_write", "value": 20.0})
     ran.assert_stopped(
-        "IMU: register 118 is refused: no such register", "; look at its supply (a unit that restarts"
+        "IMU: Register 118 is refused: no such register", "Check its supply (a unit that restarts"
     )
     assert ran.bench["flash_cycles"] == 0
 
@@ -214,7 +216,7 @@ def test_a_unit_whose_page_is_lost_in_a_brown_out_is_told_by_what_it_refuses(flo
 def test_a_brown_out_over_the_commit_is_recognised_and_settled_at_the_next_start(floor: Floor) -> None:
     runs = floor.folder / "runs"
     floor.run({"kind": "brown_out_commit", "value": 60.0}).assert_stopped("holds its old registers")
-    floor.run({"kind": "brown_out_commit", "value": 128.0}).assert_stopped("new registers, not yet proved")
+    floor.run({"kind": "brown_out_commit", "value": 128.0}).assert_stopped("new registers, not yet verified")
     refused = floor.run()
     refused.assert_stopped("was interrupted", "registers finish")
     offers = [

@@ -40,7 +40,7 @@ RESULT: dict[str, Any] = {
     "schema": "calstation.result/1",
     "unit": {"serial": "SN-7"},
     "stages": ["rate"],
-    "parameters": {"gyro_bias_x": {"value": 1e-6}},
+    "parameters": {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-7}},
     "outcome": "passed",
     "log": {"file": "a.h5"},
 }

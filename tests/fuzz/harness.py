@@ -22,5 +22,5 @@ def one_input(data: bytes) -> None:
 
 
 if __name__ == "__main__":
-    atheris.ResolvedConfiguration(sys.argv, one_input)
+    atheris.Setup(sys.argv, one_input)
     atheris.Fuzz()
