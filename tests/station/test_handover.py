@@ -150,7 +150,7 @@ def test_a_window_hands_over_what_waits(factory: Factory) -> None:
 
 def test_a_folder_that_hangs_holds_nobody_up(factory: Factory, monkeypatch: pytest.MonkeyPatch) -> None:
     go = threading.Event()
-    monkeypatch.setattr(handover, "_SAID_WITHIN", 0.2)
+    monkeypatch.setattr(handover, "_WAIT", 0.2)
     monkeypatch.setattr(handover, "write_atomic", lambda *_: go.wait(60.0))
     factory.result("SN-1_a")
     factory.hand_over()
