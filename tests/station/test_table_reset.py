@@ -178,7 +178,7 @@ def test_another_model_is_never_written_to() -> None:
     fake.words[0:8] = [0x4142] * 8
     with (
         server(fake.answer) as address,
-        pytest.raises(DeviceFaultError, match="choose the right table profile"),
+        raises_code(DeviceFaultError, "table.other_model"),
     ):
         reset_table(tell, order(table={"port": f"tcp://{address}"}))
     assert fake.written == []

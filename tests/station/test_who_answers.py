@@ -103,7 +103,7 @@ def test_a_run_tells_nothing_to_another_model(run: Callable[..., Fault], imu: st
     plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
     with server(plc.answer) as address:
         fault = run(f"tcp://{address}", imu)
-    assert "model 'WRONGPLC' answers, the profile is for 'bench-table'" in fault.text
+    assert "Model 'WRONGPLC' answers, but the profile is for 'bench-table'" in fault.text
     assert set(plc.functions) == {READ}
 
 
@@ -132,7 +132,7 @@ def test_a_run_tells_nothing_to_what_refuses_to_say_its_model(
 def test_an_imu_that_does_not_say_who_it_is_leaves_the_table_alone(run: Callable[..., Fault]) -> None:
     table, unit = FakeTable({}), FakeImu(mute=True)
     with server(table.answer) as address, terminal(unit.answer, unit.sends) as port:
-        assert "IMU: no answer" in run(f"tcp://{address}", port).text
+        assert run(f"tcp://{address}", port).code == "imu.streams_without_answer"
     assert set(table.functions) == {READ}
 
 
@@ -164,7 +164,7 @@ def test_the_reset_tells_nothing_to_another_model(work: Any, monkeypatch: pytest
     plc.words[17] |= 1 << 3
     with (
         server(plc.answer) as address,
-        pytest.raises(DeviceFaultError, match="model 'WRONGPLC' answers"),
+        raises_code(DeviceFaultError, "table.other_model"),
     ):
         work(tell, order(table={"port": f"tcp://{address}"}))
     assert set(plc.functions) == {READ}
@@ -273,9 +273,9 @@ def test_the_reset_of_exchanged_links_says_so(imu: str) -> None:
 def test_why_there_is_no_connection_is_told(work: Any) -> None:
     with server(silent) as address:
         pass
-    with pytest.raises(DeviceFaultError, match="is there but serves nothing at this port; correct the port"):
+    with raises_code(DeviceFaultError, "link.refused"):
         work(tell, order(table={"port": f"tcp://{address}"}))
-    with pytest.raises(DeviceFaultError, match="nobody knows this host; correct its name"):
+    with raises_code(DeviceFaultError, "link.unknown_host"):
         work(tell, order(table={"port": "tcp://no-such-host.invalid:502"}))
 
 
@@ -285,7 +285,7 @@ def test_why_a_serial_port_does_not_open_is_told(work: Any, monkeypatch: pytest.
     monkeypatch.setattr(list_ports, "comports", lambda: [])
     with terminal(silent) as port:
         other = SerialLink(port, SerialSettings(), "imu")
-        with pytest.raises(DeviceFaultError, match="another program uses it"):
+        with raises_code(DeviceFaultError, "link.in_use"):
             work(tell, order(table={"port": port}))
         other.close()
     with pytest.raises(DeviceFaultError, match="ports found: none; correct the port in the station file"):
