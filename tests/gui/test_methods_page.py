@@ -251,7 +251,7 @@ def test_what_gives_no_answer_is_said_where_it_was_opened_and_the_work_can_be_gi
     assert "Add [imu2]" in panel.notice.text_label.text()
     assert panel.notice.isVisible()
     language.use("zh_CN")
-    qtbot.waitUntil(lambda: "只有一个 IMU" in panel.notice.text_label.text())
+    qtbot.waitUntil(lambda: "第二个 IMU" in panel.notice.text_label.text())
     language.use("en")
     panel = chosen("multi_position")
     panel.open(recordings["multi_position"])
