@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from calstation.messages.catalogue import entry, known
-from calstation.messages.rendering import Language, Rendered, Text, render
+from calstation.messages import Language, Rendered, Text, entry, known, render
 
 
 class CalstationError(Exception):

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.messages.catalogue import known as known_code
-from calstation.messages.rendering import Text, os_reason, render, sentence
+from calstation.messages import Text, os_reason, render, sentence
+from calstation.messages import known as known_code
 
 Place = tuple[int | str, ...]
 

@@ -5,7 +5,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.method import Method
+from calstation.estimation import Method
 
 DEFAULT_STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 

@@ -10,10 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.method import Method, RepeatedSchedule
-from calstation.estimation.navigation.stage import NavigationStage
-from calstation.physics.motion import Dwell, Move, RoundEnd, Step
-from calstation.physics.table import JOINTS, TableGeometry
+from calstation.estimation import Method, RepeatedSchedule
+from calstation.estimation.navigation import NavigationStage
+from calstation.physics import JOINTS, Dwell, Move, RoundEnd, Step, TableGeometry
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("gyro_bias", "accel_bias") for axis in "xyz")
 WAYS = (1.0, -1.0, -1.0, 1.0)

@@ -12,20 +12,35 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common.context import Belief, Secondary, SolveContext, StoredPair
-from calstation.estimation.common.least_squares import Consistency, nis_consistency
-from calstation.estimation.common.samples import SampleBlock, Spool
-from calstation.estimation.common.stage_data import StageData, stage_data
-from calstation.estimation.method import Estimate, Method, Progress, Solution
-from calstation.estimation.pairs.calibration import PairCalibration, PairResult, PairRules
-from calstation.estimation.pairs.fit import ACCEL_BIAS, GYRO_BIAS, Model, PairChoice
-from calstation.estimation.pairs.static import Threshold
-from calstation.estimation.pairs.watch import PairWatch, Triggers, WatchEvent, check_values
-from calstation.messages.rendering import values_to_json
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Step
-from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
-from calstation.physics.table import TableGeometry
+from calstation.estimation import Estimate, Method, Progress, Solution
+from calstation.estimation.common import (
+    Belief,
+    Consistency,
+    SampleBlock,
+    Secondary,
+    SolveContext,
+    Spool,
+    StageData,
+    StoredPair,
+    nis_consistency,
+    stage_data,
+)
+from calstation.estimation.pairs import (
+    ACCEL_BIAS,
+    GYRO_BIAS,
+    Model,
+    PairCalibration,
+    PairChoice,
+    PairResult,
+    PairRules,
+    PairWatch,
+    Threshold,
+    Triggers,
+    WatchEvent,
+    check_values,
+)
+from calstation.messages import values_to_json
+from calstation.physics import PAIR_PARAMETERS, FloatArray, Step, TableGeometry, pair_name
 
 NOTHING = Consistency(0.0, 0.0, 0.0, 0)
 #: A value with a larger sigma was not determined by the motion; for the clock offset the limit is half a sample.

@@ -10,12 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import Field
 
-from calstation.estimation.common.context import SolveContext
-from calstation.estimation.method import Method, RepeatedSchedule
-from calstation.estimation.navigation.stage import NavigationStage
-from calstation.physics.motion import Dwell, Move, RoundEnd, Step
-from calstation.physics.parameters import NAMES
-from calstation.physics.table import TableGeometry
+from calstation.estimation import Method, RepeatedSchedule
+from calstation.estimation.common import SolveContext
+from calstation.estimation.navigation import NavigationStage
+from calstation.physics import NAMES, Dwell, Move, RoundEnd, Step, TableGeometry
 
 ORDER = "yxzzxy"
 QUARTERS = 4

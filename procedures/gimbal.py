@@ -15,29 +15,30 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.batch_stage import BatchStage
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.least_squares import nis_consistency, restricted
-from calstation.estimation.common.noise import filter_noise
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.gimbal.fit import fit_gimbal
-from calstation.estimation.gimbal.iteration import (
+from calstation.estimation import BatchStage, Method, Solution
+from calstation.estimation.common import (
+    Belief,
+    SolveContext,
+    StageData,
+    filter_noise,
+    nis_consistency,
+    restricted,
+)
+from calstation.estimation.gimbal import (
     AXES,
     AxisTurns,
     GimbalIteration,
+    Motion,
     contraction,
     drift_matrix,
+    find_motions,
+    fit_gimbal,
     largest_gain,
     others,
     sign_of,
 )
-from calstation.estimation.gimbal.motions import Motion, find_motions
-from calstation.estimation.method import Method, Solution
-from calstation.estimation.positions.recording_faults import CHANNELS, frozen_columns
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Step
-from calstation.physics.parameters import INDEX, NAMES
-from calstation.physics.table import TableGeometry
+from calstation.estimation.positions import CHANNELS, frozen_columns
+from calstation.physics import INDEX, NAMES, FloatArray, Step, TableGeometry
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))

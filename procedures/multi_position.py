@@ -13,18 +13,38 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.batch_stage import BatchStage
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.least_squares import nis_consistency, restricted
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.common.stillness import Link, Stillness, find_stillness
-from calstation.estimation.method import Method, Solution
-from calstation.estimation.positions.fit import MOST_ITERATIONS, PositionFit, fit_positions
-from calstation.estimation.positions.observations import Position, Scatter, positions
-from calstation.estimation.positions.recording_faults import valid_links
-from calstation.physics.motion import Carry, Dwell, Move, Step
-from calstation.physics.parameters import NAMES, PARAMETERS
-from calstation.physics.table import INNER, JOINTS, OUTER, TableGeometry
+from calstation.estimation import BatchStage, Method, Solution
+from calstation.estimation.common import (
+    Belief,
+    Link,
+    SolveContext,
+    StageData,
+    Stillness,
+    find_stillness,
+    nis_consistency,
+    restricted,
+)
+from calstation.estimation.positions import (
+    MOST_ITERATIONS,
+    Position,
+    PositionFit,
+    Scatter,
+    fit_positions,
+    positions,
+    valid_links,
+)
+from calstation.physics import (
+    INNER,
+    JOINTS,
+    NAMES,
+    OUTER,
+    PARAMETERS,
+    Carry,
+    Dwell,
+    Move,
+    Step,
+    TableGeometry,
+)
 
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)

@@ -13,20 +13,37 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InsufficientDataError
-from calstation.estimation.batch_stage import BatchStage
-from calstation.estimation.common.alignment import FREE_AZIMUTH_SIGMA
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, restricted
-from calstation.estimation.common.noise import BIAS_DRIFT_TIME, filter_noise
-from calstation.estimation.common.stage_data import StageData, find_rests, mean_angles
-from calstation.estimation.method import Innovations, Method, Solution
-from calstation.messages.rendering import Text
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import rotation_rate
-from calstation.physics.motion import Dwell, Move, Step
-from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
-from calstation.physics.rotation import axis_rotation, rotation_matrix
-from calstation.physics.table import INNER, JOINTS, TableGeometry
+from calstation.estimation import BatchStage, Innovations, Method, Solution
+from calstation.estimation.common import (
+    BIAS_DRIFT_TIME,
+    FREE_AZIMUTH_SIGMA,
+    Belief,
+    SolveContext,
+    StageData,
+    filter_noise,
+    find_rests,
+    gauss_newton,
+    mean_angles,
+    nis_consistency,
+    restricted,
+)
+from calstation.messages import Text
+from calstation.physics import (
+    INNER,
+    JOINTS,
+    NAMES,
+    Dwell,
+    FloatArray,
+    Move,
+    Step,
+    TableGeometry,
+    axis_rotation,
+    group_indices,
+    group_matrix,
+    group_vector,
+    rotation_matrix,
+    rotation_rate,
+)
 
 ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
 #: A smaller rotation between two rests is a positioning move, rad.

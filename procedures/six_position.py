@@ -12,18 +12,33 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.batch_stage import BatchStage
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, restricted
-from calstation.estimation.common.noise import filter_noise, rest_mean_variance
-from calstation.estimation.common.stage_data import StageData, find_rests, mean_angles, slope_weights
-from calstation.estimation.method import Innovations, Method, Solution
-from calstation.physics.arrays import FloatArray
-from calstation.physics.imu_model import compensation
-from calstation.physics.motion import Dwell, Move, Step
-from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
-from calstation.physics.rotation import rotation_matrix
-from calstation.physics.table import TableGeometry
+from calstation.estimation import BatchStage, Innovations, Method, Solution
+from calstation.estimation.common import (
+    Belief,
+    SolveContext,
+    StageData,
+    filter_noise,
+    find_rests,
+    gauss_newton,
+    mean_angles,
+    nis_consistency,
+    rest_mean_variance,
+    restricted,
+    slope_weights,
+)
+from calstation.physics import (
+    NAMES,
+    Dwell,
+    FloatArray,
+    Move,
+    Step,
+    TableGeometry,
+    compensation,
+    group_indices,
+    group_matrix,
+    group_vector,
+    rotation_matrix,
+)
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
 #: A shorter rest, s, is a pause in a turn and not a position.

@@ -1,4 +1,8 @@
-"""The virtual bench: a unit and a table that answer real protocols, and the truth that they follow.
+"""The virtual bench: a table and a unit with a truth of their own, behind the real protocols.
 
-It has its own mathematics and shares only constants, units and parameter names with the estimators.
+It shares only constants, units and parameter names with the rest; no estimator may use its mathematics.
 """
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

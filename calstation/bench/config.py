@@ -7,11 +7,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from calstation.bench.table.machine import TableLimits
-from calstation.bench.truth.bench import ARCSECOND, BenchTruth
-from calstation.bench.truth.grades import GradeName
-from calstation.bench.truth.manual_rig import ManualRig
-from calstation.physics.parameters import INDEX
+from calstation.bench.table import TableLimits
+from calstation.bench.truth import ARCSECOND, BenchTruth, GradeName, ManualRig
+from calstation.physics import INDEX
 from calstation.schema import EntryError, near_miss
 
 Vector = tuple[float, float, float]

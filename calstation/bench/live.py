@@ -5,16 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from calstation.bench.config import BenchConfig, Order
-from calstation.bench.imu.modbus_dsp import DspUnit
-from calstation.bench.imu.stream_faults import StreamFaults
-from calstation.bench.imu.unit import ImuUnit
-from calstation.bench.imu.vectornav import SAMPLES as VECTORNAV
-from calstation.bench.imu.vectornav import VectorNavUnit
-from calstation.bench.table.machine import Fault, TableMachine
-from calstation.bench.table.registers import TableRegisters
-from calstation.bench.truth.drive import TableDrive
-from calstation.bench.truth.manual_rig import HandStream
-from calstation.bench.truth.stream import SensorStream
+from calstation.bench.imu import SAMPLES as VECTORNAV
+from calstation.bench.imu import DspUnit, ImuUnit, StreamFaults, VectorNavUnit
+from calstation.bench.table import Fault, TableMachine, TableRegisters
+from calstation.bench.truth import HandStream, SensorStream, TableDrive
 
 TABLE_MODEL = "bench-table"
 

@@ -8,15 +8,11 @@ import time
 from typing import Any
 
 from calstation.bench.config import BenchConfig, Order
-from calstation.bench.links.clock import ClockLink
-from calstation.bench.links.lines import SocketLine, TableLine, TerminalLine
-from calstation.bench.links.table_modbus import UNIT, TableLink
+from calstation.bench.links import UNIT, ClockLink, SocketLine, TableLine, TableLink, TerminalLine
 from calstation.bench.live import LiveBench
-from calstation.bench.table.cia402_drives import UNITS, Drive
-from calstation.bench.table.machine import Power
-from calstation.bench.table.text import LANGUAGES, Axes
-from calstation.bench.truth.simulate import Simulator
-from calstation.physics.motion import Dwell, Move, Step
+from calstation.bench.table import LANGUAGES, UNITS, Axes, Drive, Power
+from calstation.bench.truth import Simulator
+from calstation.physics import Dwell, Move, Step
 
 #: Host time between checks of the watchdog, and between steps of a bench that follows host time, s.
 TICK = 0.005

@@ -16,7 +16,7 @@ from calstation import __version__, applog
 from calstation.errors import CalstationError, ConfigurationError
 
 if TYPE_CHECKING:
-    from calstation.config.request import RunRequest
+    from calstation.config import RunRequest
 
 _NAME = "calstation"
 
@@ -42,7 +42,7 @@ def _given(kind: str) -> Callable[[Path | None], Path | None]:
     """Find an option's file by its path or its name. Raises ConfigurationError."""
 
     def look_up(path: Path | None) -> Path | None:
-        from calstation.config.library import locate
+        from calstation.config import locate
 
         return None if path is None else locate(kind, path)
 
@@ -75,7 +75,7 @@ def _program(
         applog.Level | None, typer.Option(help="Detail of the application log, default info.")
     ] = None,
 ) -> None:
-    from calstation.config.library import site_folder
+    from calstation.config import site_folder
 
     window = context.invoked_subcommand is None
     applog.configure("window" if window else "cli", site_folder() / "logs", log_level)
@@ -109,7 +109,7 @@ def run(
 ) -> None:
     """Calibrate the unit on the station: one click without a window."""
     from calstation.cli.run import complete_request, run_command
-    from calstation.config.request import RunRequest
+    from calstation.config import RunRequest
 
     request = RunRequest(
         serial or "",
@@ -308,7 +308,7 @@ def finish(
 ) -> None:
     """Complete a unit's interrupted transfer. The table turns to verify it."""
     from calstation.cli.registers import operate_command
-    from calstation.config.request import RegisterOperation
+    from calstation.config import RegisterOperation
 
     operation = RegisterOperation(_unit(serial, station, product, out), "finish", at_rest=at_rest)
     raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
@@ -331,7 +331,7 @@ def restore(
 ) -> None:
     """Restore the registers that a unit held before a transfer. The table turns to verify them."""
     from calstation.cli.registers import operate_command
-    from calstation.config.request import RegisterOperation
+    from calstation.config import RegisterOperation
 
     request = _unit(serial, station, product, out)
     operation = RegisterOperation(request, "restore", transfer=transfer, at_rest=at_rest)
@@ -341,7 +341,7 @@ def restore(
 def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":
     """The request that names a unit and its station."""
     from calstation.cli.run import complete_request
-    from calstation.config.request import RunRequest
+    from calstation.config import RunRequest
 
     return complete_request(RunRequest(serial, station, product, out=out))
 
@@ -425,7 +425,7 @@ def _window(*, debug: bool) -> int:
 
         complain(say("cli.no_screen"))
         return _run(["run"], debug)
-    from calstation.gui.shell.app import main
+    from calstation.gui.shell import main
 
     return main()
 

@@ -8,20 +8,20 @@ from rich.console import Console
 
 from calstation.cli.errors import command_options
 from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
-from calstation.config import library
-from calstation.config.editing import check, detect_kind, read_text
-from calstation.config.station import load_station
-from calstation.connection.compatibility import incompatibilities, station_conflicts
-from calstation.connection.link_test import (
+from calstation.config import check, detect_kind, library, load_station, read_text
+from calstation.connection import (
     LinkTestRequest,
+    TableState,
     check_imu_link,
     check_table_link,
+    incompatibilities,
     link_test_configuration,
+    read_table,
+    reset_table,
+    station_conflicts,
 )
-from calstation.connection.table_reset import TableState, read_table, reset_table
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.messages.finding import Finding
-from calstation.messages.rendering import Rendered, render
+from calstation.messages import Finding, Rendered, render
 
 _TESTS = {"table": check_table_link, "imu": check_imu_link}
 _MARKS = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}

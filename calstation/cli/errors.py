@@ -11,7 +11,7 @@ import typer
 from pydantic import ValidationError
 
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.messages.rendering import render
+from calstation.messages import render
 
 _USAGE = {
     "int_parsing": "cli.not_whole",

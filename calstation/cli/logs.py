@@ -9,19 +9,14 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.show import check_json, emit_json, result_table, say, show_line
-from calstation.config.library import pair_folder
+from calstation.config import pair_folder
 from calstation.errors import ConfigurationError, InsufficientDataError
-from calstation.estimation.pairs.static import SENSORS
-from calstation.estimation.pairs.watch import WatchEvent
-from calstation.messages.progress import event_text
-from calstation.messages.rendering import os_reason, sentence
-from calstation.physics.units import DEGREE, DEGREE_PER_HOUR, MICRO_G
-from calstation.records.convert import export_csv, import_csv
-from calstation.records.log import truth_path
-from calstation.records.raw_log import SUFFIX
-from calstation.results.pairs import watch_log
-from calstation.results.resolve import resolve
-from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
+from calstation.estimation.pairs import SENSORS, WatchEvent
+from calstation.messages import event_text, os_reason, sentence
+from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
+from calstation.records import SUFFIX, export_csv, import_csv, truth_path
+from calstation.results import resolve, watch_log
+from calstation.simulation import GradeName, Kind, make_recording
 
 
 def resolve_command(

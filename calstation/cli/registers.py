@@ -14,21 +14,14 @@ from rich.table import Table
 
 from calstation.cli.run import complain_fault, engine_events
 from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
-from calstation.config import library
-from calstation.config.library import site_folder
-from calstation.config.request import RegisterOperation, RunRequest
-from calstation.config.station import load_station
-from calstation.devices.imu.transfer import Step
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.config import RegisterOperation, RunRequest, library, load_station, site_folder
+from calstation.devices.imu import Step
+from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError, DeviceFaultError, StoppedError
-from calstation.messages.rendering import term
-from calstation.physics.parameters import PARAMETERS
-from calstation.physics.units import display
-from calstation.registers import journal
-from calstation.registers.journal import Kind, Transfer
-from calstation.registers.operation import moves_table
-from calstation.registers.unit_registers import UnitRegisters, read_unit
-from calstation.sequencer.events import Fault, Settled
+from calstation.messages import term
+from calstation.physics import PARAMETERS, display
+from calstation.registers import Kind, Transfer, UnitRegisters, journal, moves_table, read_unit
+from calstation.sequencer import Fault, Settled
 
 _STATIONS: dict[Kind, str] = {
     "hardware": "on hardware",

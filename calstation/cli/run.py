@@ -14,17 +14,13 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 
 from calstation.cli.errors import command_options, complain, complete_commands, error_line, station_options
 from calstation.cli.show import check_json, emit_json, result_table, say, show_line
-from calstation.config.request import RegisterOperation, RunRequest, computer_user
-from calstation.config.resolved import prepare_run
-from calstation.config.station import load_station
+from calstation.config import RegisterOperation, RunRequest, computer_user, load_station, prepare_run
 from calstation.errors import ConfigurationError, StoppedError
-from calstation.messages.progress import event_text, step_text
-from calstation.messages.rendering import Text, sentence
-from calstation.results.result import Result
-from calstation.runs.engine import INTERNAL, Engine
-from calstation.runs.resume import filled, serial_of
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import (
+from calstation.messages import Text, event_text, sentence, step_text
+from calstation.results import Result
+from calstation.runs import INTERNAL, Engine, filled, serial_of
+from calstation.sequencer import (
+    Command,
     Event,
     Fault,
     Message,
@@ -36,7 +32,7 @@ from calstation.sequencer.events import (
     StepStarted,
     Verdict,
 )
-from calstation.simulation.hooks import BenchHooks
+from calstation.simulation import BenchHooks
 
 #: Serial number of the virtual bench's unit if none is given.
 DEFAULT_SERIAL = "SN-000001"

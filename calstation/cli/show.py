@@ -13,11 +13,10 @@ from rich.console import Console
 from rich.table import Table
 
 from calstation.errors import ConfigurationError
-from calstation.messages.catalogue import known
-from calstation.messages.rendering import Value, render
-from calstation.physics.units import DEGREE, display, number
-from calstation.records.limits import Check
-from calstation.results.result import Result, write_json
+from calstation.messages import Value, known, render
+from calstation.physics import DEGREE, display, number
+from calstation.records import Check
+from calstation.results import Result, write_json
 
 
 def say(code: str, **values: Value) -> str:

@@ -24,11 +24,8 @@ from rich.table import Table
 from calstation.cli.errors import complain
 from calstation.cli.show import check_json, emit_json, show_line
 from calstation.errors import ConfigurationError, StoppedError
-from calstation.physics.units import DISPLAY
-from calstation.simulation.bench_recordings import GradeName
-from calstation.simulation.method_study import run_method_study
-from calstation.simulation.soak import Soak, soak
-from calstation.simulation.study import SEEDS, run_study
+from calstation.physics import DISPLAY
+from calstation.simulation import SEEDS, GradeName, Soak, run_method_study, run_study, soak
 
 #: Runs of a method's study if none are given.
 METHOD_SEEDS = 30

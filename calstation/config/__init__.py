@@ -1,4 +1,8 @@
-"""Station and product files: their checks, editing, versions and access, and the resolved configuration of a run.
+"""Stations, products, profile library and the resolved configuration of a run; editing, versions and access rights.
 
-Device profiles and log metadata do not belong here.
+Nothing here opens a device or a log.
 """
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

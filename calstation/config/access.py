@@ -12,8 +12,8 @@ from pydantic import Field
 
 from calstation.config import library
 from calstation.errors import ConfigurationError
-from calstation.messages.rendering import os_reason
-from calstation.records.atomic import write_atomic
+from calstation.messages import os_reason
+from calstation.records import write_atomic
 from calstation.schema import StrictModel, validate
 
 #: Fewest characters of a PIN.

@@ -15,11 +15,9 @@ from tomlkit.items import AbstractTable, AoT, Table
 from calstation.config import library
 from calstation.config.product_rules import register_conflicts, unknown_targets
 from calstation.config.station import ProductConfig, StationConfig, schedule_values
-from calstation.devices.profiles.frame import FrameSection
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
-from calstation.devices.profiles.table import TableProfile
+from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
-from calstation.messages.rendering import Text, os_reason, sentence
+from calstation.messages import Text, os_reason, sentence
 from calstation.schema import EntryError, complaints, field_name, read_toml
 from procedures import method
 
@@ -145,7 +143,7 @@ def _check_station(station: StationConfig) -> list[Problem]:
     """Check the table's profile, and the settings of the virtual bench."""
     problems = list(_unknown_profile("tables", station.table.profile, "table", "profile"))
     if station.bench is not None:
-        from calstation.bench.config import BenchConfig
+        from calstation.bench import BenchConfig
 
         problems += _complaints(("bench",), BenchConfig, station.bench)
     return problems

@@ -3,13 +3,12 @@
 from collections.abc import Iterable, Iterator
 
 from calstation.config.station import ProductConfig
-from calstation.devices.codecs.conventions import SLOTS, Convention, legal_range, parameter_of
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.registers import RegisterEntry
-from calstation.physics.parameters import NAMES, PARAMETERS
-from calstation.records.limits import Limit
+from calstation.devices.codecs import SLOTS, Convention, legal_range, parameter_of
+from calstation.devices.profiles import ImuProfile, RegisterEntry
+from calstation.physics import NAMES, PARAMETERS
+from calstation.records import Limit
 from calstation.schema import EntryError
-from calstation.sequencer.plan import named
+from calstation.sequencer import named
 
 #: Standard deviation of rounding to a step of 1.
 _ROUNDING = 12.0**-0.5

@@ -25,18 +25,19 @@ from calstation.config.station import (
     load_station,
     schedule_values,
 )
-from calstation.devices.links.opening import SOCKETS
-from calstation.devices.profiles.frame import span
-from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
-from calstation.devices.profiles.imu_checks import check_baud
-from calstation.devices.profiles.table import TableProfile, load_table_profile
+from calstation.devices.links import SOCKETS
+from calstation.devices.profiles import (
+    ImuProfile,
+    TableProfile,
+    check_baud,
+    load_imu_profile,
+    load_table_profile,
+    span,
+)
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.context import SolveContext
-from calstation.estimation.common.stage_data import BIAS_SIGMAS, SLOWEST
-from calstation.physics.earth import normal_gravity
-from calstation.physics.motion import Step
-from calstation.physics.parameters import group_indices
-from calstation.records.meta import (
+from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
+from calstation.physics import Step, group_indices, normal_gravity
+from calstation.records import (
     FileSection,
     ImuSection,
     LogMeta,
@@ -48,8 +49,7 @@ from calstation.records.meta import (
     prior_from_meta,
 )
 from calstation.schema import EntryError, validate
-from calstation.sequencer.plan import StagePlan, StopRule
-from calstation.sequencer.task import Output, PreflightLimits, StatusMasks, Task, UnitTask
+from calstation.sequencer import Output, PreflightLimits, StagePlan, StatusMasks, StopRule, Task, UnitTask
 from procedures import method
 
 #: Registers further from zero than this many prior sigmas hold no calibration of the unit.
@@ -454,7 +454,7 @@ def _check_options(resolved: ResolvedConfiguration, station: Path) -> None:
 def _check_bench(resolved: ResolvedConfiguration, station_path: Path) -> None:
     settings = resolved.bench_settings()
     if settings is not None:
-        from calstation.bench.config import BenchConfig
+        from calstation.bench import BenchConfig
 
         validate(BenchConfig, {**settings, **resolved.bench_overrides}, f"{station_path} [bench]")
 

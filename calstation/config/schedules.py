@@ -17,9 +17,9 @@ from calstation.config.request import RunRequest
 from calstation.config.resolved import resolve_configuration
 from calstation.config.station import in_file
 from calstation.config.versions import Version
-from calstation.jobs.queue import ProgressCallback
+from calstation.jobs import ProgressCallback
 from calstation.schema import EntryError
-from calstation.sequencer.plan import named
+from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
 #: Serial number of a virtual unit whose bench gives none.

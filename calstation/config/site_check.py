@@ -14,13 +14,11 @@ import numpy as np
 
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.latitude import LatitudeEstimate, resolves_earth_rate
-from calstation.estimation.method import Solution
-from calstation.messages.finding import Finding
-from calstation.messages.rendering import Value
-from calstation.physics.earth import normal_gravity
-from calstation.records.limits import Check
-from calstation.records.meta import LogMeta, SiteSection, context_from_meta
+from calstation.estimation import Solution
+from calstation.estimation.common import LatitudeEstimate, resolves_earth_rate
+from calstation.messages import Finding, Value
+from calstation.physics import normal_gravity
+from calstation.records import Check, LogMeta, SiteSection, context_from_meta
 from calstation.schema import EntryError
 from procedures import method
 

@@ -10,15 +10,11 @@ from typing import Any, Literal
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
-from calstation.devices.links.opening import SOCKETS, host_and_port
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.links import SOCKETS, host_and_port
+from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.messages.rendering import Text
-from calstation.records.checks import ChecksSection
-from calstation.records.limits import Limit, check_limit_names
-from calstation.records.meta import SiteSection
+from calstation.messages import Text
+from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
 from calstation.schema import EntryError, StrictModel, field_name, load
 from procedures import DEFAULT_STAGES, method
 

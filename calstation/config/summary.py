@@ -7,13 +7,10 @@ from pathlib import Path
 from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration, check_station, resolve_configuration
-from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu import RegisterMap
 from calstation.errors import ConfigurationError
-from calstation.physics.motion import Carry
-from calstation.physics.parameters import GROUPS, NAMES, group_indices
-from calstation.physics.table import TableGeometry
-from calstation.sequencer.capture import DURATION
-from calstation.sequencer.plan import plan_time
+from calstation.physics import GROUPS, NAMES, Carry, TableGeometry, group_indices
+from calstation.sequencer import DURATION, plan_time
 from procedures import method
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from calstation.config import editing, library
 from calstation.errors import ConfigurationError
-from calstation.messages.rendering import os_reason
-from calstation.records.atomic import write_atomic
+from calstation.messages import os_reason
+from calstation.records import write_atomic
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from calstation.errors import DeviceFaultError
-from calstation.messages.rendering import os_reason
+from calstation.messages import os_reason
 
 #: Interval at which the devices are polled, s.
 TICK = 0.05

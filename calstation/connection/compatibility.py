@@ -7,22 +7,26 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 
-from calstation.config import library
-from calstation.config.editing import Problem, line_of
-from calstation.config.resolved import ManualRigError, ResolvedConfiguration, check_manual_rig
-from calstation.config.site_check import (
+from calstation.config import (
+    ManualRigError,
+    Problem,
+    ResolvedConfiguration,
+    StationConfig,
+    check_manual_rig,
     confirmation_key,
     gravity_contradiction,
     is_confirmed,
+    library,
+    line_of,
+    load_station,
     needs_surveyed_gravity,
+    schedule_values,
     this_computer,
 )
-from calstation.config.station import StationConfig, load_station, schedule_values
 from calstation.connection.devices import port_conflict
-from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.profiles import load_table_profile
 from calstation.errors import ConfigurationError
-from calstation.messages.finding import Finding
-from calstation.messages.rendering import Value
+from calstation.messages import Finding, Value
 from calstation.schema import validate
 from procedures import method
 

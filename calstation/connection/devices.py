@@ -5,27 +5,20 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from calstation.config.resolved import ResolvedConfiguration
+from calstation.config import ResolvedConfiguration
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.identify import LinkSettings, identify
 from calstation.connection.port_lock import lock_ports
-from calstation.devices.imu.drivers import open_imu as imu_on
-from calstation.devices.imu.streamed_imu import StreamedImu
-from calstation.devices.links.opening import explained
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.links.serial_ports import resolve
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import TableProfile
-from calstation.devices.table.drivers import ManualTable
-from calstation.devices.table.drivers import open_table as table_on
-from calstation.devices.table.register_table import RegisterTable
-from calstation.devices.table.shared_table import SharedTable
-from calstation.devices.table.text_table import TextTable
+from calstation.devices.imu import StreamedImu
+from calstation.devices.imu import open_imu as imu_on
+from calstation.devices.links import SerialLink, explained, resolve
+from calstation.devices.profiles import ImuProfile, SerialSettings, TableProfile
+from calstation.devices.table import ManualTable, RegisterTable, SharedTable, TextTable
+from calstation.devices.table import open_table as table_on
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.messages.rendering import Text
-from calstation.sequencer.context import Clock
+from calstation.messages import Text
+from calstation.sequencer import Clock
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,19 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from calstation.config import library
-from calstation.devices.imu.frames import FrameDecoder
-from calstation.devices.interfaces import Imu, OtherModelError, Table, TableIdentity
-from calstation.devices.links.modbus_link import ModbusRefusalError, NoAnswerError
-from calstation.devices.links.opening import host_and_port
-from calstation.devices.links.serial_link import PortLostError, SerialLink
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import TableProfile, load_table_profile
-from calstation.devices.table.drivers import open_table
+from calstation.devices import Imu, OtherModelError, Table, TableIdentity
+from calstation.devices.imu import FrameDecoder
+from calstation.devices.links import (
+    ModbusRefusalError,
+    NoAnswerError,
+    PortLostError,
+    SerialLink,
+    host_and_port,
+)
+from calstation.devices.profiles import ImuProfile, SerialSettings, TableProfile, load_table_profile
+from calstation.devices.table import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
-from calstation.messages.rendering import Value
+from calstation.messages import Value
 
 #: Host time to listen with one setting, s.
 LISTEN = 0.4

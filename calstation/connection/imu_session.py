@@ -7,18 +7,14 @@ from functools import partial
 
 import numpy as np
 
-from calstation.config.resolved import ResolvedConfiguration
+from calstation.config import ResolvedConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import endpoints, open_imu
-from calstation.devices.interfaces import Imu, ImuIdentity, NoFramesError, SampleBatch
+from calstation.devices import Imu, ImuIdentity, NoFramesError, SampleBatch
 from calstation.errors import DeviceFaultError
-from calstation.jobs.queue import ProgressCallback
-from calstation.physics.arrays import FloatArray
-from calstation.sequencer.acquisition import to_si
-from calstation.sequencer.capture import REST, VerificationData, mean_at_rest
-from calstation.sequencer.context import Clock
-from calstation.sequencer.control_loop import NO_DATA
-from calstation.sequencer.task import Output
+from calstation.jobs import ProgressCallback
+from calstation.physics import FloatArray
+from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, mean_at_rest, to_si
 
 #: Progress once the link is open, and once the unit is identified.
 _SHARES = (0.1, 0.4)

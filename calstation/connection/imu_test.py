@@ -6,27 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.config.resolved import ResolvedConfiguration
+from calstation.config import ResolvedConfiguration
 from calstation.connection.clock import BenchClock
 from calstation.connection.devices import Endpoints
 from calstation.connection.identify import has_frames, is_text, line_values
-from calstation.devices.codecs.packets import quoted
-from calstation.devices.imu.frames import FrameDecoder
-from calstation.devices.imu.streamed_imu import ImuRefusalError, StreamedImu
-from calstation.devices.imu.text_frames import TextFrame
-from calstation.devices.interfaces import OtherModelError, SampleBatch
-from calstation.devices.links.serial_link import PortLostError
-from calstation.devices.profiles.frame import CHANNELS, FrameSection
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices import OtherModelError, SampleBatch
+from calstation.devices.codecs import quoted
+from calstation.devices.imu import FrameDecoder, ImuRefusalError, StreamedImu, TextFrame
+from calstation.devices.links import PortLostError
+from calstation.devices.profiles import CHANNELS, FrameSection, ImuProfile, SerialSettings
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common.context import ImuModel
-from calstation.jobs.queue import ProgressCallback
-from calstation.messages.finding import Finding
-from calstation.messages.rendering import Value
-from calstation.physics.earth import normal_gravity
-from calstation.sequencer.acquisition import to_si
-from calstation.sequencer.task import PreflightLimits
+from calstation.estimation.common import ImuModel
+from calstation.jobs import ProgressCallback
+from calstation.messages import Finding, Value
+from calstation.physics import normal_gravity
+from calstation.sequencer import PreflightLimits, to_si
 
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 #: Station time that a unit has to report that it is ready, s.

@@ -5,10 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.station import StationConfig, load_product
+from calstation.config import ResolvedConfiguration, RunRequest, StationConfig, library, load_product
 from calstation.connection.compatibility import incompatibilities
 from calstation.connection.devices import (
     Endpoints,
@@ -32,17 +29,12 @@ from calstation.connection.identify import (
 )
 from calstation.connection.imu_test import ImuTest, diagnose_text, find_baud_rate
 from calstation.connection.table_test import query_table
-from calstation.devices.links.opening import host_and_port, why_not
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.links.serial_ports import FoundPort as FoundPort
-from calstation.devices.links.serial_ports import found_ports, resolve
-from calstation.devices.profiles.imu import load_imu_profile
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import load_table_profile
+from calstation.devices.links import FoundPort as FoundPort
+from calstation.devices.links import SerialLink, found_ports, host_and_port, resolve, why_not
+from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
-from calstation.jobs.queue import ProgressCallback
-from calstation.messages.finding import Finding, Report
-from calstation.messages.rendering import Value
+from calstation.jobs import ProgressCallback
+from calstation.messages import Finding, Report, Value
 
 _VIRTUAL_UNIT = "SN-000001"
 #: Findings that a received line of text explains better.

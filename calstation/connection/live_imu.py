@@ -5,21 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
-from calstation.config.station import load_product
+from calstation.config import ResolvedConfiguration, RunRequest, library, load_product, resolve_configuration
 from calstation.connection.imu_session import open_imu_session, read_contiguous
-from calstation.devices.interfaces import SampleBatch
-from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices import SampleBatch
+from calstation.devices.profiles import load_imu_profile
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.jobs.queue import ProgressCallback
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES
-from calstation.records.log import open_log, read_truth
-from calstation.records.meta import ImuSection, LogMeta
-from calstation.results.plots.applied import Applied, applied
+from calstation.estimation.common import SampleBlock
+from calstation.jobs import ProgressCallback
+from calstation.physics import NAMES, FloatArray
+from calstation.records import ImuSection, LogMeta, open_log, read_truth
+from calstation.results.plots import Applied, applied
 
 #: Length of the captured stream, s.
 SECONDS = 10.0

@@ -15,11 +15,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from calstation.config.request import computer_user
-from calstation.devices.links.serial_ports import found_ports, resolve
+from calstation.config import computer_user
+from calstation.devices.links import found_ports, resolve
 from calstation.errors import DeviceFaultError
-from calstation.messages.rendering import os_reason
-from calstation.records.locked import take
+from calstation.messages import os_reason
+from calstation.records import take
 
 #: Host time for another process that is just closing to release a lock, s.
 _WITHIN = 3.0

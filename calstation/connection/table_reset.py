@@ -10,10 +10,9 @@ from typing import Literal
 from calstation.connection.devices import link_settings, open_table
 from calstation.connection.identify import identify
 from calstation.connection.link_test import LinkTestRequest, link_test_configuration, open_endpoints
-from calstation.devices.interfaces import LOCAL_CONTROL, Table, TableIdentity, TableStatus
-from calstation.devices.links.modbus_link import ModbusRefusalError
-from calstation.devices.links.text_link import TextRefusalError
-from calstation.jobs.queue import ProgressCallback
+from calstation.devices import LOCAL_CONTROL, Table, TableIdentity, TableStatus
+from calstation.devices.links import ModbusRefusalError, TextRefusalError
+from calstation.jobs import ProgressCallback
 
 Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
 

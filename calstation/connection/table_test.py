@@ -7,25 +7,22 @@ from collections.abc import Iterator
 import numpy as np
 
 from calstation.connection.identify import is_text, line_values
-from calstation.devices.codecs.frame_checks import check_bytes
-from calstation.devices.codecs.packets import quoted
-from calstation.devices.interfaces import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, TableStatus
-from calstation.devices.links.modbus_link import ModbusRefusalError, NoAnswerError
-from calstation.devices.links.opening import SOCKETS
-from calstation.devices.links.serial_link import PortLostError
-from calstation.devices.links.text_link import TextRefusalError, UnlikeAnswerError
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import TableProfile
-from calstation.devices.profiles.table_registers import JOINTS
-from calstation.devices.table.modbus_table import ModbusTable
-from calstation.devices.table.register_table import RegisterTable
-from calstation.devices.table.text_table import TextTable
+from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, TableStatus
+from calstation.devices.codecs import check_bytes, quoted
+from calstation.devices.links import (
+    SOCKETS,
+    ModbusRefusalError,
+    NoAnswerError,
+    PortLostError,
+    TextRefusalError,
+    UnlikeAnswerError,
+)
+from calstation.devices.profiles import JOINTS, SerialSettings, TableProfile
+from calstation.devices.table import ModbusTable, RegisterTable, TextTable
 from calstation.errors import DeviceFaultError
-from calstation.jobs.queue import ProgressCallback
-from calstation.messages.catalogue import known
-from calstation.messages.finding import Finding
-from calstation.messages.rendering import Value
-from calstation.sequencer.acquisition import SLOWEST_POLL
+from calstation.jobs import ProgressCallback
+from calstation.messages import Finding, Value, known
+from calstation.sequencer import SLOWEST_POLL
 
 _POLLS = 20
 _READ_HOLDING = 3

@@ -1,1 +1,8 @@
-"""Drivers for tables and IMUs, register maps and their transfer."""
+"""What tables and IMUs are told and say: profiles, links, codecs and drivers.
+
+No driver decides whether a motion is allowed; the sequencer does.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from calstation.errors import DeviceFaultError
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.table import JointLimits
+from calstation.physics import FloatArray, IntArray, JointLimits
 
 #: A table's `fault` while it is under local control and obeys its own panel only; not a latched fault.
 LOCAL_CONTROL = "local control"

@@ -2,11 +2,9 @@
 
 from collections.abc import Callable
 
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.samples import SampleBlock, Spool
-from calstation.estimation.common.stage_data import StageData, stage_data
+from calstation.estimation.common import Belief, SampleBlock, SolveContext, Spool, StageData, stage_data
 from calstation.estimation.method import Progress, Solution
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 
 class BatchStage:

@@ -6,14 +6,9 @@ from typing import Annotated, Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.latitude import LatitudeEstimate
-from calstation.estimation.common.least_squares import Consistency
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.positions.evidence import Evidence
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.motion import Step
-from calstation.physics.table import TableGeometry
+from calstation.estimation.common import Belief, Consistency, LatitudeEstimate, SampleBlock, SolveContext
+from calstation.estimation.positions import Evidence
+from calstation.physics import FloatArray, IntArray, Step, TableGeometry
 
 #: Called with progress from 0 to 1, never falling.
 Progress = Callable[[float], None]

@@ -1,1 +1,8 @@
-"""Background jobs: a queue whose worker process reports progress and can be killed. No job is defined here."""
+"""Slow work beside the window, in a process that can be killed, with progress.
+
+What a job computes belongs elsewhere; runs have an engine of their own.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -1,4 +1,8 @@
-"""What remains of a run: raw log, CSV, configuration, limits and checks, and the index of runs.
+"""What remains: raw logs, CSV, acceptance checks and the index of runs.
 
-Solving, reports and the result JSON belong to other packages.
+No solving and no devices.
 """
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 from calstation.records.atomic import sync_folder
 
 _CHECKED = re.compile(rb'(\{.*), "chain": "([0-9a-f]{8})"\}', re.DOTALL)

@@ -15,19 +15,16 @@ from typing import Any
 import numpy as np
 from pydantic import Field, field_validator
 
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.method import Solution
-from calstation.estimation.positions.evidence import (
+from calstation.estimation import Solution
+from calstation.estimation.common import Belief, SolveContext
+from calstation.estimation.positions import (
     Evidence,
     MotionEvidence,
     RestEvidence,
     gravity_misses,
     turned_angle,
 )
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import normal_gravity
-from calstation.physics.parameters import GROUPS, INDEX, NAMES, PARAMETERS
-from calstation.physics.table import TableGeometry
+from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray, TableGeometry, normal_gravity
 from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
 from calstation.schema import EntryError, StrictModel, near_miss
 

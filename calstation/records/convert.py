@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from calstation.errors import InputError
-from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common import SampleBlock
 from calstation.records.csv_log import meta_path, open_csv_for_writing, write_csv
 from calstation.records.facts import LogFacts
 from calstation.records.log import open_log

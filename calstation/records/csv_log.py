@@ -15,10 +15,9 @@ from typing import IO
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.estimation.common.samples import SampleBlock, snap_angles
-from calstation.estimation.common.sequence import SequenceError, SequenceUnwrapper
-from calstation.messages.rendering import os_reason
-from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+from calstation.estimation.common import SampleBlock, SequenceError, SequenceUnwrapper, snap_angles
+from calstation.messages import os_reason
+from calstation.physics import BoolArray, FloatArray, IntArray
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.common import SampleBlock
 from calstation.records.meta import LogMeta
 
 _ROW = np.dtype(

@@ -7,16 +7,9 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field, field_validator
 
-from calstation.estimation.common.context import Belief
-from calstation.estimation.method import Estimate, Solution
-from calstation.physics.parameters import (
-    GROUPS,
-    INDEX,
-    NAMES,
-    PAIR_PARAMETERS,
-    PARAMETERS,
-    pair_parameter,
-)
+from calstation.estimation import Estimate, Solution
+from calstation.estimation.common import Belief
+from calstation.physics import GROUPS, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, pair_parameter
 from calstation.schema import EntryError, StrictModel, near_miss
 
 PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import InputError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.messages.rendering import Text
+from calstation.estimation.common import SampleBlock
+from calstation.messages import Text
 from calstation.records.csv_log import csv_blocks, meta_path
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta, load_meta

@@ -14,7 +14,7 @@ import tomli_w
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common.context import (
+from calstation.estimation.common import (
     Belief,
     ImuModel,
     Secondary,
@@ -23,8 +23,8 @@ from calstation.estimation.common.context import (
     StoredPair,
     TableModel,
 )
-from calstation.messages.rendering import os_reason
-from calstation.physics.parameters import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, group_indices
+from calstation.messages import os_reason
+from calstation.physics import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, group_indices
 from calstation.records.atomic import write_atomic
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names

@@ -31,10 +31,10 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.messages.rendering import Text, os_reason
+from calstation.estimation.common import SampleBlock
+from calstation.messages import Text, os_reason
 from calstation.records.facts import FactsBuilder, LogFacts
-from calstation.records.locked import take
+from calstation.records.locks import take
 from calstation.records.meta import LogMeta
 from calstation.records.superblock import SUPERBLOCK, superblock_end
 

@@ -1,4 +1,8 @@
-"""Register operations: transfers and their journal, recovery of interrupted ones, verification of the output.
+"""What is written into units: transfer, journal, interrupted transfers and verification.
 
-Devices only move bytes; whether, why and with what result registers are written is decided here.
+A driver's register map belongs to `devices`.
 """
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

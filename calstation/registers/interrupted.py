@@ -5,19 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.connection.imu_session import ImuSession, capture_rest
-from calstation.devices.imu.transfer import Closing, Holds, Transferred, finish, recognise, restore
-from calstation.devices.interfaces import Imu, Table
+from calstation.config import ResolvedConfiguration
+from calstation.connection import ImuSession, capture_rest
+from calstation.devices import Imu, Table
+from calstation.devices.imu import Closing, Holds, Transferred, finish, recognise, restore
 from calstation.registers import journal
 from calstation.registers.journal import journal_folder
 from calstation.registers.preconditions import check_unit_model, register_map, undecided
 from calstation.registers.verification import finish_verification
-from calstation.sequencer.capture import VerificationData
-from calstation.sequencer.context import Clock, Emit
-from calstation.sequencer.driving import RunInBackground
-from calstation.sequencer.events import Message
-from calstation.sequencer.guard import check_power
+from calstation.sequencer import Clock, Emit, Message, RunInBackground, VerificationData, check_power
 
 Decision = Literal["finish", "restore"]
 

@@ -17,14 +17,12 @@ from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import quote, unquote
 
-from calstation.config.library import site_folder
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.station import StationConfig
-from calstation.devices.imu.transfer import Closing, Step
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.config import ResolvedConfiguration, StationConfig, site_folder
+from calstation.devices.imu import Closing, Step
+from calstation.devices.profiles import RegisterEntry
 from calstation.errors import ConfigurationError
-from calstation.messages.rendering import Text, Value, os_reason
-from calstation.records.checked_lines import DamagedLineError, Line, Lines, append_line, read_lines
+from calstation.messages import Text, Value, os_reason
+from calstation.records import DamagedLineError, Line, Lines, append_line, read_lines
 
 #: In the site's folder, or beside the runs.
 FOLDER = "registers"

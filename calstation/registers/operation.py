@@ -10,11 +10,10 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from calstation.config.request import RegisterOperation
-from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
-from calstation.connection.devices import Devices, connected
-from calstation.connection.imu_session import capture_rest, open_imu_session
-from calstation.devices.imu.transfer import (
+from calstation.config import RegisterOperation, ResolvedConfiguration, resolve_configuration
+from calstation.connection import Devices, capture_rest, connected, open_imu_session
+from calstation.devices import Imu, ImuIdentity
+from calstation.devices.imu import (
     Closing,
     Holds,
     Step,
@@ -25,9 +24,8 @@ from calstation.devices.imu.transfer import (
     recognise,
     transfer,
 )
-from calstation.devices.interfaces import Imu, ImuIdentity
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
-from calstation.messages.catalogue import entry as catalogue_entry
+from calstation.messages import entry as catalogue_entry
 from calstation.registers import journal
 from calstation.registers.journal import Transfer, UnitType, journal_folder
 from calstation.registers.preconditions import (
@@ -39,12 +37,21 @@ from calstation.registers.preconditions import (
 )
 from calstation.registers.unit_registers import unit_registers
 from calstation.registers.verification import finish_restored, finish_verification, verification_step
-from calstation.sequencer.capture import VerificationData
-from calstation.sequencer.context import Emit, RunContext, Slot
-from calstation.sequencer.control import Control, State, StopRequested
-from calstation.sequencer.driving import Driving, RunInBackground
-from calstation.sequencer.events import Message, Settled, StateChanged
-from calstation.sequencer.task import Output
+from calstation.sequencer import (
+    Control,
+    Driving,
+    Emit,
+    Message,
+    Output,
+    RunContext,
+    RunInBackground,
+    Settled,
+    Slot,
+    State,
+    StateChanged,
+    StopRequested,
+    VerificationData,
+)
 
 #: Takes the operator's commands; raises StopRequested.
 CheckCancelled = Callable[[], None]

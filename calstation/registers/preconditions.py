@@ -6,15 +6,13 @@ half written.
 
 from pathlib import Path
 
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.transfer import Closing, Holds, recognise
-from calstation.devices.interfaces import Imu
+from calstation.config import ResolvedConfiguration
+from calstation.devices import Imu
+from calstation.devices.imu import Closing, Holds, RegisterMap, recognise
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.registers import journal
 from calstation.registers.journal import Transfer, journal_folder, map_digest
-from calstation.sequencer.context import Emit
-from calstation.sequencer.events import Message
+from calstation.sequencer import Emit, Message
 
 #: Share of the flash cycles from which a warning is given.
 _NEAR = 0.9

@@ -7,20 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
-from calstation.connection.imu_session import open_imu_session
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.interfaces import ImuIdentity
+from calstation.config import ResolvedConfiguration, RunRequest, resolve_configuration
+from calstation.connection import open_imu_session
+from calstation.devices import ImuIdentity
+from calstation.devices.imu import RegisterMap
 from calstation.errors import InputError
-from calstation.jobs.queue import ProgressCallback
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES, PARAMETERS, group_matrix, group_vector
-from calstation.records.log import open_log
+from calstation.jobs import ProgressCallback
+from calstation.physics import NAMES, PARAMETERS, FloatArray, group_matrix, group_vector
+from calstation.records import open_log
 from calstation.registers import journal
 from calstation.registers.journal import journal_folder
 from calstation.registers.preconditions import register_map
-from calstation.results.result import Registers, Result
+from calstation.results import Registers, Result
 
 
 @dataclass(frozen=True)

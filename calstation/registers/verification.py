@@ -17,21 +17,28 @@ from typing import Any
 
 import numpy as np
 
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.transfer import Closing, Entry, Step, Transferred, restore
-from calstation.devices.interfaces import Imu
+from calstation.config import ResolvedConfiguration
+from calstation.devices import Imu
+from calstation.devices.imu import Closing, Entry, RegisterMap, Step, Transferred, restore
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common.context import Belief, ImuModel, SolveContext
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import RATE, normal_gravity
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import COUNT, NAMES, PARAMETERS, group_indices, group_matrix, group_vector
-from calstation.physics.rotation import rotation_matrix
-from calstation.physics.table import OUTER
-from calstation.records.meta import context_from_meta, prior_from_meta
-from calstation.sequencer.capture import Turned, VerificationData
-from calstation.sequencer.driving import RunInBackground
+from calstation.estimation.common import Belief, ImuModel, SolveContext
+from calstation.physics import (
+    COUNT,
+    NAMES,
+    OUTER,
+    PARAMETERS,
+    RATE,
+    FloatArray,
+    compensate,
+    compensation,
+    group_indices,
+    group_matrix,
+    group_vector,
+    normal_gravity,
+    rotation_matrix,
+)
+from calstation.records import context_from_meta, prior_from_meta
+from calstation.sequencer import RunInBackground, Turned, VerificationData
 
 #: A deviation of more than this many standard deviations is wrong; noise reaches it once in 10^8 times.
 SIGMAS = 6.0

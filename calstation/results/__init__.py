@@ -1,4 +1,8 @@
-"""Results of runs and logs: solving, judging, result files, history, hand-over, previews and plot data.
+"""The solver chain, solving again, the result, history and hand-over.
 
-Devices, register transfers and the run itself do not belong here.
+Nothing here talks to a device; estimators belong to `estimation`.
 """
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

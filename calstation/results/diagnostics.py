@@ -9,14 +9,10 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from calstation.estimation.common.least_squares import Consistency
-from calstation.estimation.common.residuals import RestResiduals, rest_residuals
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.method import Innovations
-from calstation.jobs.queue import ProgressCallback
-from calstation.records.log import Log, open_log
-from calstation.records.meta import context_from_meta
+from calstation.estimation import Innovations
+from calstation.estimation.common import Consistency, RestResiduals, SampleBlock, rest_residuals, stage_data
+from calstation.jobs import ProgressCallback
+from calstation.records import Log, context_from_meta, open_log
 from calstation.results.solver_chain import SolveProgress, one_blas_thread, solve
 
 #: Share of solving in the work.

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from calstation.jobs.queue import ProgressCallback
-from calstation.records.log import open_log
-from calstation.records.raw_log import SUFFIX
+from calstation.jobs import ProgressCallback
+from calstation.records import SUFFIX, open_log
 from calstation.results.history import History
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from calstation.results.result import Result, load_result
 
 

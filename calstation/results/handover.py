@@ -16,15 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from calstation.config.station import StationConfig, load_station
-from calstation.jobs.queue import ProgressCallback
-from calstation.messages.rendering import Text, os_reason
-from calstation.records.atomic import sync_folder, write_atomic
-from calstation.records.locked import locked
-from calstation.records.raw_log import SUFFIX
+from calstation.config import StationConfig, load_station
+from calstation.jobs import ProgressCallback
+from calstation.messages import Text, os_reason
+from calstation.records import SUFFIX, locked, sync_folder, write_atomic
 from calstation.results.result import Result
-from calstation.sequencer.context import Emit
-from calstation.sequencer.events import Message
+from calstation.sequencer import Emit, Message
 
 CSV_NAME = "handover.csv"
 

@@ -8,10 +8,17 @@ from pathlib import Path
 from typing import TypeVar
 
 from calstation.errors import InputError
-from calstation.jobs.queue import ProgressCallback
-from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import RawLogContents, being_written, read_contents, solved_stages
-from calstation.records.run_index import IndexedRun, RunIndex, RunRecord
+from calstation.jobs import ProgressCallback
+from calstation.records import (
+    SUFFIX,
+    IndexedRun,
+    RawLogContents,
+    RunIndex,
+    RunRecord,
+    being_written,
+    read_contents,
+    solved_stages,
+)
 from calstation.results.merge_previous import VerifiedRegister
 from calstation.results.result import Result
 

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from calstation.estimation.common.context import Belief
-from calstation.physics.parameters import INDEX
-from calstation.physics.units import display, number
+from calstation.estimation.common import Belief
+from calstation.physics import INDEX, display, number
 
 #: Ratio of the present to the previous sigma above which the previous value is kept.
 BETTER = 2.0

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import ConfigurationError
-from calstation.messages.rendering import os_reason
-from calstation.records.atomic import write_atomic
-from calstation.records.convert import export_csv, partial_path
-from calstation.results.plots.index import StageSpan
-from calstation.results.resolve import Resolved, resolve
+from calstation.messages import os_reason
+from calstation.records import export_csv, partial_path, write_atomic
+from calstation.results.plots import StageSpan
+from calstation.results.resolving import Resolved, resolve
 
 _BATCH = {"rate": 2.5, "six_position": 1.0}
 #: Measured cost of solving a sample relative to reading it; filters take several passes.

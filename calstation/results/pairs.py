@@ -9,20 +9,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from calstation.config.library import pair_folder
+from calstation.config import pair_folder
 from calstation.errors import InputError
-from calstation.estimation.common.context import StoredPair
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.pairs.calibration import PairCalibration
-from calstation.estimation.pairs.static import StaticCheck
-from calstation.estimation.pairs.watch import PairWatch, WatchEvent, check_values
-from calstation.messages.rendering import Text, values_from_json, values_to_json
-from calstation.records.csv_log import estimated_rows
-from calstation.records.log import open_log
-from calstation.records.meta import context_from_meta, load_pair, prior_from_meta, store_pair
-from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import row_count
-from calstation.results.plots.pairs import PairEvent, StoredPairFile, stored_pairs
+from calstation.estimation.common import SampleBlock, StoredPair
+from calstation.estimation.pairs import PairCalibration, PairWatch, StaticCheck, WatchEvent, check_values
+from calstation.messages import Text, values_from_json, values_to_json
+from calstation.records import (
+    SUFFIX,
+    context_from_meta,
+    estimated_rows,
+    load_pair,
+    open_log,
+    prior_from_meta,
+    row_count,
+    store_pair,
+)
+from calstation.results.plots import PairEvent, StoredPairFile, stored_pairs
 from calstation.results.solver_chain import one_blas_thread
 from calstation.schema import validate
 from procedures.cross_calibration import Schedule

@@ -10,19 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration, check_manual_rig, resolve_configuration
+from calstation.config import ResolvedConfiguration, RunRequest, check_manual_rig, resolve_configuration
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.common.planned import PlannedSamples, profile
-from calstation.jobs.queue import ProgressCallback
-from calstation.messages.rendering import Text
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Carry, Finish, Move, RoundEnd, Step
-from calstation.physics.parameters import INDEX, NAMES, PARAMETERS
-from calstation.records.meta import context_from_meta
+from calstation.estimation.common import PlannedSamples, profile
+from calstation.jobs import ProgressCallback
+from calstation.messages import Text
+from calstation.physics import INDEX, NAMES, PARAMETERS, Carry, Finish, FloatArray, Move, RoundEnd, Step
+from calstation.records import context_from_meta
 from calstation.results.solver_chain import StageChain, one_blas_thread
-from calstation.sequencer.guard import JOINTS, check_limits
-from calstation.sequencer.plan import StagePlan, move_time, named, planned, step_time
+from calstation.sequencer import JOINTS, StagePlan, check_limits, move_time, named, planned, step_time
 from procedures import method
 
 #: Rounds after which a stage without another end than its targets is abandoned.

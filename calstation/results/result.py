@@ -10,10 +10,8 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, PlainSerializer
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.messages.rendering import os_reason
-from calstation.records.atomic import write_atomic
-from calstation.records.limits import Check
-from calstation.records.meta import FileSection
+from calstation.messages import os_reason
+from calstation.records import Check, FileSection, write_atomic
 
 SCHEMA = "calstation.result/1"
 

@@ -9,16 +9,20 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.common.context import Belief
-from calstation.estimation.common.latitude import RestOutput, resolves_earth_rate
-from calstation.estimation.common.samples import SampleBlock, Spool
-from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.method import Progress, Solution, StageSolver
-from calstation.estimation.navigation.stage import warm_up
-from calstation.estimation.positions.evidence import gather
-from calstation.messages.rendering import Text
-from calstation.physics.arrays import FloatArray
-from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
+from calstation.estimation import Progress, Solution, StageSolver
+from calstation.estimation.common import (
+    Belief,
+    RestOutput,
+    SampleBlock,
+    Spool,
+    resolves_earth_rate,
+    stage_data,
+)
+from calstation.estimation.navigation import warm_up
+from calstation.estimation.positions import gather
+from calstation.messages import Text
+from calstation.physics import FloatArray
+from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
 

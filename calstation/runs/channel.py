@@ -7,8 +7,7 @@ from multiprocessing.connection import Connection
 from queue import Empty, Full, Queue
 from typing import Any
 
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import LOSSY, Event, to_json
+from calstation.sequencer import LOSSY, Command, Event, to_json
 
 #: Heartbeat over the pipe; the listener answers each with the same.
 BEAT = "beat"

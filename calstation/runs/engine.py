@@ -15,12 +15,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from calstation import __version__, applog
-from calstation.config.request import RegisterOperation, RunRequest
+from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.jobs.process import PipeReader, spawn_process
+from calstation.jobs import PipeReader, spawn_process
 from calstation.runs.channel import BEAT, Channel
-from calstation.sequencer.control import Command, Control, StopReason
-from calstation.sequencer.events import Event, Fault, Settled, Verdict, from_json
+from calstation.sequencer import Command, Control, Event, Fault, Settled, StopReason, Verdict, from_json
 
 if TYPE_CHECKING:
     from calstation.runs.hooks import RunHooks
@@ -235,7 +234,7 @@ def _engine(
 
             execute(request, channel.emit, control, hooks or RunHooks)
         else:
-            from calstation.registers.operation import run_operation
+            from calstation.registers import run_operation
 
             run_operation(request, channel.emit, control)
     except CalstationError as error:

@@ -4,36 +4,35 @@ import logging
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 
-from calstation.config.site_check import check_seen_latitude, latitude_untold
-from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.transfer import Entry, Transferred, flash_registers, transfer
-from calstation.devices.interfaces import Imu
-from calstation.estimation.method import Solution
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES
-from calstation.records.limits import estimated_stage
-from calstation.records.meta import context_from_meta
-from calstation.registers import journal as register_journal
-from calstation.registers.journal import UnitType, journal_folder
-from calstation.registers.unit_registers import compose
-from calstation.registers.verification import (
+from calstation.config import check_seen_latitude, latitude_untold
+from calstation.devices import Imu
+from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
+from calstation.estimation import Solution
+from calstation.physics import NAMES, FloatArray
+from calstation.records import context_from_meta, estimated_stage
+from calstation.registers import (
     AppliedRegisters,
+    UnitType,
     close_verified,
+    compose,
+    journal_folder,
     output_error,
     restore_refuted,
     verified_on,
     verify_output,
     without_register,
 )
-from calstation.results.judge import is_partial, judge
-from calstation.results.merge_previous import PreviousValue, better_previous_values, condition_on
+from calstation.registers import journal as register_journal
+from calstation.results import PreviousValue, better_previous_values, condition_on, is_partial, judge
 from calstation.runs.prepare import OpenRun
-from calstation.sequencer.capture import VerificationData
-from calstation.sequencer.control import StopRequested
-from calstation.sequencer.driving import RunInBackground
-from calstation.sequencer.events import Message
-from calstation.sequencer.sequencer import CaptureReference
-from calstation.sequencer.task import Finalized
+from calstation.sequencer import (
+    CaptureReference,
+    Finalized,
+    Message,
+    RunInBackground,
+    StopRequested,
+    VerificationData,
+)
 
 logger = logging.getLogger(__name__)
 

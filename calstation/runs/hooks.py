@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the window names hooks, but has no use for devices and logs
-    from calstation.config.resolved import ResolvedConfiguration
-    from calstation.connection.devices import Devices
-    from calstation.records.raw_log import RawLogWriter
-    from calstation.sequencer.context import Emit
+    from calstation.config import ResolvedConfiguration
+    from calstation.connection import Devices
+    from calstation.records import RawLogWriter
+    from calstation.sequencer import Emit
 
 
 class RunHooks:

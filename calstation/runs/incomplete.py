@@ -8,15 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.jobs.queue import ProgressCallback
-from calstation.records.log import Log, open_log
-from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import being_written, solved_stages
-from calstation.results.handover import Delivery, deliver_pending, register_pending
-from calstation.results.history import History
-from calstation.results.judge import Ending, build_result, judge
-from calstation.results.result import write_json
-from calstation.results.solver_chain import StageChain
+from calstation.jobs import ProgressCallback
+from calstation.records import SUFFIX, Log, being_written, open_log, solved_stages
+from calstation.results import (
+    Delivery,
+    Ending,
+    History,
+    StageChain,
+    build_result,
+    deliver_pending,
+    judge,
+    register_pending,
+    write_json,
+)
 
 
 def finish_incomplete(folder: Path) -> list[Path]:

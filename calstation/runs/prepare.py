@@ -8,25 +8,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config.request import RunRequest, computer_user
-from calstation.config.resolved import ResolvedConfiguration, prepare_run
-from calstation.config.station import ProductConfig
+from calstation.config import ProductConfig, ResolvedConfiguration, RunRequest, computer_user, prepare_run
 from calstation.errors import ConfigurationError
-from calstation.messages.rendering import Text, os_reason
-from calstation.physics.parameters import INDEX
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import RESERVE, RawLogWriter, free_space
-from calstation.registers.interrupted import UnverifiedTransfer
-from calstation.registers.preconditions import check_flash, check_interrupted
-from calstation.results.handover import register_pending
-from calstation.results.history import History
-from calstation.results.solver_chain import StageChain
+from calstation.messages import Text, os_reason
+from calstation.physics import INDEX
+from calstation.records import RESERVE, LogMeta, RawLogWriter, free_space
+from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
+from calstation.results import History, StageChain, register_pending
 from calstation.runs.hooks import RunHooks
 from calstation.runs.incomplete import finish_incomplete
 from calstation.runs.resume import Continuation
-from calstation.sequencer.context import Emit
-from calstation.sequencer.control import Control
-from calstation.sequencer.events import Event, Message, to_json
+from calstation.sequencer import Control, Emit, Event, Message, to_json
 
 logger = logging.getLogger(__name__)
 

@@ -11,24 +11,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.site_check import LATITUDE
-from calstation.config.station import StationConfig, load_station
+from calstation.config import LATITUDE, ResolvedConfiguration, RunRequest, StationConfig, load_station
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.method import Solution
-from calstation.jobs.queue import ProgressCallback
-from calstation.records.log import Log, open_log
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import being_written, solved_stages
-from calstation.records.run_index import RunRecord
-from calstation.results.history import History
-from calstation.results.solver_chain import StageChain
-from calstation.sequencer.context import Journal
-from calstation.sequencer.events import solution_events, to_json
-from calstation.sequencer.task import LastSample
+from calstation.estimation import Solution
+from calstation.estimation.common import SampleBlock
+from calstation.jobs import ProgressCallback
+from calstation.records import SUFFIX, Log, LogMeta, RunRecord, being_written, open_log, solved_stages
+from calstation.results import History, StageChain
+from calstation.sequencer import Journal, LastSample, solution_events, to_json
 from procedures import method
 
 #: Runs offered at most, the latest.

@@ -5,27 +5,32 @@ from contextlib import suppress
 from dataclasses import replace
 
 from calstation import applog
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.config.site_check import check_seen_latitude
-from calstation.config.station import load_station
-from calstation.connection.devices import Devices, connected
-from calstation.devices.imu.transfer import flash_registers
-from calstation.devices.interfaces import Imu
+from calstation.config import ResolvedConfiguration, RunRequest, check_seen_latitude, load_station
+from calstation.connection import Devices, connected
+from calstation.devices import Imu
+from calstation.devices.imu import flash_registers
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.estimation.method import Solution
-from calstation.registers.interrupted import recover_interrupted
-from calstation.results.handover import HandOver
-from calstation.results.solver_chain import one_blas_thread
+from calstation.estimation import Solution
+from calstation.registers import recover_interrupted
+from calstation.results import HandOver, one_blas_thread
 from calstation.runs.finalize import Finalization
 from calstation.runs.hooks import RunHooks
 from calstation.runs.prepare import OpenRun, PreparedRun, prepare
 from calstation.runs.verdict import close_run
-from calstation.sequencer.context import Emit, RunContext, Slot
-from calstation.sequencer.control import Control, State, StopRequested
-from calstation.sequencer.events import Fault, Message, solution_events
-from calstation.sequencer.sequencer import Sequencer
-from calstation.sequencer.task import Ended, LastSample
+from calstation.sequencer import (
+    Control,
+    Emit,
+    Ended,
+    Fault,
+    LastSample,
+    Message,
+    RunContext,
+    Sequencer,
+    Slot,
+    State,
+    StopRequested,
+    solution_events,
+)
 
 logger = logging.getLogger(__name__)
 

@@ -4,15 +4,11 @@ import logging
 from contextlib import suppress
 from dataclasses import replace
 
-from calstation.config.site_check import there
-from calstation.config.station import ProductConfig
+from calstation.config import ProductConfig, there
 from calstation.errors import ConfigurationError
-from calstation.results.judge import Ending, build_result, judge
-from calstation.results.result import write_json
+from calstation.results import Ending, build_result, judge, write_json
 from calstation.runs.prepare import OpenRun
-from calstation.sequencer.control import State
-from calstation.sequencer.events import Verdict
-from calstation.sequencer.task import Ended
+from calstation.sequencer import Ended, State, Verdict
 
 _OUTCOMES = {
     State.PASSED: "passed",

@@ -1,1 +1,8 @@
-"""Runs steps, guards motion, keeps the journal, emits events."""
+"""Executes steps, guards motion and emits events, for one table and its units.
+
+It knows no file format and no user interface.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

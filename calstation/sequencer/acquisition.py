@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calstation.devices.interfaces import Imu, SampleBatch, TableStatus
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.samples import SampleBlock, snap_angles
-from calstation.physics.arrays import BoolArray, FloatArray
+from calstation.devices import Imu, SampleBatch, TableStatus
+from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
+from calstation.physics import BoolArray, FloatArray
 from calstation.sequencer.context import Clock
 from calstation.sequencer.task import LastSample, UnitTask
 

@@ -5,10 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Carry, Move
-from calstation.physics.table import OUTER, TableGeometry
+from calstation.estimation.common import SampleBlock
+from calstation.physics import OUTER, Carry, FloatArray, Move, TableGeometry
 from calstation.sequencer.control import Interruption
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.verification_moves import Leg, Turn, VerificationPath

@@ -5,10 +5,10 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from calstation.devices.interfaces import Imu, Table
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.method import Solution
-from calstation.physics.arrays import FloatArray
+from calstation.devices import Imu, Table
+from calstation.estimation import Solution
+from calstation.estimation.common import SampleBlock
+from calstation.physics import FloatArray
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import LOSSY, Event, to_json
 from calstation.sequencer.task import LastSample, Task, UnitTask

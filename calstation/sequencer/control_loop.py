@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from calstation.devices.interfaces import LOCAL_CONTROL, NoFramesError, TableStatus
+from calstation.devices import LOCAL_CONTROL, NoFramesError, TableStatus
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition, Flow
 from calstation.sequencer.context import RunContext

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.physics.motion import Move
+from calstation.physics import Move
 from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.capture import Restarted, VerificationData, carried_data, verification_data
 from calstation.sequencer.context import RunContext

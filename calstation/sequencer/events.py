@@ -9,9 +9,9 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, TypeAlias, get_args
 
 from calstation.errors import CalstationError
-from calstation.estimation.method import Solution
-from calstation.messages.rendering import values_from_json, values_to_json
-from calstation.physics.parameters import INDEX
+from calstation.estimation import Solution
+from calstation.messages import values_from_json, values_to_json
+from calstation.physics import INDEX
 
 
 @dataclass(frozen=True)

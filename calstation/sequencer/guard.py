@@ -5,11 +5,10 @@ import math
 import time
 from collections.abc import Callable
 
-from calstation.devices.interfaces import LOCAL_CONTROL, UNKNOWN_FAULT, Table, TableStatus
+from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, Table, TableStatus
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
-from calstation.messages.rendering import Text, os_reason
-from calstation.physics.motion import Move
-from calstation.physics.table import JointLimits
+from calstation.messages import Text, os_reason
+from calstation.physics import JointLimits, Move
 from calstation.sequencer.context import Clock
 
 JOINTS = ("outer", "inner")

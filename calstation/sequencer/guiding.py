@@ -6,9 +6,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.positions.guidance import Guidance, PositionGuide
-from calstation.physics.motion import Carry
+from calstation.estimation.common import SampleBlock
+from calstation.estimation.positions import Guidance, PositionGuide
+from calstation.physics import Carry
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import PositionGuided
 

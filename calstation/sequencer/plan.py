@@ -6,9 +6,19 @@ from itertools import islice
 
 import numpy as np
 
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Carry, Dwell, Finish, Move, RoundEnd, Step
-from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS, group_indices
+from calstation.physics import (
+    GROUPS,
+    INDEX,
+    PARAMETERS,
+    Carry,
+    Dwell,
+    Finish,
+    FloatArray,
+    Move,
+    RoundEnd,
+    Step,
+    group_indices,
+)
 from calstation.sequencer.events import StageProgress
 
 _MAX_STEPS = 10_000

@@ -5,13 +5,10 @@ from collections import deque
 
 import numpy as np
 
-from calstation.devices.interfaces import ImuIdentity, TableIdentity
+from calstation.devices import ImuIdentity, TableIdentity
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Move
-from calstation.physics.rotation import rotation_vector
-from calstation.physics.table import UP
+from calstation.estimation.common import SampleBlock
+from calstation.physics import UP, FloatArray, Move, rotation_vector
 from calstation.sequencer.events import Message
 from calstation.sequencer.guard import JOINTS, check_power
 from calstation.sequencer.steps import StepRunner

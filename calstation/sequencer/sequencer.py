@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from typing import Protocol, TypeVar
 
 from calstation.errors import CalstationError
-from calstation.estimation.method import Solution
-from calstation.physics.motion import Carry, Finish, Move, Prepare, RoundEnd
+from calstation.estimation import Solution
+from calstation.physics import Carry, Finish, Move, Prepare, RoundEnd
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.context import Journal, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from calstation.errors import DeviceFaultError
-from calstation.physics.motion import Carry, Dwell, Move
+from calstation.physics import Carry, Dwell, Move
 from calstation.sequencer.control import PauseRequested, State, StepInvalid
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message, StepStarted

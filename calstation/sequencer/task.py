@@ -5,12 +5,11 @@ from enum import StrEnum
 
 import numpy as np
 
-from calstation.devices.profiles.frame import Span
+from calstation.devices.profiles import Span
 from calstation.errors import CalstationError
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.method import Solution
-from calstation.physics.arrays import FloatArray
-from calstation.physics.table import TableGeometry
+from calstation.estimation import Solution
+from calstation.estimation.common import ImuModel
+from calstation.physics import FloatArray, TableGeometry
 from calstation.sequencer.control import State
 from calstation.sequencer.plan import SETTLE, StagePlan
 

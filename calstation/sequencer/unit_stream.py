@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModelError
-from calstation.devices.links.serial_link import PortLostError
+from calstation.devices import ImuIdentity, NoFramesError, OtherModelError
+from calstation.devices.links import PortLostError
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.control_loop import NO_DATA, ControlLoop
 

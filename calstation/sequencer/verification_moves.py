@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.errors import ConfigurationError
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Move
-from calstation.physics.table import INNER, OUTER, UP, JointLimits, TableGeometry
+from calstation.physics import INNER, OUTER, UP, FloatArray, JointLimits, Move, TableGeometry
 from calstation.sequencer.guard import JOINTS
 
 #: At most, rad/s and rad/s²: the turns take a minute where the table and the unit's span allow it.

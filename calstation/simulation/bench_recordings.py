@@ -11,20 +11,27 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calstation.bench.truth.free_unit import Place, SecondaryTruth, pair_truth, record_pair
-from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples
-from calstation.bench.truth.grades import GRADES, draw_imu
-from calstation.bench.truth.grades import GradeName as GradeName
-from calstation.bench.truth.imu import ImuTruth
-from calstation.bench.truth.manual_rig import ManualRig, around, push, record
-from calstation.bench.truth.table import rotation
-from calstation.estimation.common.samples import SampleBlock, snap_angles
-from calstation.estimation.gimbal.loop import run_loop
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import AXES, NAMES, PARAMETERS, group_indices, pair_name
-from calstation.records.facts import LogFacts
-from calstation.records.meta import LogMeta, context_from_meta
-from calstation.records.raw_log import RawLogWriter
+from calstation.bench.truth import (
+    GRADES,
+    GimbalBench,
+    GimbalSamples,
+    ImuTruth,
+    ManualRig,
+    Place,
+    SecondaryTruth,
+    around,
+    draw_imu,
+    pair_truth,
+    push,
+    record,
+    record_pair,
+    rotation,
+)
+from calstation.bench.truth import GradeName as GradeName
+from calstation.estimation.common import SampleBlock, snap_angles
+from calstation.estimation.gimbal import run_loop
+from calstation.physics import AXES, NAMES, PARAMETERS, FloatArray, group_indices, pair_name
+from calstation.records import LogFacts, LogMeta, RawLogWriter, context_from_meta
 from procedures.gimbal import Schedule as GimbalSchedule
 
 Kind = Literal["hand", "pair", "gimbal"]

@@ -19,9 +19,9 @@ from typing import Any, get_args
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.bench.config import OrderName
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.messages.rendering import Text
+from calstation.bench import OrderName
+from calstation.config import ResolvedConfiguration
+from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, load, near_miss
 
 #: Kinds that the running bench carries out.

@@ -10,16 +10,15 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calstation.config.resolved import ResolvedConfiguration
-from calstation.connection.clock import BenchClock
-from calstation.runs.hooks import RunHooks
-from calstation.sequencer.context import Emit
-from calstation.sequencer.events import Event, Message, StageStarted, StepStarted
+from calstation.config import ResolvedConfiguration
+from calstation.connection import BenchClock
+from calstation.runs import RunHooks
+from calstation.sequencer import Emit, Event, Message, StageStarted, StepStarted
 from calstation.simulation.fault_plan import CAPTURES, HOST, FaultPlan, fault_plan, with_faults
 
 if TYPE_CHECKING:
-    from calstation.connection.devices import Devices
-    from calstation.records.raw_log import RawLogWriter
+    from calstation.connection import Devices
+    from calstation.records import RawLogWriter
 
 
 class BenchHooks(RunHooks):

@@ -13,16 +13,10 @@ of a suboptimal filter). No quantity is fitted to the study's errors.
 import numpy as np
 from scipy.linalg import block_diag
 
-from calstation.bench.truth.noise import INSTABILITY_TIMES, instability_variance
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage_data import StageData, stage_data
-from calstation.estimation.navigation.filter import NavigationFilter
-from calstation.estimation.navigation.relinearise import solve_navigation
-from calstation.estimation.navigation.velocity_group import BIAS
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES
-from calstation.physics.strapdown import PARAMETER_START, STATES
+from calstation.bench.truth import INSTABILITY_TIMES, instability_variance
+from calstation.estimation.common import Belief, SampleBlock, SolveContext, StageData, stage_data
+from calstation.estimation.navigation import BIAS, NavigationFilter, solve_navigation
+from calstation.physics import NAMES, PARAMETER_START, STATES, FloatArray
 
 
 class MismatchedCovariance:

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from calstation.errors import ConfigurationError
-from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
-from calstation.results.resolve import resolve
+from calstation.physics import INDEX, PARAMETERS, pair_parameter
+from calstation.results import resolve
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
 
 #: Kind of recording for each method.

@@ -4,12 +4,11 @@ import json
 from pathlib import Path
 from typing import cast
 
-from calstation.config.library import site_folder
+from calstation.config import site_folder
 from calstation.errors import ConfigurationError
-from calstation.jobs.queue import ProgressCallback
-from calstation.messages.rendering import os_reason
-from calstation.records.atomic import write_atomic
-from calstation.records.log import truth_path
+from calstation.jobs import ProgressCallback
+from calstation.messages import os_reason
+from calstation.records import truth_path, write_atomic
 
 
 def recordings_folder() -> Path:

@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from calstation.bench.config import BenchConfig
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
-from calstation.devices.profiles.table import TableProfile
+from calstation.bench import BenchConfig
+from calstation.config import ResolvedConfiguration, RunRequest, resolve_configuration
+from calstation.devices.profiles import TableProfile
 from calstation.errors import CalstationError
-from calstation.physics.parameters import INDEX
-from calstation.records.limits import Check
-from calstation.records.log import open_log
-from calstation.runs.incomplete import finish_incomplete
+from calstation.physics import INDEX
+from calstation.records import Check, open_log
+from calstation.runs import finish_incomplete
 from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
 from calstation.simulation.soak_plan import MILD, Planned
 

@@ -8,9 +8,7 @@ from typing import Any
 
 import tomli_w
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.config.station import DEFAULT_PRODUCT, DEFAULT_STATION
+from calstation.config import DEFAULT_PRODUCT, DEFAULT_STATION, RunRequest, library
 from calstation.schema import read_toml
 from calstation.simulation.fault_plan import CAPTURES
 

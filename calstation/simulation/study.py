@@ -12,18 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from calstation.bench.truth.bench import BenchTruth
-from calstation.bench.truth.grades import GRADES, GradeName
-from calstation.bench.truth.simulate import Simulated, Simulator
-from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.common.least_squares import restricted
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.navigation.relinearise import solve_navigation
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.parameters import NAMES, PARAMETERS
-from calstation.physics.table import TableGeometry
-from calstation.results.solver_chain import one_blas_thread
+from calstation.bench.truth import GRADES, BenchTruth, GradeName, Simulated, Simulator
+from calstation.estimation.common import (
+    Belief,
+    ImuModel,
+    SampleBlock,
+    Site,
+    SolveContext,
+    TableModel,
+    restricted,
+    stage_data,
+)
+from calstation.estimation.navigation import solve_navigation
+from calstation.physics import NAMES, PARAMETERS, BoolArray, FloatArray, TableGeometry
+from calstation.results import one_blas_thread
 from calstation.simulation.instability import instability_ratio
 from calstation.simulation.study_table import CaseData, summary
 from procedures import DEFAULT_STAGES, method

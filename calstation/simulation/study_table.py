@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.parameters import GROUPS, NAMES, group_indices
+from calstation.physics import GROUPS, NAMES, BoolArray, FloatArray, group_indices
 
 BAND = (0.0005, 0.9995)
 #: Largest rms of error over bound, pooled over all parameters; with few parameters their 99.9 % band if wider.

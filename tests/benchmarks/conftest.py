@@ -44,7 +44,7 @@ def stage():
     from simulated_stages import block_of, context_of, prior_of, simulate
 
     from calstation.estimation.common.alignment import starts
-    from calstation.estimation.common.stage_data import stage_data
+    from calstation.estimation.common.stage import stage_data
 
     truth = BenchTruth.draw("nav", 41)
     block = block_of(simulate(Simulator(truth, 41), truth, "excitation"))

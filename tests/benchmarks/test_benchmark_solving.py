@@ -13,7 +13,7 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import NAMES
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from calstation.results.solver_chain import one_blas_thread
 from procedures import method
 

@@ -11,9 +11,9 @@ from rtu_server import RtuServer
 from test_late_answers import pageless
 
 from calstation.devices.imu.modbus_imu import ModbusImu
+from calstation.devices.imu.register_transfer import transfer
 from calstation.devices.imu.registered_imu import markable, marked
 from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.transfer import transfer
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError

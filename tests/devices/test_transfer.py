@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import raises_code
 
-from calstation.devices.imu.transfer import (
+from calstation.devices.imu.register_transfer import (
     Closing,
     Holds,
     Step,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from calstation.estimation.common.alignment import FREE_AZIMUTH_SIGMA, FREE_TILT_SIGMA, gyrocompass, starts
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.common.stage import StageData
 from calstation.physics.earth import RATE, rotation_rate
 from calstation.physics.parameters import COUNT, group_indices
 from calstation.physics.rotation import axis_rotation, rotation_matrix, rotation_vector

@@ -10,7 +10,7 @@ from simulated_stages import block_of, errors_in_sigma, solved
 from calstation.estimation.common.alignment import starts
 from calstation.estimation.common.context import Belief
 from calstation.estimation.common.least_squares import nis_consistency
-from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.common.stage import stage_data
 from calstation.estimation.navigation import filter as navigation
 from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.physics.parameters import COUNT, PARAMETERS

@@ -11,7 +11,7 @@ from calstation.bench.truth.bench import BenchTruth
 from calstation.bench.truth.simulate import Simulator
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.noise import filter_noise, rest_mean_variance
-from calstation.estimation.common.stage_data import slope_weights, stage_data
+from calstation.estimation.common.stage import slope_weights, stage_data
 from calstation.physics.motion import Dwell
 
 IMU = ImuModel("S", 200.0, "increment", 1e-7, 1e-6, 1e-6, 1e-4)

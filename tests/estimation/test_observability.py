@@ -8,7 +8,7 @@ import pytest
 from simulated_stages import SCHEDULES, geometry_of, solved
 
 from calstation.estimation.common.alignment import starts
-from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.common.stage import stage_data
 from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.estimation.navigation.observability import (
     LARGEST_TURN,

@@ -10,7 +10,7 @@ from calstation.bench.truth.kinematics import JointProfile
 from calstation.bench.truth.stream import SensorStream
 from calstation.estimation.common.noise import filter_noise
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.common.stage import stage_data
 from calstation.estimation.navigation.reference import smoothed_reference
 from calstation.physics.earth import normal_gravity, rotation_rate
 from calstation.physics.imu_model import compensation

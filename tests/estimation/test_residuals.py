@@ -8,7 +8,7 @@ from calstation.bench.truth.bench import BenchTruth
 from calstation.bench.truth.simulate import Simulator
 from calstation.estimation.common.context import Belief
 from calstation.estimation.common.residuals import rest_residuals
-from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.common.stage import stage_data
 from calstation.physics.parameters import INDEX
 
 

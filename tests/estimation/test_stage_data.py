@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock, since, snap_angles
-from calstation.estimation.common.stage_data import find_rests, mean_angles, slope_weights, stage_data
+from calstation.estimation.common.stage import find_rests, mean_angles, slope_weights, stage_data
 
 RATE_IMU = ImuModel("S", 100.0, "rate", 1e-9, 1e-9, 1e-9, 1e-9)
 NO_BIAS = np.zeros(3)

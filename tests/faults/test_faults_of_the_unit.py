@@ -8,7 +8,7 @@ import pytest
 from calstation.errors import ConfigurationError
 from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from calstation.runs.resume import resumable
 from calstation.sequencer.events import Message, StepStarted, Trace
 from tests.faults.conftest import SERIAL, Floor, fault

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calstation.records.log import open_log
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from calstation.sequencer.events import Event, StepStarted
 from tests.faults.conftest import Floor, Ran, fault
 

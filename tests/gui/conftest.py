@@ -19,7 +19,7 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.jobs.queue import JobQueue
-from calstation.results.resolve import warm_up
+from calstation.results.resolving import warm_up
 from calstation.results.result import Result
 from tests.gui.works import live_in
 

@@ -4,7 +4,7 @@ from PySide6.QtWidgets import QGroupBox, QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.text import language
-from calstation.gui.text.bind import bind, on_language_change
+from calstation.gui.text.binding import bind, on_language_change
 
 
 def test_bound_texts_follow_the_language(qtbot: QtBot) -> None:

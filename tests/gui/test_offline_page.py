@@ -39,7 +39,7 @@ from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.results.resolve import Resolved, resolve
+from calstation.results.resolving import Resolved, resolve
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict

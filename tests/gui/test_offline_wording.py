@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QApplication
 from calstation.errors import InputError
 from calstation.gui.text import language
 from calstation.gui.text.messages import error_text
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from tests.cli.conftest import HEADER, six_position_rows, write_log
 
 Maker = Callable[[Path], tuple[Path, tuple[str, ...] | None, int | None, int | None]]

@@ -29,7 +29,7 @@ from calstation.estimation.pairs.watch import PairWatch
 from calstation.physics.imu_model import compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, group_indices, pair_name, pair_parameter
 from calstation.physics.table import TableGeometry
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from procedures import method
 from procedures.cross_calibration import Schedule
 from tests.helpers import raises_code

@@ -20,7 +20,7 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.motion import Carry, Dwell, Move
 from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.table import JointLimits, TableGeometry
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from procedures import method
 from procedures.multi_position import ESTIMATED, GROUPS
 from tests.helpers import raises_code

@@ -13,7 +13,7 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import PARAMETERS
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from tests.station.conftest import Place
 
 CHECKS: dict[str, Any] = {

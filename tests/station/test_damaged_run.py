@@ -12,7 +12,7 @@ from calstation.cli.app import run_app
 from calstation.errors import InsufficientDataError
 from calstation.records.convert import export_csv
 from calstation.results.plots.index import log_index, samples
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from tests.station.conftest import Place
 
 #: Rows on a page of 4 kB.

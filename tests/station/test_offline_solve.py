@@ -11,7 +11,7 @@ from calstation.errors import ConfigurationError
 from calstation.records.convert import partial_path
 from calstation.results.offline import drop_partial, export_log, export_result, in_sigma, offline_solve
 from calstation.results.plots.index import log_index
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from tests.cli.conftest import six_position_rows, write_log
 
 

@@ -15,7 +15,7 @@ from calstation.config.request import RunRequest
 from calstation.errors import ConfigurationError, InputError
 from calstation.records.log import open_log
 from calstation.results.history import History
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from calstation.runs.engine import Engine
 from calstation.runs.incomplete import close_incomplete, finish_incomplete
 from calstation.runs.resume import Continuation, find_resumable, resumable

@@ -15,7 +15,7 @@ from calstation.errors import ConfigurationError
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import open_log
 from calstation.results.history import History
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from calstation.runs import run
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control

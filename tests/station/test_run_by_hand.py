@@ -20,7 +20,7 @@ from calstation.physics.rotation import rotation_matrix
 from calstation.records.log import open_log
 from calstation.registers.verification import AppliedRegisters, verify_output
 from calstation.results.preview import compute_preview
-from calstation.results.resolve import resolve
+from calstation.results.resolving import resolve
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.events import Message, PositionGuided
 from tests.station.conftest import STATION, Place

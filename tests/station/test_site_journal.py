@@ -13,7 +13,7 @@ from calstation.config.library import shipped_folder
 from calstation.config.request import RunRequest
 from calstation.config.resolved import resolve_configuration
 from calstation.connection.bench_process import BenchHost
-from calstation.devices.imu.transfer import Closing, Step
+from calstation.devices.imu.register_transfer import Closing, Step
 from calstation.errors import ConfigurationError, InputError
 from calstation.registers import journal as register_journal
 from calstation.registers.journal import journal_folder

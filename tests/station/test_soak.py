@@ -11,9 +11,9 @@ import pytest
 from calstation.cli.app import run_app
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.simulation.fault_plan import KINDS
-from calstation.simulation.soak import Soak
 from calstation.simulation.soak_judge import Judged, _left_alone, _set_up, _wrong
 from calstation.simulation.soak_plan import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, plans, write_request
+from calstation.simulation.soak_series import Soak
 
 pytestmark = pytest.mark.long
 

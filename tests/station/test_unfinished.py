@@ -11,8 +11,8 @@ import pytest
 from calstation.cli.app import run_app
 from calstation.config.resolved import resolve_configuration
 from calstation.connection.imu_session import open_imu_session
+from calstation.devices.imu.register_transfer import transfer
 from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.transfer import transfer
 from calstation.errors import DeviceFaultError, InputError
 from calstation.registers import journal as register_journal
 from calstation.registers.unit_registers import UnitRegisters, read_unit

@@ -9,7 +9,7 @@ from calstation.config import library
 from calstation.connection.live_imu import OtherUnit, apply_to_unit
 from calstation.physics.parameters import NAMES
 from calstation.records.log import read_truth, truth_path
-from calstation.results.plots.applied import Applied
+from calstation.results.plots.compensation import Applied
 from calstation.simulation.recordings import record_on_bench
 from tests.station.conftest import behind_registers
 

@@ -11,8 +11,8 @@ from calstation.cli.registers import largest_change
 from calstation.config import library
 from calstation.config.request import RegisterOperation
 from calstation.config.resolved import resolve_configuration
+from calstation.devices.imu.register_transfer import Closing, Step
 from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.imu.transfer import Closing, Step
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError, InputError

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 #: Iterations for the second-order term; each reduces its error by a factor of about 10^-5.
 _ROUNDS = 4

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from fastcrc import crc16 as checks
 
-from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics import FloatArray, IntArray
 
 STREAM = np.dtype(
     [

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calstation.bench.imu.frames import STREAM
-from calstation.bench.truth.imu import StreamOutput
+from calstation.bench.truth import StreamOutput
 
 #: Bytes of noise put before a frame.
 _NOISE_BYTES = 7

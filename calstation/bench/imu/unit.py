@@ -16,10 +16,9 @@ from calstation.bench.imu.frames import (
     pack,
     stream_frames,
 )
-from calstation.bench.table.machine import OutOfRange, Refusal
-from calstation.bench.table.registers import SIZE, WRITABLE, TableRegisters
-from calstation.bench.truth.imu import StreamOutput
-from calstation.physics.arrays import FloatArray
+from calstation.bench.table import SIZE, WRITABLE, OutOfRange, Refusal, TableRegisters
+from calstation.bench.truth import StreamOutput
+from calstation.physics import FloatArray
 
 MODEL = "bench-imu"
 FIRMWARE = "1.0.0"

@@ -14,8 +14,8 @@ from fastcrc import crc16
 from calstation.bench.imu.correction import Correction
 from calstation.bench.imu.flash import PowerCut
 from calstation.bench.imu.unit import BOOT_TIME, REGISTERS, ImuUnit
-from calstation.bench.truth.imu import StreamOutput
-from calstation.physics.arrays import FloatArray
+from calstation.bench.truth import StreamOutput
+from calstation.physics import FloatArray
 
 MODEL, FIRMWARE = "VN-100T", "2.1.0.0"
 SAMPLES = np.dtype([("head", "V6"), ("time", "<u8"), ("values", "<f4", 7), ("crc", ">u2")])

@@ -1,1 +1,8 @@
-"""Serial lines, Modbus servers and the clock service through which a station reaches the bench."""
+"""Servers and serial lines through which the station reaches the bench, and its clock service.
+
+No physics and no protocol states.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -17,7 +17,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from calstation.bench.config import Order
+from calstation.bench import Order
 
 
 class ClockLink:

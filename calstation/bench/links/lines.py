@@ -10,7 +10,7 @@ import socket
 import sys
 from collections.abc import Callable
 
-from calstation.bench.table.text import TextController
+from calstation.bench.table import TextController
 
 
 def open_raw() -> tuple[int, int, str]:

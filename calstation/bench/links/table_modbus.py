@@ -17,7 +17,7 @@ from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from calstation.bench.links.lines import open_raw
-from calstation.bench.table.machine import OutOfRange, Refusal
+from calstation.bench.table import OutOfRange, Refusal
 
 #: Modbus unit number of a table that has one controller.
 UNIT = 1

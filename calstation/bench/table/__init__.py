@@ -1,1 +1,8 @@
-"""The table's controller and its protocols."""
+"""The table's controller: drives, limits, watchdog, register maps and text protocols.
+
+The true motion of the joints belongs to `bench.truth`.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

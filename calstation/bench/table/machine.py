@@ -8,8 +8,8 @@ from enum import Enum, IntEnum
 
 import numpy as np
 
-from calstation.bench.truth.drive import TableDrive
-from calstation.physics.arrays import FloatArray
+from calstation.bench.truth import TableDrive
+from calstation.physics import FloatArray
 
 
 class Fault(IntEnum):

@@ -1,1 +1,8 @@
-"""True motion, sensors and errors, drawn from a seed; no protocols and no time of their own."""
+"""What is true on the bench: motion, errors, noise and samples of units and tables.
+
+Independent of the estimators; no links or protocols.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -9,7 +9,7 @@ from calstation.bench.truth.drive import EncoderTruth
 from calstation.bench.truth.grades import GradeName, draw_imu
 from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.table import TableTruth
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 ARCSECOND = np.deg2rad(1.0 / 3600.0)
 

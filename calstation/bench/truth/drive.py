@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.bench.truth.kinematics import SETTLED, JointProfile
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.bench.truth.table import rotation
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ import numpy as np
 from calstation.bench.truth.free_motion import FreeMotion
 from calstation.bench.truth.imu import Digitiser, ImuTruth, StreamOutput
 from calstation.bench.truth.noise import Vibration
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.parameters import group_matrix, group_vector
+from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector
 
 #: Gauss-Legendre nodes and weights on (0, 1), exact to the fifth degree.
 _NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])

@@ -14,7 +14,7 @@ import numpy as np
 from calstation.bench.truth.imu import Digitiser, ImuTruth
 from calstation.bench.truth.kinematics import compiled
 from calstation.bench.truth.noise import INSTABILITY_TIMES, draw_instability, instability_steps
-from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics import FloatArray, IntArray
 
 AXES = "xyz"
 #: Share of the rate error that the loop removes per sample.

@@ -6,8 +6,7 @@ from typing import Literal
 import numpy as np
 
 from calstation.bench.truth.imu import ImuTruth
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import COUNT, PARAMETERS
+from calstation.physics import COUNT, PARAMETERS, FloatArray
 
 GradeName = Literal["nav", "tactical", "mems"]
 

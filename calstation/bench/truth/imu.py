@@ -7,8 +7,7 @@ import numpy as np
 from calstation.bench.truth.kinematics import compiled, joint_state
 from calstation.bench.truth.noise import draw_instability, instability_steps
 from calstation.bench.truth.table import body_motion, to_body
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.parameters import group_matrix, group_vector
+from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector
 
 
 @dataclass(frozen=True)

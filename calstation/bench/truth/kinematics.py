@@ -13,7 +13,7 @@ from typing import TypeVar, cast
 import numba
 import numpy as np
 
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 F = TypeVar("F", bound=Callable[..., object])
 

@@ -14,7 +14,7 @@ from calstation.bench.truth.free_unit import Field, FreeStream, Place, sampled
 from calstation.bench.truth.imu import ImuTruth, StreamOutput
 from calstation.bench.truth.simulate import Simulated
 from calstation.bench.truth.table import earth_rate_n, normal_gravity, rotation
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 Pose = tuple[float, float]
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from calstation.bench.truth.kinematics import compiled
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 #: Correlation times of the bank, s, four apart.
 INSTABILITY_TIMES: tuple[float, ...] = (2.0, 8.0, 32.0, 128.0, 512.0, 2048.0)

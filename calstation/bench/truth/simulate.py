@@ -8,8 +8,7 @@ import numpy as np
 from calstation.bench.truth.bench import BenchTruth
 from calstation.bench.truth.drive import TableDrive
 from calstation.bench.truth.stream import SensorStream
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.motion import Dwell, Move, RoundEnd, Step
+from calstation.physics import Dwell, FloatArray, IntArray, Move, RoundEnd, Step
 
 
 @dataclass(frozen=True)

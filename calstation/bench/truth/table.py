@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.bench.truth.kinematics import compiled
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 #: Rotation rate of the earth, rad/s.
 EARTH_RATE = 7.292115e-5

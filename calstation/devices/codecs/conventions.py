@@ -17,8 +17,7 @@ import numpy as np
 from pydantic import model_validator
 
 from calstation.errors import DeviceFaultError
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import AXES, NAMES
+from calstation.physics import AXES, NAMES, FloatArray
 from calstation.schema import EntryError, StrictModel
 
 SENSORS = ("gyro", "accel")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator
 
-from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics import FloatArray, IntArray
 from calstation.schema import EntryError
 
 ByteOrder = Literal["little", "big"]

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.devices.codecs.numbers import ByteOrder, number
-from calstation.devices.profiles.frame import FrameField, FrameSection, hex_bytes
-from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+from calstation.devices.codecs import ByteOrder, number
+from calstation.devices.profiles import FrameField, FrameSection, hex_bytes
+from calstation.physics import BoolArray, FloatArray, IntArray
 
 Column = FloatArray | IntArray
 

@@ -3,18 +3,15 @@
 import struct
 from collections.abc import Iterator
 
-from calstation.devices.codecs.numbers import number
-from calstation.devices.codecs.packets import Reply
+from calstation.devices import ImuIdentity, OtherModelError
+from calstation.devices.codecs import Reply, number
 from calstation.devices.imu.frames import command_frame
 from calstation.devices.imu.registered_imu import RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
-from calstation.devices.interfaces import ImuIdentity, OtherModelError
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.imu_sections import OPS
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import OPS, ImuProfile, RegisterEntry
 from calstation.errors import DeviceFaultError
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 
 #: Usual error codes in replies.
 _ERRORS = {

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.devices.codecs.frame_checks import CRC_WIDTHS, check_bytes
-from calstation.devices.codecs.packets import PacketKind, Reply, ReplyKind
+from calstation.devices.codecs import CRC_WIDTHS, PacketKind, Reply, ReplyKind, check_bytes
 from calstation.devices.imu.binary_frames import BinaryFrame, Columns
 from calstation.devices.imu.text_frames import TextFrame
-from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection, hex_bytes
-from calstation.devices.profiles.imu_sections import CommandSection
-from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+from calstation.devices.profiles import CHANNELS, STATUS_WORDS, CommandSection, FrameSection, hex_bytes
+from calstation.physics import BoolArray, FloatArray, IntArray
 
 _REPLY_HEADER = 2  # op, payload length
 

@@ -5,19 +5,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from calstation.devices.codecs.numbers import ByteOrder, WordOrder, number
-from calstation.devices.codecs.packets import Reply
+from calstation.devices import ImuIdentity
+from calstation.devices.codecs import ByteOrder, Reply, WordOrder, number
 from calstation.devices.imu.registered_imu import POLL, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
-from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links.modbus_link import ACKNOWLEDGED, NOT_YET
-from calstation.devices.links.modbus_rtu import REFUSED, RtuReply, RtuRequest
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.imu_sections import TextRegisters, WordCommand
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.links import ACKNOWLEDGED, NOT_YET, REFUSED, RtuReply, RtuRequest, SerialLink
+from calstation.devices.profiles import ImuProfile, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 
 _ATTEMPTS = 3
 #: Registers in one transfer.

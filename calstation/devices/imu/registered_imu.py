@@ -12,16 +12,12 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from calstation.devices.codecs.conventions import SENSORS, matrix_slots
-from calstation.devices.codecs.numbers import number
-from calstation.devices.codecs.packets import ReplyKind
+from calstation.devices import ImuIdentity, OtherModelError
+from calstation.devices.codecs import SENSORS, ReplyKind, matrix_slots, number
 from calstation.devices.imu.registers import RegisterMap, alike
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
-from calstation.devices.interfaces import ImuIdentity, OtherModelError
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.imu_sections import CommandSection
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import CommandSection, ImuProfile, RegisterEntry
 from calstation.errors import DeviceFaultError
 
 T = TypeVar("T")

@@ -5,18 +5,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from calstation.devices.codecs.conventions import (
+from calstation.devices.codecs import (
     SENSORS,
     SLOTS,
     Convention,
     from_registers,
     matrix_slots,
+    number,
     offset_slots,
     parameter_of,
     to_registers,
 )
-from calstation.devices.codecs.numbers import number
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.profiles import RegisterEntry
 from calstation.errors import DeviceFaultError
 
 #: Passes after which a value that is stored and read again no longer changes.

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from calstation.devices.profiles.frame import FrameSection
-from calstation.estimation.common.sequence import unwrap_counter
-from calstation.physics.arrays import IntArray
+from calstation.devices.profiles import FrameSection
+from calstation.estimation.common import unwrap_counter
+from calstation.physics import IntArray
 
 #: Largest number of frames that may overtake another; a counter that falls by more was reset.
 _OVERTAKEN = 3

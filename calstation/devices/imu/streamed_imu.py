@@ -11,18 +11,15 @@ from typing import Generic, TypeVar, cast
 
 import numpy as np
 
-from calstation.devices.codecs.packets import Reply, ReplyKind
+from calstation.devices import ImuIdentity, LinkStats, NoFramesError, SampleBatch
+from calstation.devices.codecs import Reply, ReplyKind
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.sample_count import SampleCount
-from calstation.devices.interfaces import ImuIdentity, LinkStats, NoFramesError, SampleBatch
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.links.unanswered import QUIET, Unanswered
-from calstation.devices.profiles.frame import FrameSection
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.imu_sections import CommandSection
+from calstation.devices.links import QUIET, SerialLink, Unanswered
+from calstation.devices.profiles import CommandSection, FrameSection, ImuProfile
 from calstation.errors import DeviceFaultError
-from calstation.messages.rendering import Text
-from calstation.physics.arrays import FloatArray, IntArray
+from calstation.messages import Text
+from calstation.physics import FloatArray, IntArray
 
 #: Host time for which the reader waits for bytes before it checks for commands to send, s.
 _WAIT = 0.02

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calstation.devices.codecs.numbers import number
+from calstation.devices.codecs import number
 from calstation.devices.imu.binary_frames import Columns
-from calstation.devices.profiles.frame import FrameField, FrameSection
+from calstation.devices.profiles import FrameField, FrameSection
 
 #: Bound below which whole numbers are exact as floats.
 _EXACT = 2.0**53

@@ -2,20 +2,15 @@
 
 from collections.abc import Iterator
 
-from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, check_function
-from calstation.devices.codecs.numbers import number
-from calstation.devices.codecs.packets import Reply
+from calstation.devices import ImuIdentity
+from calstation.devices.codecs import CHECK_WIDTHS, Reply, check_function, number
 from calstation.devices.imu.registered_imu import RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuRefusalError, Question
 from calstation.devices.imu.text_frames import TextLine
-from calstation.devices.interfaces import ImuIdentity
-from calstation.devices.links.serial_link import SerialLink
-from calstation.devices.profiles.frame import CrcSection, FrameSection
-from calstation.devices.profiles.imu import ImuProfile
-from calstation.devices.profiles.imu_sections import VectorNavSection
-from calstation.devices.profiles.registers import RegisterEntry
+from calstation.devices.links import SerialLink
+from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry, VectorNavSection
 from calstation.errors import DeviceFaultError
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 
 _ATTEMPTS = 3
 #: Largest size of a reply in bytes.

@@ -7,9 +7,9 @@ from typing import Protocol, TypeVar
 from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, UnansweredError
 from calstation.devices.links.modbus_tcp import TcpConnection
 from calstation.devices.links.serial_link import PortLostError
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.profiles import SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 
 #: Modbus exceptions by their numbers.
 _EXCEPTIONS = {

@@ -12,12 +12,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import cast
 
-from calstation.devices.codecs.frame_checks import check_bytes
-from calstation.devices.codecs.packets import Reply
+from calstation.devices.codecs import Reply, check_bytes
 from calstation.devices.links.serial_link import PortLostError, SerialLink
 from calstation.devices.links.unanswered import QUIET, Unanswered
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.messages.rendering import Text
+from calstation.devices.profiles import SerialSettings
+from calstation.messages import Text
 
 READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 

@@ -10,7 +10,7 @@ from calstation.devices.links.modbus_rtu import RefusedError, UnansweredError
 from calstation.devices.links.opening import host_and_port
 from calstation.devices.links.serial_link import LINK_ERRORS, link_reason
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors become DeviceFaultError
 

@@ -10,9 +10,9 @@ import serial
 
 from calstation.devices.links.serial_link import LINK_ERRORS, Device, link_reason
 from calstation.devices.links.serial_ports import resolve
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.profiles import SerialSettings
 from calstation.errors import DeviceFaultError
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 
 #: No such USB adapter or port, no permission, in use, unsuitable settings; host:port misspelt, host not found,
 #: connection refused, host unreachable.

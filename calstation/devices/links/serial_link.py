@@ -7,9 +7,9 @@ from typing import Literal
 import serial
 
 from calstation.devices.links.serial_ports import found_ports, resolve
-from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.devices.profiles import SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.messages.rendering import Text, os_reason
+from calstation.messages import Text, os_reason
 
 try:
     from termios import error as termios_error

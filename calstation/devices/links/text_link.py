@@ -4,12 +4,10 @@ import re
 import time
 from typing import Protocol
 
-from calstation.devices.codecs.frame_checks import check_function
-from calstation.devices.codecs.packets import quoted_text
+from calstation.devices.codecs import check_function, quoted_text
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.links.unanswered import QUIET
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.text import CheckedLines, TextSection
+from calstation.devices.profiles import CheckedLines, SerialSettings, TextSection
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3

@@ -8,10 +8,19 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, CheckFunction, check_function, parametric_crc
-from calstation.devices.codecs.numbers import ByteOrder, NumberName, WordOrder, check_orders, number
-from calstation.messages.rendering import Text
-from calstation.physics.arrays import FloatArray
+from calstation.devices.codecs import (
+    CHECK_WIDTHS,
+    ByteOrder,
+    CheckFunction,
+    NumberName,
+    WordOrder,
+    check_function,
+    check_orders,
+    number,
+    parametric_crc,
+)
+from calstation.messages import Text
+from calstation.physics import FloatArray
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 LARGEST_FRAME = 65_536

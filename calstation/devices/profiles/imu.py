@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from calstation.devices.codecs.numbers import number
+from calstation.devices.codecs import number
 from calstation.devices.profiles.frame import FrameSection, check_samples, hex_bytes
 from calstation.devices.profiles.imu_checks import (
     check_baud,
@@ -28,7 +28,7 @@ from calstation.devices.profiles.imu_sections import (
 )
 from calstation.devices.profiles.registers import RegisterEntry, check_registers
 from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
+from calstation.physics import GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, load, near_miss
 
 #: The section that each protocol needs.

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 
-from calstation.devices.codecs.numbers import number
+from calstation.devices.codecs import number
 from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection
 from calstation.devices.profiles.imu_sections import CorrectedSection, ModbusUnitSection, StatusSection
 from calstation.devices.profiles.registers import RegisterEntry

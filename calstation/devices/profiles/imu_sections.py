@@ -4,8 +4,7 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
-from calstation.devices.codecs.frame_checks import CRC_WIDTHS
-from calstation.devices.codecs.numbers import ByteOrder, WordOrder, check_code
+from calstation.devices.codecs import CRC_WIDTHS, ByteOrder, WordOrder, check_code
 from calstation.devices.profiles.frame import FrameSection, hex_bytes
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 

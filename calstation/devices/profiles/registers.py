@@ -6,18 +6,22 @@ from typing import Literal
 
 from pydantic import Field, PrivateAttr, field_validator
 
-from calstation.devices.codecs.conventions import (
+from calstation.devices.codecs import (
     SENSORS,
     SLOTS,
+    ByteOrder,
     Convention,
+    NumberName,
+    WordOrder,
+    check_orders,
     legal_range,
     matrix_slots,
+    number,
     offset_slots,
     parameter_of,
 )
-from calstation.devices.codecs.numbers import ByteOrder, NumberName, WordOrder, check_orders, number
-from calstation.messages.rendering import Text
-from calstation.physics.parameters import AXES, GROUPS, NAMES, PARAMETERS
+from calstation.messages import Text
+from calstation.physics import AXES, GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 #: Registers must hold a unit's parameters up to this many sigmas of their prior.

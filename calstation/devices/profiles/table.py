@@ -11,7 +11,7 @@ from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table_registers import JOINTS, Axis, Bit, ModbusRegister, TableMap, Writes
 from calstation.devices.profiles.text import TextSection
 from calstation.errors import ConfigurationError
-from calstation.physics.table import JointLimits, TableGeometry
+from calstation.physics import JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load
 
 #: Largest rounding of an angle in a line, in sigmas of the encoder.

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from calstation.devices.codecs.numbers import Number, check_code, number
-from calstation.messages.rendering import Text
+from calstation.devices.codecs import Number, check_code, number
+from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 JOINTS = ("outer", "inner")

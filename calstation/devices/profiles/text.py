@@ -9,7 +9,7 @@ from typing import Literal
 from pydantic import Field, field_validator, model_validator
 
 from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 #: What a command's line may name in braces, in degrees, °/s and °/s²; also `outer_angle`, `inner_rate` and so on.

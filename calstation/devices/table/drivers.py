@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from calstation.devices.interfaces import TableIdentity, TableStatus
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import TableProfile
+from calstation.devices import TableIdentity, TableStatus
+from calstation.devices.profiles import SerialSettings, TableProfile
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import ConfigurationError

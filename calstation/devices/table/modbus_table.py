@@ -1,8 +1,7 @@
 """Driver of a two-axis table on Modbus, over TCP or RTU."""
 
-from calstation.devices.links.modbus_link import ModbusLink
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import TableProfile
+from calstation.devices.links import ModbusLink
+from calstation.devices.profiles import SerialSettings, TableProfile
 from calstation.devices.table.register_table import RegisterTable, decode, encode
 from calstation.errors import DeviceFaultError
 

@@ -6,18 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
-from calstation.devices.interfaces import (
-    LOCAL_CONTROL,
-    UNKNOWN_FAULT,
-    OtherModelError,
-    TableIdentity,
-    TableStatus,
-)
-from calstation.devices.profiles.table import TableProfile
-from calstation.devices.profiles.table_registers import JOINTS, RATE_COMMAND, ModbusRegister
+from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, TableIdentity, TableStatus
+from calstation.devices.profiles import JOINTS, RATE_COMMAND, ModbusRegister, TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.estimation.common.samples import snap_angles
-from calstation.physics.table import JointLimits
+from calstation.estimation.common import snap_angles
+from calstation.physics import JointLimits
 
 SHUTDOWN, SWITCH_ON, ENABLE, FAULT_RESET = 0x06, 0x07, 0x0F, 0x86
 _POLLED = ("statusword", "status2", "fault", "interlock", "watchdog", "position", "rate", "low", "high")

@@ -3,9 +3,8 @@
 The IMU's driver owns the port; the table's registers are read and written by two of its commands.
 """
 
-from calstation.devices.imu.framed_imu import FramedImu
-from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, StreamedImu
-from calstation.devices.profiles.table import TableProfile
+from calstation.devices.imu import FramedImu, ImuBusyError, ImuRefusalError, StreamedImu
+from calstation.devices.profiles import TableProfile
 from calstation.devices.table.register_table import RegisterTable
 from calstation.errors import ConfigurationError, DeviceFaultError
 

@@ -5,23 +5,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calstation.devices.codecs.packets import quoted_text
-from calstation.devices.interfaces import (
-    LOCAL_CONTROL,
-    UNKNOWN_FAULT,
-    OtherModelError,
-    TableIdentity,
-    TableStatus,
-)
-from calstation.devices.links.text_link import TextLink, UnlikeAnswerError
-from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table import TableProfile
-from calstation.devices.profiles.table_registers import JOINTS
-from calstation.devices.profiles.text import Flag
+from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, TableIdentity, TableStatus
+from calstation.devices.codecs import quoted_text
+from calstation.devices.links import TextLink, UnlikeAnswerError
+from calstation.devices.profiles import JOINTS, Flag, SerialSettings, TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.estimation.common.samples import snap_angles
-from calstation.physics.arrays import FloatArray
-from calstation.physics.table import JointLimits
+from calstation.estimation.common import snap_angles
+from calstation.physics import FloatArray, JointLimits
 
 #: Groups of each query's answers: one answer for both axes, or one for each.
 Answers = dict[str, list[dict[str, str]]]

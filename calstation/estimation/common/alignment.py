@@ -9,13 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.stage_data import StageData, find_rests, mean_angles
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import RATE
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import group_indices
-from calstation.physics.rotation import axis_rotation, level_attitude, rotation_matrix
-from calstation.physics.table import UP
+from calstation.estimation.common.stage import StageData, find_rests, mean_angles
+from calstation.physics import (
+    RATE,
+    UP,
+    FloatArray,
+    axis_rotation,
+    compensate,
+    compensation,
+    group_indices,
+    level_attitude,
+    rotation_matrix,
+)
 
 #: Standard deviation of an unknown azimuth, rad.
 FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)

@@ -5,9 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import normal_gravity
-from calstation.physics.table import TableGeometry
+from calstation.physics import FloatArray, TableGeometry, normal_gravity
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,8 @@ import numpy as np
 from calstation.estimation.common.context import Belief, ImuModel
 from calstation.estimation.common.noise import BIAS_DRIFT_PER_INSTABILITY
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage_data import FORCE_STEP, runs
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.earth import RATE
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import group_indices
+from calstation.estimation.common.stage import FORCE_STEP, runs
+from calstation.physics import RATE, FloatArray, IntArray, compensate, compensation, group_indices
 
 #: Deviation in standard deviations that counts as another latitude; noise exceeds it once in 10^9 cases.
 SIGMAS = 6.0

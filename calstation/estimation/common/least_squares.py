@@ -9,8 +9,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import gammaincinv
 
 from calstation.estimation.common.context import Belief
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.parameters import COUNT
+from calstation.physics import COUNT, BoolArray, FloatArray
 
 MOST_ITERATIONS = 20
 #: Largest last step, in sigmas, that counts as converged.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common.context import SolveContext
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 #: Correlation time of the Gauss-Markov process that models bias instability, s.
 BIAS_DRIFT_TIME = 200.0

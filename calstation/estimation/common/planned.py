@@ -10,12 +10,19 @@ import numpy as np
 
 from calstation.estimation.common.context import SolveContext
 from calstation.estimation.common.samples import SampleBlock
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import rotation_rate
-from calstation.physics.motion import Dwell, Move, Step
-from calstation.physics.parameters import group_matrix, group_vector
-from calstation.physics.rotation import axis_rotation, rotation_matrix, skew
-from calstation.physics.table import TableGeometry
+from calstation.physics import (
+    Dwell,
+    FloatArray,
+    Move,
+    Step,
+    TableGeometry,
+    axis_rotation,
+    group_matrix,
+    group_vector,
+    rotation_matrix,
+    rotation_rate,
+    skew,
+)
 
 #: Samples generated at a time.
 LONGEST_BLOCK = 20_000

@@ -11,11 +11,8 @@ import numpy as np
 from calstation.estimation.common.context import Belief, ImuModel, SolveContext
 from calstation.estimation.common.noise import filter_noise, rest_mean_variance
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage_data import StageData, find_rests, mean_angles, slope_weights
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.earth import rotation_rate
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import group_indices
+from calstation.estimation.common.stage import StageData, find_rests, mean_angles, slope_weights
+from calstation.physics import FloatArray, IntArray, compensate, compensation, group_indices, rotation_rate
 
 #: A shorter rest, s, is a pause in a turn and not a position.
 SHORTEST_REST = 1.0

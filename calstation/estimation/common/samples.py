@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+from calstation.physics import BoolArray, FloatArray, IntArray
 
 #: Grid of encoder angles, rad (2e-7″), coarse enough for degrees written in a file to read back the same.
 ANGLE_STEP = 2.0**-40

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.physics.arrays import FloatArray, IntArray
+from calstation.physics import FloatArray, IntArray
 
 MODULI = (2**8, 2**16, 2**32)
 _RESTART_SECONDS = 1.0

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.stage_data import REST_WINDOW, StageData, find_rests, runs, window_mean
-from calstation.physics.arrays import FloatArray
+from calstation.estimation.common.stage import REST_WINDOW, StageData, find_rests, runs, window_mean
+from calstation.physics import FloatArray
 
 #: Share of all windows whose noise defines the noise at rest.
 QUIETEST = 0.1

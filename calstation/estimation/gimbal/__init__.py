@@ -1,1 +1,5 @@
 """Gyro misalignment from the joints of a stabilised gimbal."""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -10,17 +10,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.noise import filter_noise
-from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
 from calstation.estimation.gimbal.iteration import gimbal_attitude
 from calstation.estimation.gimbal.motions import Motion
-from calstation.estimation.positions.rows import integrate_rotation, square_root
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import RATE
-from calstation.physics.imu_model import compensation
-from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices
-from calstation.physics.rotation import rotation_matrix, rotation_vector
+from calstation.estimation.positions import integrate_rotation, square_root
+from calstation.physics import (
+    COUNT,
+    INDEX,
+    PARAMETERS,
+    RATE,
+    FloatArray,
+    compensation,
+    group_indices,
+    rotation_matrix,
+    rotation_vector,
+)
 
 MOST_ITERATIONS = 12
 CONVERGED = 1e-3

@@ -16,8 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.physics.arrays import FloatArray
-from calstation.physics.rotation import axis_rotation, rotation_matrix
+from calstation.physics import FloatArray, axis_rotation, rotation_matrix
 
 AXES = "xyz"
 _DERIVATIVE_STEP = 1e-5

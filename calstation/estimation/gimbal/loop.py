@@ -4,12 +4,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 from calstation.errors import InputError
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.common import ImuModel, SampleBlock, stage_data
 from calstation.estimation.gimbal.iteration import AXES, GimbalIteration
 from calstation.estimation.gimbal.motions import Motion, find_motions
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 
 class Gimbal(Protocol):

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.common.stillness import find_stillness
+from calstation.estimation.common import ImuModel, StageData, find_stillness
 from calstation.estimation.gimbal.iteration import drift_matrix, others
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 #: Joints within this angle count as at zero, rad.
 AT_ZERO = np.deg2rad(2.0)

@@ -17,10 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from calstation.estimation.common.alignment import Start
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.noise import BIAS_DRIFT_TIME, filter_noise
-from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.common import BIAS_DRIFT_TIME, Belief, SolveContext, StageData, Start, filter_noise
 from calstation.estimation.navigation.reference import smoothed_reference
 from calstation.estimation.navigation.velocity_group import (
     BIAS,
@@ -33,12 +30,19 @@ from calstation.estimation.navigation.velocity_group import (
     velocity_group,
     whitened,
 )
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.earth import rotation_rate
-from calstation.physics.imu_model import compensation
-from calstation.physics.parameters import group_indices
-from calstation.physics.rotation import rotation_matrix, rotation_vector
-from calstation.physics.strapdown import PARAMETER_START, STATES, interval_work, propagate
+from calstation.physics import (
+    PARAMETER_START,
+    STATES,
+    FloatArray,
+    IntArray,
+    compensation,
+    group_indices,
+    interval_work,
+    propagate,
+    rotation_matrix,
+    rotation_rate,
+    rotation_vector,
+)
 
 #: Initial sigma of δp, m; no observation depends on it.
 POSITION_SIGMA = 1e-3

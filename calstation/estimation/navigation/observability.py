@@ -15,16 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.noise import filter_noise
-from calstation.estimation.common.stage_data import StageData
+from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
 from calstation.estimation.navigation.filter import POSITION_SIGMA, History
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.earth import rotation_rate
-from calstation.physics.imu_model import compensation
-from calstation.physics.parameters import NAMES
-from calstation.physics.rotation import skew
-from calstation.physics.strapdown import STATES, dynamics
+from calstation.physics import (
+    NAMES,
+    STATES,
+    FloatArray,
+    IntArray,
+    compensation,
+    dynamics,
+    rotation_rate,
+    skew,
+)
 
 STATE_NAMES = (
     *(

@@ -11,12 +11,15 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from calstation.estimation.common.noise import FilterNoise
-from calstation.estimation.common.stage_data import StageData
-from calstation.physics.arrays import FloatArray
-from calstation.physics.imu_model import Compensation
-from calstation.physics.rotation import rotation_matrix
-from calstation.physics.strapdown import IntervalWork, interval_work, propagate
+from calstation.estimation.common import FilterNoise, StageData
+from calstation.physics import (
+    Compensation,
+    FloatArray,
+    IntervalWork,
+    interval_work,
+    propagate,
+    rotation_matrix,
+)
 
 #: Prior sigma of the start heading, rad: small, because the parameters may be too poor for gyrocompassing.
 HEADING_SIGMA = 1e-4

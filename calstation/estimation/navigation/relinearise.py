@@ -11,17 +11,27 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common.alignment import AMBIGUOUS_AZIMUTH_SIGMA, SHORTEST_REST, Start, starts
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.method import Progress
+from calstation.estimation import Progress
+from calstation.estimation.common import (
+    AMBIGUOUS_AZIMUTH_SIGMA,
+    SHORTEST_REST,
+    Belief,
+    SolveContext,
+    StageData,
+    Start,
+    starts,
+)
 from calstation.estimation.navigation.filter import History, NavigationFilter
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.earth import rotation_rate
-from calstation.physics.imu_model import compensation
-from calstation.physics.parameters import group_indices
-from calstation.physics.rotation import axis_rotation, rotation_matrix
-from calstation.physics.strapdown import body_rotation
+from calstation.physics import (
+    BoolArray,
+    FloatArray,
+    axis_rotation,
+    body_rotation,
+    compensation,
+    group_indices,
+    rotation_matrix,
+    rotation_rate,
+)
 
 MOST_PASSES = 20
 #: Passes that a solution usually takes, for the progress report.

@@ -5,19 +5,26 @@ from typing import Any
 
 import numpy as np
 
-from calstation.estimation.common.alignment import starts
-from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.common.least_squares import nis_consistency, restricted
-from calstation.estimation.common.planned import PlannedSamples
-from calstation.estimation.common.samples import SampleBlock, Spool, since
-from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.method import Innovations, Progress, Solution
+from calstation.estimation import Innovations, Progress, Solution
+from calstation.estimation.common import (
+    Belief,
+    ImuModel,
+    PlannedSamples,
+    SampleBlock,
+    Site,
+    SolveContext,
+    Spool,
+    TableModel,
+    nis_consistency,
+    restricted,
+    since,
+    stage_data,
+    starts,
+)
 from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.estimation.navigation.observability import observability_analysis
 from calstation.estimation.navigation.relinearise import solve_navigation
-from calstation.physics.arrays import FloatArray
-from calstation.physics.motion import Dwell
-from calstation.physics.parameters import COUNT, NAMES, PARAMETERS
+from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, FloatArray
 
 #: Data that the live filter needs after a start to align on, s.
 LIVE_ALIGNMENT = 5.0

@@ -16,15 +16,16 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from calstation.physics.arrays import FloatArray
-from calstation.physics.imu_model import Compensation
-from calstation.physics.parameters import COUNT, group_indices
-from calstation.physics.rotation import rotation_vector
-from calstation.physics.strapdown import (
+from calstation.physics import (
+    COUNT,
     PARAMETER_START,
     STATES,
+    Compensation,
+    FloatArray,
     IntervalWork,
+    group_indices,
     propagate,
+    rotation_vector,
     write_navigation_block,
 )
 

@@ -6,12 +6,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.estimation.common.context import Belief, Secondary, SolveContext, StoredPair
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.common.stillness import find_stillness
+from calstation.estimation.common import (
+    Belief,
+    Secondary,
+    SolveContext,
+    StageData,
+    StoredPair,
+    find_stillness,
+)
 from calstation.estimation.pairs.faults import require_pairs, require_sense
+from calstation.estimation.pairs.filtering import pair_data
 from calstation.estimation.pairs.fit import PairChoice, PairFit, fit_pair
-from calstation.estimation.pairs.signals import pair_data
 from calstation.estimation.pairs.static import (
     SENSORS,
     RestDeviation,
@@ -21,9 +26,7 @@ from calstation.estimation.pairs.static import (
     pair_vector,
     static_figures,
 )
-from calstation.physics.arrays import FloatArray
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import PAIR_PARAMETERS
+from calstation.physics import PAIR_PARAMETERS, FloatArray, compensate, compensation
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,10 @@
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
+from calstation.estimation.pairs.filtering import PairData
 from calstation.estimation.pairs.fit import ACCEL_MATRIX, GYRO_MATRIX, PairChoice, PairFit
-from calstation.estimation.pairs.signals import PairData
-from calstation.estimation.positions.recording_faults import frozen_columns
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import AXES
-from calstation.physics.rotation import rotation_vector
+from calstation.estimation.positions import frozen_columns
+from calstation.physics import AXES, FloatArray, rotation_vector
 
 #: Shortest paired time, s.
 LEAST_PAIRS = 5.0

@@ -20,12 +20,9 @@ from typing import Literal
 
 import numpy as np
 
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.noise import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME
-from calstation.estimation.pairs.signals import PairData, Signals, coarse_offset, low_pass, signals
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.imu_model import Compensation
-from calstation.physics.parameters import PAIR_PARAMETERS
+from calstation.estimation.common import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME, ImuModel
+from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offset, low_pass, signals
+from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, FloatArray
 
 Model = Literal["bias", "scale", "full"]
 #: Length of a block of the jackknife, s: residuals further apart are independent.

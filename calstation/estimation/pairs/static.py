@@ -10,10 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from calstation.estimation.common.context import StoredPair
-from calstation.physics.arrays import FloatArray
-from calstation.physics.imu_model import Compensation, compensate
-from calstation.physics.parameters import PAIR_PARAMETERS
+from calstation.estimation.common import StoredPair
+from calstation.physics import PAIR_PARAMETERS, Compensation, FloatArray, compensate
 from calstation.schema import EntryError
 
 SENSORS = ("gyro", "accel")

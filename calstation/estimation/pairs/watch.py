@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common.context import ImuModel, Secondary, StoredPair
-from calstation.estimation.common.samples import SampleBlock, joined
-from calstation.estimation.common.stage_data import stage_data
+from calstation.estimation.common import ImuModel, SampleBlock, Secondary, StoredPair, joined, stage_data
 from calstation.estimation.pairs.calibration import PairCalibration, PairResult
 from calstation.estimation.pairs.static import StaticCheck
 

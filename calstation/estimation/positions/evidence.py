@@ -8,14 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.context import SolveContext
-from calstation.estimation.common.stage_data import StageData, mean_angles
-from calstation.estimation.common.stillness import find_stillness
+from calstation.estimation.common import SolveContext, StageData, find_stillness, mean_angles
 from calstation.estimation.positions.rows import integrate_rotation
-from calstation.physics.arrays import FloatArray
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import INDEX, PARAMETERS, group_indices
-from calstation.physics.rotation import rotation_matrix, rotation_vector
+from calstation.physics import (
+    INDEX,
+    PARAMETERS,
+    FloatArray,
+    compensate,
+    compensation,
+    group_indices,
+    rotation_matrix,
+    rotation_vector,
+)
 
 SHORTEST_REST = 1.0
 _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]

@@ -10,17 +10,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.alignment import levelled
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.common.stillness import Link
+from calstation.estimation.common import Belief, Link, SolveContext, StageData, levelled
 from calstation.estimation.positions.observations import Position, Scatter, excess
 from calstation.estimation.positions.rows import PositionRows, integrate_rotation
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.earth import RATE
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import COUNT, group_indices
-from calstation.physics.rotation import level_attitude, rotation_matrix
+from calstation.physics import (
+    COUNT,
+    RATE,
+    BoolArray,
+    FloatArray,
+    compensate,
+    compensation,
+    group_indices,
+    level_attitude,
+    rotation_matrix,
+)
 
 MOST_ITERATIONS = 30
 MOST_REWEIGHTINGS = 12

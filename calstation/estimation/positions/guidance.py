@@ -12,11 +12,8 @@ from typing import Literal
 
 import numpy as np
 
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.samples import SampleBlock, joined
-from calstation.estimation.common.stage_data import REST_MARGIN, REST_WINDOW
-from calstation.physics.arrays import FloatArray
-from calstation.physics.rotation import rotation_matrix, rotation_vector
+from calstation.estimation.common import REST_MARGIN, REST_WINDOW, ImuModel, SampleBlock, joined
+from calstation.physics import FloatArray, rotation_matrix, rotation_vector
 
 #: Length of a window, s.
 WINDOW = 0.25

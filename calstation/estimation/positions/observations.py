@@ -8,12 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.context import SolveContext
-from calstation.estimation.common.least_squares import chi_square_quantile
-from calstation.estimation.common.noise import filter_noise, rest_mean_variance
-from calstation.estimation.common.stage_data import StageData, slope_weights
-from calstation.estimation.common.stillness import Stillness
-from calstation.physics.arrays import FloatArray
+from calstation.estimation.common import (
+    SolveContext,
+    StageData,
+    Stillness,
+    chi_square_quantile,
+    filter_noise,
+    rest_mean_variance,
+    slope_weights,
+)
+from calstation.physics import FloatArray
 
 #: Left out of the rates at the start of a rest, s, because a settling rig still turns.
 CREEP = 0.5

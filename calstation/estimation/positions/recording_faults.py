@@ -12,14 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common.context import Belief, ImuModel
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.common.stillness import Link, Stillness, find_stillness
+from calstation.estimation.common import Belief, ImuModel, Link, StageData, Stillness, find_stillness
 from calstation.estimation.positions.rows import integrate_rotation
-from calstation.messages.rendering import Text
-from calstation.physics.arrays import BoolArray, FloatArray
-from calstation.physics.imu_model import compensate, compensation
-from calstation.physics.parameters import AXES, group_indices
+from calstation.messages import Text
+from calstation.physics import AXES, BoolArray, FloatArray, compensate, compensation, group_indices
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 #: A channel that repeats one value this long, s, and far longer than its noise makes likely, is frozen.

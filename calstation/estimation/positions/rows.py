@@ -16,16 +16,23 @@ accelerometer biases at each rest in units of its sigma (6 n).
 import numba as nb
 import numpy as np
 
-from calstation.estimation.common.context import Belief, SolveContext
-from calstation.estimation.common.noise import BIAS_DRIFT_TIME, filter_noise
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.common.stillness import Link
+from calstation.estimation.common import BIAS_DRIFT_TIME, Belief, Link, SolveContext, StageData, filter_noise
 from calstation.estimation.positions.observations import Position, Scatter
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import rotation_rate
-from calstation.physics.imu_model import Compensation, compensation
-from calstation.physics.parameters import COUNT, INDEX, PARAMETERS, group_indices, group_matrix, group_vector
-from calstation.physics.rotation import rotation_matrix, rotation_vector, skew
+from calstation.physics import (
+    COUNT,
+    INDEX,
+    PARAMETERS,
+    Compensation,
+    FloatArray,
+    compensation,
+    group_indices,
+    group_matrix,
+    group_vector,
+    rotation_matrix,
+    rotation_rate,
+    rotation_vector,
+    skew,
+)
 
 #: Weight that fixes the first heading of a chain, 1/rad.
 FIXED = 1e3

@@ -1,1 +1,8 @@
-"""The engineer page."""
+"""The Engineer page: choice of stages, preview, and analysis of a result.
+
+Computations belong to `results`.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -6,12 +6,10 @@ from typing import Any
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QScrollArea, QToolButton, QVBoxLayout, QWidget
 
-from calstation.config.schedules import ScheduleOptions
+from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.messages import term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import button, column, enable, label, row
+from calstation.gui.text import bind, on_language_change, term
+from calstation.gui.widgets import button, column, enable, label, row, theme
 
 #: Stages of each part, by the end of the part's object name.
 PARTS = {

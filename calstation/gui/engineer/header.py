@@ -3,11 +3,9 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QLineEdit, QVBoxLayout, QWidget
 
-from calstation.gui.shell.run_status import RunStatus
-from calstation.gui.shell.run_strip import RunStrip
-from calstation.gui.text.bind import bind
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import Words, button, column, enable, label, row
+from calstation.gui.shell import RunStatus, RunStrip
+from calstation.gui.text import bind
+from calstation.gui.widgets import Words, button, column, enable, label, row, theme
 
 
 class EngineerHeader(QWidget):

@@ -6,12 +6,9 @@ from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import QComboBox, QGridLayout, QWidget
 
 from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.layout import column, label, row
-from calstation.results.diagnostics import Diagnostics, StageDiagnostics
+from calstation.gui.text import on_language_change, term
+from calstation.gui.widgets import StateBadge, column, label, row, theme
+from calstation.results import Diagnostics, StageDiagnostics
 
 #: Largest number of observations inside ±3 σ drawn in each plot; more are thinned out.
 _MOST = 1500

@@ -10,12 +10,9 @@ from PySide6.QtGui import QColor, QHelpEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QComboBox, QFrame, QScrollArea, QSizePolicy, QToolTip, QWidget
 
 from calstation.gui.engineer.innovations_view import name_stages
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.labels import EmptyState
-from calstation.gui.widgets.layout import column, label, row
-from calstation.physics.arrays import FloatArray
+from calstation.gui.text import on_language_change, term
+from calstation.gui.widgets import EmptyState, column, label, row, theme
+from calstation.physics import FloatArray
 
 #: Strength from which a state counts as observable.
 OBSERVABLE = 1.0 / 0.9

@@ -8,27 +8,18 @@ from typing import Any
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QStackedWidget, QTabBar
 
-from calstation.config.request import RunRequest
-from calstation.config.schedules import ScheduleOptions, save_schedule, schedule_options
-from calstation.config.versions import Version
+from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
 from calstation.errors import CalstationError
 from calstation.gui.engineer.choice_panel import ChoicePanel
 from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.register_controller import UNNAMED, RegisterController
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.page import Page
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.messages import error_text, say, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.jobs import JobWatch
-from calstation.gui.widgets.labels import ElidedLabel
-from calstation.gui.widgets.layout import button, column, row
-from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.results.finished_run import FinishedRun
-from calstation.results.preview import compute_preview
-from calstation.sequencer.events import Event, Verdict
+from calstation.gui.shell import AppContext, Page
+from calstation.gui.text import bind, error_text, on_language_change, say, term
+from calstation.gui.widgets import Choice, ElidedLabel, JobWatch, NoticeBar, button, column, row, theme
+from calstation.results import FinishedRun, compute_preview
+from calstation.sequencer import Event, Verdict
 
 _LEFT = 46 * theme.GRID
 

@@ -9,17 +9,24 @@ from PySide6.QtWidgets import QSplitter, QStackedWidget, QWidget
 
 from calstation.errors import CalstationError
 from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import duration_text, error_text, show, step_sentence, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.jobs import JobRow, JobWatch
-from calstation.gui.widgets.labels import EmptyState
-from calstation.gui.widgets.layout import button, column, enable, label, row
-from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.physics.parameters import INDEX, NAMES
-from calstation.physics.units import display
-from calstation.results.preview import Preview, Violation
+from calstation.gui.text import duration_text, error_text, on_language_change, show, step_sentence, term
+from calstation.gui.widgets import (
+    Column,
+    EmptyState,
+    JobRow,
+    JobWatch,
+    ParameterModel,
+    ParameterTable,
+    StateBadge,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    theme,
+)
+from calstation.physics import INDEX, NAMES, display
+from calstation.results import Preview, Violation
 
 #: Height of a row of the table, px.
 _ROW = 26

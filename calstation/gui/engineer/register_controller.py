@@ -6,15 +6,15 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
-from calstation.config.request import RegisterOperation, RunRequest
+from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.engineer.registers_view import RegistersView
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text.messages import error_text, event_sentence, fault_text, step_sentence
-from calstation.gui.widgets.jobs import JobWatch
-from calstation.registers.unit_registers import TargetRegisters, UnitRegisters, read_unit, wanted_registers
-from calstation.results.finished_run import FinishedRun
-from calstation.sequencer.events import Event, Fault, Message, Settled, StepStarted
+from calstation.gui.shell import AppContext
+from calstation.gui.text import error_text, event_sentence, fault_text, step_sentence
+from calstation.gui.widgets import JobWatch
+from calstation.registers import TargetRegisters, UnitRegisters, read_unit, wanted_registers
+from calstation.results import FinishedRun
+from calstation.sequencer import Event, Fault, Message, Settled, StepStarted
 
 #: Stands for the unit in a request while no serial number is given.
 UNNAMED = "-"

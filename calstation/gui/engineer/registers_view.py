@@ -5,17 +5,28 @@ from collections.abc import Callable
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.history.run_table import local_time
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.jobs import JobRow, JobWatch
-from calstation.gui.widgets.labels import EmptyState
-from calstation.gui.widgets.layout import Words, button, column, enable, label, row
-from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.physics.units import aligned, display
-from calstation.registers.unit_registers import Register, TargetRegisters, UnitRegisters
+from calstation.gui.history import local_time
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import (
+    Choice,
+    Column,
+    EmptyState,
+    JobRow,
+    JobWatch,
+    NoticeBar,
+    ParameterModel,
+    ParameterTable,
+    StateBadge,
+    Words,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    theme,
+)
+from calstation.physics import aligned, display
+from calstation.registers import Register, TargetRegisters, UnitRegisters
 
 _NONE = "–"
 

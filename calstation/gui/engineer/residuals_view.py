@@ -8,15 +8,10 @@ from PySide6.QtCore import QEvent, QPointF
 from PySide6.QtGui import QResizeEvent
 
 from calstation.gui.engineer.stacked_plots import Band, StackedPlots, name_axis
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.labels import ElidedLabel
-from calstation.gui.widgets.layout import column
-from calstation.gui.widgets.plot import ThemedPlot
-from calstation.physics.arrays import FloatArray
-from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
-from calstation.results.diagnostics import Diagnostics, StageDiagnostics
+from calstation.gui.text import on_language_change, term
+from calstation.gui.widgets import ElidedLabel, ThemedPlot, column, theme
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
+from calstation.results import Diagnostics, StageDiagnostics
 
 _LEFT = 9 * theme.GRID
 #: A rest is named by the axis that is within this angle (its cosine) of up.

@@ -10,16 +10,10 @@ from calstation.gui.engineer.innovations_view import InnovationsView
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.residuals_view import ResidualsView
 from calstation.gui.engineer.result_view import ResultView, verdict_text
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import error_text, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.jobs import JobRow, JobWatch
-from calstation.gui.widgets.labels import EmptyState
-from calstation.gui.widgets.layout import Words, column
-from calstation.results.diagnostics import Diagnostics, diagnose
-from calstation.results.finished_run import FinishedRun, load_finished_run
-from calstation.results.preview import Preview
+from calstation.gui.shell import AppContext
+from calstation.gui.text import error_text, on_language_change, term
+from calstation.gui.widgets import EmptyState, JobRow, JobWatch, Words, column, theme
+from calstation.results import Diagnostics, FinishedRun, Preview, diagnose, load_finished_run
 
 
 class ResultAnalysis(QObject):

@@ -5,20 +5,23 @@ from collections.abc import Callable
 from PySide6.QtCore import QCoreApplication
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.history.run_table import local_time
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.checks import of_parameter
-from calstation.gui.text.messages import KINDS, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.checks_table import ChecksTable
-from calstation.gui.widgets.layout import button, column, label, row
-from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.physics.parameters import NAMES
-from calstation.physics.units import aligned, display, number
-from calstation.records.limits import Check
-from calstation.results.finished_run import FinishedRun
-from calstation.results.result import Parameter, Registers, Result
+from calstation.gui.history import local_time
+from calstation.gui.text import KINDS, bind, of_parameter, on_language_change, term
+from calstation.gui.widgets import (
+    ChecksTable,
+    Column,
+    ParameterModel,
+    ParameterTable,
+    StateBadge,
+    button,
+    column,
+    label,
+    row,
+    theme,
+)
+from calstation.physics import NAMES, aligned, display, number
+from calstation.records import Check
+from calstation.results import FinishedRun, Parameter, Registers, Result
 
 _NONE = "–"
 #: A change of more than this many sigmas is marked.

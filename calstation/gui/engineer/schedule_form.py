@@ -7,19 +7,17 @@ from typing import Any
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEdit, QSizePolicy, QWidget
 
-from calstation.config.schedules import (
+from calstation.config import (
     ScheduleField,
     ScheduleOptions,
     ScheduleProblem,
     schedule_fields,
     schedule_problems,
 )
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.messages import say, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import column, enable, label, row
-from calstation.messages.catalogue import known
-from calstation.physics.units import DISPLAY
+from calstation.gui.text import bind, on_language_change, say, term
+from calstation.gui.widgets import column, enable, label, row, theme
+from calstation.messages import known
+from calstation.physics import DISPLAY
 
 _WIDTH = 11 * theme.GRID
 

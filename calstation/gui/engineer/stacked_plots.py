@@ -7,9 +7,8 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor, QShowEvent
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.plot import ThemedPlot
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import ThemedPlot, theme
 
 #: A stage's name, and where its band begins and ends.
 Band = tuple[str, float, float]

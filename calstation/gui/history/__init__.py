@@ -1,1 +1,8 @@
-"""The history page."""
+"""The History page: stored runs, their details and trends.
+
+Searching and reading runs belongs to `results`.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -9,15 +9,11 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QWidget
 from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import advice
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import KINDS, duration_text, event_sentence, free_text, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.labels import ElidedLabel
-from calstation.gui.widgets.layout import button, column, enable, label, row
-from calstation.physics.units import aligned
-from calstation.records.run_index import IndexedRun, RunRecord
-from calstation.results.result import Result
+from calstation.gui.text import KINDS, duration_text, event_sentence, free_text, on_language_change, term
+from calstation.gui.widgets import ElidedLabel, StateBadge, button, column, enable, label, row, theme
+from calstation.physics import aligned
+from calstation.records import IndexedRun, RunRecord
+from calstation.results import Result
 
 _MOST_FAILED = 8
 

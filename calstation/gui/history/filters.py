@@ -5,9 +5,8 @@ from datetime import UTC, datetime, timedelta
 from PySide6.QtCore import QTimer, Signal
 from PySide6.QtWidgets import QComboBox, QLineEdit, QWidget
 
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.messages import term
-from calstation.gui.widgets.layout import label, row
+from calstation.gui.text import bind, on_language_change, term
+from calstation.gui.widgets import label, row
 
 _OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
 _DAYS = (None, 1, 7, 30, 365)

@@ -10,21 +10,13 @@ from calstation.errors import CalstationError, InputError
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.page import Page
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.messages import error_text
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.jobs import JobWatch
-from calstation.gui.widgets.labels import EmptyState
-from calstation.gui.widgets.layout import button, column
-from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.records.run_index import RunRecord
-from calstation.results.history import History, refresh_history
-from calstation.results.result import Result, load_result
-from calstation.runs.incomplete import close_incomplete_job
-from calstation.runs.resume import Resumable, find_resumable
-from calstation.sequencer.events import Event, Verdict
+from calstation.gui.shell import AppContext, Page
+from calstation.gui.text import bind, error_text, on_language_change
+from calstation.gui.widgets import Choice, EmptyState, JobWatch, NoticeBar, button, column, theme
+from calstation.records import RunRecord
+from calstation.results import History, Result, load_result, refresh_history
+from calstation.runs import Resumable, close_incomplete_job, find_resumable
+from calstation.sequencer import Event, Verdict
 
 #: Most runs listed.
 MOST = 300

@@ -16,10 +16,9 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
-from calstation.gui.text.messages import KINDS, duration_text, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import state_colour, state_icon
-from calstation.records.run_index import RunRecord
+from calstation.gui.text import KINDS, duration_text, term
+from calstation.gui.widgets import state_colour, state_icon, theme
+from calstation.records import RunRecord
 
 Index = QModelIndex | QPersistentModelIndex
 

@@ -9,13 +9,10 @@ from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QComboBox, QSizePolicy, QWidget
 
 from calstation.gui.history.run_table import local_time
-from calstation.gui.text.bind import bind
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import column, label, row
-from calstation.gui.widgets.plot import ThemedPlot
-from calstation.physics.parameters import INDEX, NAMES
-from calstation.physics.units import display
-from calstation.records.run_index import IndexedRun
+from calstation.gui.text import bind
+from calstation.gui.widgets import ThemedPlot, column, label, row, theme
+from calstation.physics import INDEX, NAMES, display
+from calstation.records import IndexedRun
 
 #: Most runs shown, the latest.
 _MOST = 30

@@ -6,16 +6,11 @@ from typing import Any
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import KINDS, event_sentence, show, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.physics.parameters import INDEX, NAMES
-from calstation.physics.units import aligned, display, number
-from calstation.results.offline import in_sigma
-from calstation.results.plots.index import LogIndex
-from calstation.results.resolve import Resolved
+from calstation.gui.text import KINDS, event_sentence, on_language_change, show, term
+from calstation.gui.widgets import Column, ParameterModel, ParameterTable, StateBadge, theme
+from calstation.physics import INDEX, NAMES, aligned, display, number
+from calstation.results import Resolved, in_sigma
+from calstation.results.plots import LogIndex
 
 #: A difference of more than so many sigmas is marked.
 NOTABLE = 3.0

@@ -7,10 +7,10 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-from calstation.gui.widgets.jobs import JobWatch
-from calstation.jobs.queue import JobQueue
-from calstation.results.offline import drop_partial, export_log, export_result
-from calstation.results.plots.index import LogIndex
+from calstation.gui.widgets import JobWatch
+from calstation.jobs import JobQueue
+from calstation.results import drop_partial, export_log, export_result
+from calstation.results.plots import LogIndex
 
 
 class Exports(QObject):

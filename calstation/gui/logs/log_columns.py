@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calstation.results.plots.index import LogIndex
-from calstation.results.plots.min_max_pyramid import BINS, Columns, MinMaxPyramid, Values, group_of, joined
+from calstation.results.plots import BINS, Columns, LogIndex, MinMaxPyramid, Values, group_of, joined
 
 
 @dataclass(frozen=True)

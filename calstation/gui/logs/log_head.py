@@ -5,9 +5,9 @@ from PySide6.QtGui import QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from calstation.gui.logs.marks import draw_sign
-from calstation.gui.text.messages import duration_text
+from calstation.gui.text import duration_text
 from calstation.gui.widgets import theme
-from calstation.results.plots.index import LogIndex
+from calstation.results.plots import LogIndex
 
 _SIGN = 12
 

@@ -13,10 +13,9 @@ from calstation.gui.logs.log_columns import LogColumns, Wanted, parted
 from calstation.gui.logs.marks import Backdrop, Marked, Strip
 from calstation.gui.logs.range_item import RangeItem
 from calstation.gui.logs.time_axis import TimeAxis
-from calstation.gui.text.messages import term
+from calstation.gui.text import term
 from calstation.gui.widgets import theme
-from calstation.results.plots.index import LogIndex
-from calstation.results.plots.min_max_pyramid import CHANNELS, Columns
+from calstation.results.plots import CHANNELS, Columns, LogIndex
 
 #: Channels of each plot: gyro, accelerometer, angles.
 _PLOTS = ((0, 3), (3, 6), (6, 8))

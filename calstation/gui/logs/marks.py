@@ -9,8 +9,8 @@ from PySide6.QtGui import QBrush, QColor, QFontMetricsF, QPainter, QPen, QPolygo
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
 from calstation.gui.widgets import theme
-from calstation.physics.arrays import FloatArray
-from calstation.results.plots.index import LogIndex
+from calstation.physics import FloatArray
+from calstation.results.plots import LogIndex
 
 #: Moves nearer to each other than this on the average, px, are not drawn.
 _STEPS_APART = 5

@@ -25,26 +25,19 @@ from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.log_columns import Wanted
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
-from calstation.gui.logs.methods.method_bar import MethodBar
+from calstation.gui.logs.methods import MethodBar
 from calstation.gui.logs.range_bar import RangeBar
 from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.logs.stage_choice import StageChoice
 from calstation.gui.logs.time_axis import time_text
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.page import Page
-from calstation.gui.text.messages import error_text, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.jobs import JobRow, JobWatch
-from calstation.gui.widgets.labels import EmptyState
-from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.results.history import History
-from calstation.results.offline import offline_solve
-from calstation.results.plots.index import LogIndex, log_index, samples
-from calstation.results.plots.min_max_pyramid import Columns
-from calstation.results.resolve import Resolved
+from calstation.gui.shell import AppContext, Page
+from calstation.gui.text import error_text, term
+from calstation.gui.widgets import Choice, EmptyState, JobRow, JobWatch, NoticeBar, theme
+from calstation.results import History, Resolved, offline_solve
+from calstation.results.plots import Columns, LogIndex, log_index, samples
 
 if TYPE_CHECKING:
-    from calstation.gui.logs.methods.panel import MethodPanel
+    from calstation.gui.logs.methods import MethodPanel
 
 _LOGS = (".h5", ".csv", ".csv.gz")
 _LATEST = 8
@@ -273,7 +266,7 @@ class OfflinePage(Page):
 
     def _show_method(self, method: str) -> None:
         """Show the stages or a method's panel, which is made the first time; the log stays the same."""
-        from calstation.gui.logs.methods.panel import MethodPanel  # imports its solvers
+        from calstation.gui.logs.methods import MethodPanel
 
         if not method:
             self._body.setCurrentIndex(0)

@@ -12,10 +12,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import duration_text, term
+from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import theme
-from calstation.results.plots.index import LogIndex
+from calstation.results.plots import LogIndex
 
 #: Up to here a double, and so this box, holds every whole number.
 LARGEST = 2**53

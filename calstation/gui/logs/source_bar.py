@@ -7,7 +7,7 @@ from PySide6.QtCore import QSettings, QTimer, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLabel, QLineEdit, QMenu, QPushButton, QWidget
 
-from calstation.gui.text.bind import on_language_change
+from calstation.gui.text import on_language_change
 from calstation.gui.widgets import theme
 
 _KEPT = 8

@@ -3,9 +3,9 @@
 from PySide6.QtCore import QEvent, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QWidget
 
-from calstation.gui.text.messages import term
+from calstation.gui.text import term
 from calstation.gui.widgets import theme
-from calstation.results.plots.index import LogIndex
+from calstation.results.plots import LogIndex
 
 _COLUMNS = 4
 

@@ -1,1 +1,8 @@
-"""The operator page."""
+"""The Operator page: load, scan, START, live view, verdict.
+
+The state of the run belongs to `gui.shell`.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

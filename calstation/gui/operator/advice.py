@@ -3,12 +3,10 @@
 import math
 from dataclasses import dataclass
 
-from calstation.gui.text.checks import check_name, check_text, of_product, parameter_text
-from calstation.gui.text.messages import say
-from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
-from calstation.physics.units import display, number
-from calstation.records.limits import Check
-from calstation.results.result import Parameter, Result
+from calstation.gui.text import check_name, check_text, of_product, parameter_text, say
+from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
+from calstation.records import Check
+from calstation.results import Parameter, Result
 
 #: Rows that fit beside the verdict on a small screen.
 _MOST_ROWS = 10

@@ -9,12 +9,9 @@ from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QFrame, QWidget
 
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import column, label, row
-from calstation.gui.widgets.plot import LineLabel, LineLabels, ThemedPlot
-from calstation.physics.units import DISPLAY
+from calstation.gui.text import on_language_change, term
+from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, column, label, row, theme
+from calstation.physics import DISPLAY
 
 #: Points kept per line; beyond that every other one is dropped.
 _KEPT = 2000

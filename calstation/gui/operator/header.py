@@ -12,10 +12,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.request import computer_user
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import Item, button, column, label, row
+from calstation.config import computer_user
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import Item, button, column, label, row, theme
 
 
 class RunHeader(QWidget):

@@ -7,13 +7,11 @@ from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
-from calstation.gui.shell.run_status import RunStatus
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateIcon
-from calstation.gui.widgets.layout import column, label, row
-from calstation.physics.parameters import GROUPS, INDEX, PARAMETERS
-from calstation.sequencer.events import (
+from calstation.gui.shell import RunStatus
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import StateIcon, column, label, row, theme
+from calstation.physics import GROUPS, INDEX, PARAMETERS
+from calstation.sequencer import (
     Event,
     PositionGuided,
     StageEnded,

@@ -4,12 +4,11 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QWidget
 
-from calstation.config.summary import RunSummary
+from calstation.config import RunSummary
 from calstation.gui.operator.position_panel import PositionPicture
 from calstation.gui.operator.table_panel import TablePicture
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import column, label, row
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import column, label, row, theme
 
 _STEPS = 4
 

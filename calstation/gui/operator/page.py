@@ -13,11 +13,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ManualRigError
-from calstation.config.station import DEFAULT_PRODUCT
-from calstation.config.summary import run_summary
+from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, library, run_summary
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live_view import LiveView
@@ -26,22 +22,10 @@ from calstation.gui.operator.resuming import Resuming
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import CompatibilityNotice, Starting
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.page import Page
-from calstation.gui.text.messages import (
-    KINDS,
-    error_text,
-    event_sentence,
-    fault_text,
-    say,
-    step_sentence,
-    term,
-)
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.layout import Words, column, row
-from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.sequencer.control import Command
+from calstation.gui.shell import AppContext, Page
+from calstation.gui.text import KINDS, error_text, event_sentence, fault_text, say, step_sentence, term
+from calstation.gui.widgets import Choice, NoticeBar, StateBadge, Words, column, row, theme
+from calstation.sequencer import Command
 
 #: Steps of the progress bar.
 _STEPS = 1000

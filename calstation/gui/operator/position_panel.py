@@ -7,15 +7,12 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPolygonF, QResizeEvent
 from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
-from calstation.config.summary import RunSummary
+from calstation.config import RunSummary
 from calstation.gui.operator.projection import CIRCLE, basis, box, depth, flat, head, letter, pen
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.layout import button, column, label, row
-from calstation.physics.arrays import FloatArray
-from calstation.physics.rotation import axis_rotation, rotation_matrix
-from calstation.sequencer.events import PositionGuided
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import StateBadge, button, column, label, row, theme
+from calstation.physics import FloatArray, axis_rotation, rotation_matrix
+from calstation.sequencer import PositionGuided
 
 _UP = np.array([0.0, 0.0, 1.0])
 #: Half of the box along x, y, z; the globe's radius is 1.

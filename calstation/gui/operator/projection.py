@@ -6,7 +6,7 @@ from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPen, Q
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.widgets import theme
-from calstation.physics.arrays import FloatArray
+from calstation.physics import FloatArray
 
 _VIEW_AZIMUTH, _VIEW_ELEVATION = np.deg2rad(28.0), np.deg2rad(24.0)
 #: Angles of the points of a circle, rad.

@@ -4,18 +4,14 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject
 
-from calstation.config import library
-from calstation.config.request import RunRequest
-from calstation.config.station import load_product
+from calstation.config import RunRequest, library, load_product
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.starting import Starting
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text.messages import error_text, term
-from calstation.gui.widgets.jobs import JobWatch
-from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.runs.incomplete import close_incomplete_job, recover_startup
-from calstation.runs.resume import Resumable, find_resumable
+from calstation.gui.shell import AppContext
+from calstation.gui.text import error_text, term
+from calstation.gui.widgets import Choice, JobWatch, NoticeBar
+from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup
 
 
 class Resuming(QObject):

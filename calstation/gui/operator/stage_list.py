@@ -13,13 +13,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.summary import RunSummary
-from calstation.gui.shell.run_status import RunStatus, StageState, planned
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import duration_text, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import draw_state, state_colour
-from calstation.gui.widgets.layout import column, label
+from calstation.config import RunSummary
+from calstation.gui.shell import RunStatus, StageState, planned
+from calstation.gui.text import duration_text, on_language_change, term
+from calstation.gui.widgets import column, draw_state, label, state_colour, theme
 
 _ROW = 7 * theme.GRID
 _SHAPES = {

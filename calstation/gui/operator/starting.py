@@ -7,14 +7,12 @@ from functools import partial
 
 from PySide6.QtCore import QObject
 
-from calstation.config.request import RunRequest
-from calstation.config.resolved import ManualRigError
-from calstation.config.summary import RunSummary, compatible_products
+from calstation.config import ManualRigError, RunRequest, RunSummary, compatible_products
 from calstation.gui.operator.header import RunHeader
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text.messages import say
-from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.results.history import History
+from calstation.gui.shell import AppContext
+from calstation.gui.text import say
+from calstation.gui.widgets import Choice, NoticeBar
+from calstation.results import History
 
 Go = Callable[[], None]
 

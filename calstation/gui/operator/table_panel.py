@@ -17,13 +17,10 @@ from calstation.gui.operator.projection import (
     pen,
     polygon,
 )
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.layout import column, label
-from calstation.physics.arrays import FloatArray
-from calstation.physics.rotation import axis_rotation
-from calstation.sequencer.events import TableMoved
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import StateBadge, column, label, theme
+from calstation.physics import FloatArray, axis_rotation
+from calstation.sequencer import TableMoved
 
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
 _AXIS = 0.92

@@ -13,12 +13,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import label, row
-from calstation.gui.widgets.plot import LineLabel, LineLabels, ThemedPlot
-from calstation.physics.arrays import FloatArray
-from calstation.sequencer.events import Trace
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, label, row, theme
+from calstation.physics import FloatArray
+from calstation.sequencer import Trace
 
 
 class RingBuffer:

@@ -14,18 +14,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.station import load_station
-from calstation.connection.link_test import LinkTestRequest
+from calstation.config import load_station
+from calstation.connection import LinkTestRequest
 from calstation.gui.operator import advice
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.reset_bar import ResetBar
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import KINDS, duration_text, event_sentence, fault_text, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateIcon, draw_state, state_colour
-from calstation.gui.widgets.layout import button, column, label, row
-from calstation.results.result import Result
-from calstation.sequencer.events import Fault, Verdict
+from calstation.gui.shell import AppContext, ResetBar
+from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, on_language_change, term
+from calstation.gui.widgets import StateIcon, button, column, draw_state, label, row, state_colour, theme
+from calstation.results import Result
+from calstation.sequencer import Fault, Verdict
 
 #: Least height of the head, px.
 _HEAD = 12 * theme.GRID

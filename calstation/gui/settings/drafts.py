@@ -8,9 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 from PySide6.QtCore import QObject, QSettings, Signal
 
-from calstation.config import editing, library, versions
-from calstation.config.editing import KeyPath, Problem
-from calstation.config.request import computer_user
+from calstation.config import KeyPath, Problem, computer_user, editing, library, versions
 from calstation.errors import ConfigurationError
 
 

@@ -6,14 +6,12 @@ from typing import Any
 
 from PySide6.QtWidgets import QFrame, QGridLayout, QSizePolicy, QWidget
 
-from calstation.config.editing import KeyPath, Problem
+from calstation.config import KeyPath, Problem
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.inputs import Editor
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.messages import say
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import Item, Words, column, enable, label, row
-from calstation.messages.catalogue import known
+from calstation.gui.text import bind, on_language_change, say
+from calstation.gui.widgets import Item, Words, column, enable, label, row, theme
+from calstation.messages import known
 
 #: Widths of a field's label and of its input, px.
 LABEL, EDITOR = 22 * theme.GRID, 30 * theme.GRID

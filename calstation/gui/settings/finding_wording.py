@@ -1,8 +1,7 @@
 """Sentences of a link test in the language of the window."""
 
 from calstation.gui.text import language
-from calstation.messages.finding import Finding
-from calstation.messages.rendering import render, term
+from calstation.messages import Finding, render, term
 
 
 def word_finding(finding: Finding) -> tuple[str, str]:

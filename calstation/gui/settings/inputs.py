@@ -7,10 +7,9 @@ from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QSizePolicy, QWidget
 
-from calstation.connection.link_test import FoundPort
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import row
+from calstation.connection import FoundPort
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import row, theme
 
 
 class NumberEdit(QLineEdit):

@@ -5,19 +5,16 @@ from typing import Any
 
 from PySide6.QtWidgets import QWidget
 
-from calstation.config.station import LinkDefaults, StationConfig, imu_defaults, table_defaults
-from calstation.connection.link_test import FoundPort, discover_ports
+from calstation.config import LinkDefaults, StationConfig, imu_defaults, table_defaults
+from calstation.connection import FoundPort, discover_ports
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import EDITOR, LABEL, Field, Form, Row, set_tab_order
 from calstation.gui.settings.inputs import AddressEdit, ChoiceBox, NumberBox, NumberEdit, PortBox
 from calstation.gui.settings.test_panel import TestPanel
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import error_text
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.jobs import JobWatch
-from calstation.gui.widgets.layout import button, column, enable, label, row
+from calstation.gui.shell import AppContext
+from calstation.gui.text import error_text, on_language_change
+from calstation.gui.widgets import JobWatch, button, column, enable, label, row, theme
 
 _SERIAL, _TCP, _SERVER = "serial", "tcp", "socket"
 #: Common port numbers of Modbus TCP and of a serial server.

@@ -7,9 +7,8 @@ from calstation.config import editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.inputs import ChoiceBox
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import button, column, enable, label, row
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
 class NewFileBar(QFrame):

@@ -15,9 +15,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config import editing, library
-from calstation.config.editing import KeyPath
-from calstation.config.station import DEFAULT_STATION
+from calstation.config import DEFAULT_STATION, KeyPath, editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import set_tab_order, word_problem_with_place
@@ -28,12 +26,9 @@ from calstation.gui.settings.profiles_section import ProfilesSection
 from calstation.gui.settings.site_section import SiteSection
 from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.page import Page
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import button, column, enable, label, row
-from calstation.gui.widgets.notice import Choice, NoticeBar
+from calstation.gui.shell import AppContext, Page
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, theme
 
 _NAV = 26 * theme.GRID
 _LINK = ("port", "timeout_s", "serial")

@@ -10,11 +10,9 @@ from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import default_author
 from calstation.gui.settings.fields import Row, panel, set_tab_order
 from calstation.gui.settings.inputs import ChoiceBox
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text import language
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import button, column, enable, label, row
+from calstation.gui.shell import AppContext
+from calstation.gui.text import language, on_language_change
+from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
 class PersonalSection(QWidget):

@@ -7,18 +7,16 @@ from PySide6.QtCore import QSignalBlocker
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QListWidget, QTabWidget, QWidget
 
-from calstation.config import editing, library, versions
-from calstation.config.versions import Version
+from calstation.config import Version, editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.settings.new_file import NewFileBar
 from calstation.gui.settings.toml_editor import DiffView, TomlEditor
 from calstation.gui.settings.versions_panel import VersionsPanel
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import button, column, enable, label, row
+from calstation.gui.shell import AppContext
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import button, column, enable, label, row, theme
 
 _TEXT, _COMPARE = range(2)
 _SIDE = 36 * theme.GRID

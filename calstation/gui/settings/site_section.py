@@ -7,15 +7,19 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.config.editing import KeyPath
-from calstation.config.site_check import confirmation_key, normal_gravity_at, site_advice, this_computer
-from calstation.config.station import StationConfig
+from calstation.config import (
+    KeyPath,
+    StationConfig,
+    confirmation_key,
+    normal_gravity_at,
+    site_advice,
+    this_computer,
+)
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Form, Row, panel, set_tab_order
 from calstation.gui.settings.inputs import ChoiceBox, NumberEdit
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import Words, button, column, enable, label, row
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import Words, button, column, enable, label, row, theme
 
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
 _CONFIRMED: KeyPath = ("site", "confirmed_on")

@@ -5,15 +5,12 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QFormLayout, QWidget
 
-from calstation.config import library, versions
-from calstation.config.station import is_manual_table
+from calstation.config import is_manual_table, library, versions
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import Field, Form, Row, panel, set_tab_order
 from calstation.gui.settings.inputs import ChoiceBox, NumberEdit, WordEdit
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.layout import button, column, enable, label, row
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import StateBadge, button, column, enable, label, row, theme
 
 
 class StationSection(QWidget):

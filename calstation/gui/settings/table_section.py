@@ -12,9 +12,8 @@ from PySide6.QtWidgets import QGridLayout, QSizePolicy, QWidget
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Form
 from calstation.gui.settings.inputs import ChoiceBox, NumberEdit, VectorEdit
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import Words, column, label, row
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import Words, column, label, row, theme
 
 _JOINTS = ("outer", "inner")
 _NARROW = 14 * theme.GRID

@@ -6,21 +6,26 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QScrollArea, QSizePolicy, QWidget
 
-from calstation.config import library
-from calstation.config.station import DEFAULT_PRODUCT, StationConfig
-from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
+from calstation.config import DEFAULT_PRODUCT, StationConfig, library
+from calstation.connection import LinkTestRequest, check_imu_link, check_table_link
 from calstation.errors import CalstationError
 from calstation.gui.settings.finding_wording import word_finding, word_note
 from calstation.gui.settings.inputs import ChoiceBox
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.reset_bar import ResetBar
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import error_text
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge, StateIcon
-from calstation.gui.widgets.jobs import JobRow, JobWatch
-from calstation.gui.widgets.layout import button, column, enable, label, row
-from calstation.messages.finding import Finding, Report
+from calstation.gui.shell import AppContext, ResetBar
+from calstation.gui.text import error_text, on_language_change
+from calstation.gui.widgets import (
+    JobRow,
+    JobWatch,
+    StateBadge,
+    StateIcon,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    theme,
+)
+from calstation.messages import Finding, Report
 
 _KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad"}
 #: Findings after which a reset of the table is offered.

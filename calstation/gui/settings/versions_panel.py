@@ -5,12 +5,10 @@ from datetime import datetime
 from PySide6.QtCore import Signal, SignalInstance
 from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
 
-from calstation.config import versions
-from calstation.config.versions import Version
+from calstation.config import Version, versions
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import button, column, enable, label, row
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
 class VersionsPanel(QWidget):

@@ -1,1 +1,8 @@
-"""The main window and what all pages share: application context, engine link, run status and role."""
+"""The main window and what all pages share: application context, engine link, run status and role.
+
+Nothing here belongs to one page only.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

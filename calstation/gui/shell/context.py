@@ -12,8 +12,8 @@ from calstation.gui.shell.role import RoleLock
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
-from calstation.jobs.queue import JobQueue
-from calstation.results.resolve import warm_up
+from calstation.jobs import JobQueue
+from calstation.results import warm_up
 
 
 class AppContext(QObject):

@@ -2,10 +2,10 @@
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.config.request import RegisterOperation, RunRequest
-from calstation.runs.engine import Engine
-from calstation.sequencer.control import Command
-from calstation.simulation.hooks import BenchHooks
+from calstation.config import RegisterOperation, RunRequest
+from calstation.runs import Engine
+from calstation.sequencer import Command
+from calstation.simulation import BenchHooks
 
 #: Interval between two polls of the engine, ms.
 _EVERY = 30

@@ -13,22 +13,19 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.station import load_station
+from calstation.config import load_station
 from calstation.errors import CalstationError
-from calstation.gui.engineer.page import EngineerPage
-from calstation.gui.history.page import HistoryPage
-from calstation.gui.logs.page import OfflinePage
-from calstation.gui.operator.page import OperatorPage
-from calstation.gui.settings.page import StationPage
+from calstation.gui.engineer import EngineerPage
+from calstation.gui.history import HistoryPage
+from calstation.gui.logs import OfflinePage
+from calstation.gui.operator import OperatorPage
+from calstation.gui.settings import StationPage
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
 from calstation.gui.shell.role_panel import RolePanel
 from calstation.gui.shell.run_strip import RunStrip
-from calstation.gui.text import language
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import padlock_icon, theme_icon
-from calstation.gui.widgets.layout import button, label, row
+from calstation.gui.text import bind, language, on_language_change
+from calstation.gui.widgets import button, label, padlock_icon, row, theme, theme_icon
 
 _PAGES: tuple[type[Page], ...] = (
     OperatorPage,

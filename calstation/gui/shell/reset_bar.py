@@ -5,15 +5,11 @@ from collections.abc import Callable
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.connection.link_test import LinkTestRequest
-from calstation.connection.table_reset import TableReset, reset_table
+from calstation.connection import LinkTestRequest, TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import error_text, say, term
-from calstation.gui.widgets.badge import StateIcon
-from calstation.gui.widgets.jobs import JobWatch
-from calstation.gui.widgets.layout import button, column, label, row
+from calstation.gui.text import error_text, on_language_change, say, term
+from calstation.gui.widgets import JobWatch, StateIcon, button, column, label, row
 
 
 class ResetBar(QWidget):

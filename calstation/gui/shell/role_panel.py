@@ -11,10 +11,8 @@ from PySide6.QtWidgets import (
 
 from calstation.errors import ConfigurationError
 from calstation.gui.shell.role import RoleLock
-from calstation.gui.text.bind import bind, on_language_change
-from calstation.gui.text.messages import error_text
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import button, column, label, row
+from calstation.gui.text import bind, error_text, on_language_change
+from calstation.gui.widgets import button, column, label, row, theme
 
 #: Interval at which the time to wait is updated, ms.
 _TICK = 250

@@ -7,11 +7,11 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from calstation.config.summary import RunSummary, run_summary
+from calstation.config import RunSummary, run_summary
 from calstation.errors import CalstationError
 from calstation.gui.shell.engine_link import EngineLink
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import (
+from calstation.sequencer import (
+    Command,
     Event,
     Fault,
     Message,

@@ -3,10 +3,8 @@
 from PySide6.QtWidgets import QGridLayout, QLabel, QProgressBar, QWidget
 
 from calstation.gui.shell.run_status import RunStatus
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import KINDS, duration_text, term
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
+from calstation.gui.text import KINDS, duration_text, on_language_change, term
+from calstation.gui.widgets import StateBadge, theme
 
 
 class RunStrip(QWidget):

@@ -4,9 +4,8 @@ import math
 from dataclasses import dataclass
 
 from calstation.gui.text.messages import say, term
-from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
-from calstation.physics.units import ARCSECOND, DEGREE, MICRO_G, display
-from calstation.records.limits import Check, Where
+from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, pair_parameter
+from calstation.records import Check, Where
 
 #: Kinds of the checks that a product's ``[checks]`` ask for.
 _PRODUCT_KINDS = (

@@ -5,8 +5,8 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication, QLibraryInfo, QLocale, QTranslator
 from PySide6.QtWidgets import QComboBox, QWidget
 
-from calstation.gui.text.bind import languages
-from calstation.messages.rendering import Language
+from calstation.gui.text.binding import languages
+from calstation.messages import Language
 
 #: Code and own name of each language; English first.
 LANGUAGES: tuple[tuple[Language, str], ...] = (("en", "English"), ("zh_CN", "中文"))

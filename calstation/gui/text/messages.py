@@ -6,11 +6,8 @@ from typing import Any
 
 from calstation.errors import CalstationError
 from calstation.gui.text import language
-from calstation.messages import rendering
-from calstation.messages.catalogue import entry
-from calstation.messages.progress import event_text, step_text
-from calstation.messages.rendering import Text
-from calstation.sequencer.events import Fault
+from calstation.messages import Text, entry, event_text, rendering, step_text
+from calstation.sequencer import Fault
 
 #: Shape (`widgets.badge.KINDS`) of each state and outcome of a run.
 KINDS = {

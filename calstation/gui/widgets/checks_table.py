@@ -4,11 +4,10 @@ from collections.abc import Callable, Sequence
 
 from PySide6.QtWidgets import QHeaderView, QVBoxLayout, QWidget
 
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.checks import CheckText, check_text
+from calstation.gui.text import CheckText, check_text, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.records.limits import Check
+from calstation.records import Check
 
 _ROW = 28
 _ORDER = {"bad": 0, "caution": 1, "good": 2}

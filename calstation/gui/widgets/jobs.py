@@ -3,11 +3,10 @@
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QLabel, QProgressBar, QWidget
 
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import duration_text
+from calstation.gui.text import duration_text, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import button, row
-from calstation.jobs.queue import Job
+from calstation.jobs import Job
 
 #: Interval between two polls of a job, ms.
 _EVERY = 50

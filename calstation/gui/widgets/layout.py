@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 from PySide6.QtCore import SignalInstance
 from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QLabel, QLayout, QPushButton, QVBoxLayout, QWidget
 
-from calstation.gui.text.bind import bind
+from calstation.gui.text import bind
 from calstation.gui.widgets import theme
 
 #: Gives a text in the current language.

@@ -7,7 +7,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QFrame, QPushButton, QWidget
 
-from calstation.gui.text.bind import on_language_change
+from calstation.gui.text import on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
 from calstation.gui.widgets.layout import Words, button, column, label, row

@@ -1,1 +1,8 @@
-"""Data for the plots of logs and results, computed without Qt."""
+"""Data that plots are drawn from, computed by jobs.
+
+No drawing.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

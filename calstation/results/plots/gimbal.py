@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from calstation.estimation.gimbal.iteration import AXES, contraction
-from calstation.physics.arrays import FloatArray
+from calstation.estimation.gimbal import AXES, contraction
+from calstation.physics import FloatArray
 
 
 @dataclass(frozen=True)

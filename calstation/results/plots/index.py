@@ -8,15 +8,10 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common.samples import SampleBlock
-from calstation.messages.rendering import os_reason
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.records.csv_log import estimated_rows
-from calstation.records.facts import LogFacts
-from calstation.records.log import Log, open_log
-from calstation.records.meta import LogMeta
-from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import raw_rows, row_count
+from calstation.estimation.common import SampleBlock
+from calstation.messages import os_reason
+from calstation.physics import FloatArray, IntArray
+from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, open_log, raw_rows, row_count
 from calstation.results.plots.min_max_pyramid import Columns, MinMaxPyramid, PyramidWriter, group_of, joined
 
 #: Largest number of marks of a kind; further ones are only counted.

@@ -8,19 +8,23 @@ from typing import Any
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.estimation.common.stage_data import StageData, stage_data
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import INDEX, NAMES
-from calstation.records.csv_log import estimated_rows
-from calstation.records.log import Log, open_log, read_truth
-from calstation.records.meta import LogMeta, context_from_meta, prior_from_meta
-from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import row_count
+from calstation.estimation.common import StageData, stage_data
+from calstation.physics import INDEX, NAMES, FloatArray
+from calstation.records import (
+    SUFFIX,
+    Log,
+    LogMeta,
+    context_from_meta,
+    estimated_rows,
+    open_log,
+    prior_from_meta,
+    read_truth,
+    row_count,
+)
+from calstation.results import Parameter, Resolved, Result, resolve
 from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
 from calstation.results.plots.positions import PositionPlotData, position_plot_data
-from calstation.results.resolve import Resolved, resolve
-from calstation.results.result import Parameter, Result
 from calstation.schema import validate
 from procedures import method
 

@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from calstation.physics.arrays import IntArray
+from calstation.physics import IntArray
 
 #: Columns of every array of values: °/s, m/s² and °.
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "outer", "inner")

@@ -8,17 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from calstation.config.library import pair_folder
-from calstation.estimation.common.context import Belief, SolveContext, StoredPair
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.pairs.fit import ACCEL_BIAS, ACCEL_MATRIX, GYRO_BIAS, GYRO_MATRIX, LEVER, OFFSET
-from calstation.estimation.pairs.signals import PairData, pair_data, signals
-from calstation.estimation.pairs.static import pair_vector
-from calstation.messages.rendering import values_from_json
-from calstation.physics.arrays import FloatArray
-from calstation.physics.imu_model import Compensation, compensation
-from calstation.physics.parameters import PAIR_PARAMETERS, pair_name
-from calstation.records.meta import load_pair, pair_path
+from calstation.config import pair_folder
+from calstation.estimation.common import Belief, SolveContext, StageData, StoredPair
+from calstation.estimation.pairs import (
+    ACCEL_BIAS,
+    ACCEL_MATRIX,
+    GYRO_BIAS,
+    GYRO_MATRIX,
+    LEVER,
+    OFFSET,
+    PairData,
+    pair_data,
+    pair_vector,
+    signals,
+)
+from calstation.messages import values_from_json
+from calstation.physics import PAIR_PARAMETERS, Compensation, FloatArray, compensation, pair_name
+from calstation.records import load_pair, pair_path
 
 #: Number of time bins of the residuals.
 _COLUMNS = 800

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.context import SolveContext
-from calstation.estimation.common.stage_data import StageData
-from calstation.estimation.positions.evidence import gather, gravity_misses
-from calstation.physics.arrays import FloatArray, IntArray
-from calstation.physics.earth import normal_gravity
-from calstation.records.meta import ProductSection
+from calstation.estimation.common import SolveContext, StageData
+from calstation.estimation.positions import gather, gravity_misses
+from calstation.physics import FloatArray, IntArray, normal_gravity
+from calstation.records import ProductSection
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,9 @@
 from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from calstation.gui.text.messages import duration_text, event_sentence
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.results.plots.method_answer import MethodAnswer
+from calstation.gui.text import duration_text, event_sentence
+from calstation.gui.widgets import StateBadge, theme
+from calstation.results.plots import MethodAnswer
 
 
 class AnswerHead(QWidget):

@@ -4,13 +4,11 @@ from collections.abc import Callable
 
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
-from calstation.physics.parameters import INDEX, NAMES
-from calstation.physics.units import aligned, display, number
-from calstation.results.plots.gimbal import GimbalPlotData
-from calstation.results.plots.method_answer import MethodAnswer
-from calstation.results.result import Parameter
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import Column, ParameterModel, ParameterTable
+from calstation.physics import INDEX, NAMES, aligned, display, number
+from calstation.results import Parameter
+from calstation.results.plots import GimbalPlotData, MethodAnswer
 
 _NONE = "–"
 #: A difference of more than so many sigmas is marked.

@@ -13,10 +13,8 @@ from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_P
 from calstation.gui.logs.methods.pair_view import PairCheckView, PairLeftView
 from calstation.gui.logs.methods.positions_view import PositionsView
 from calstation.gui.logs.methods.scrolled import scrolled
-from calstation.gui.widgets.checks_table import ChecksTable
-from calstation.results.plots.gimbal import GimbalPlotData
-from calstation.results.plots.method_answer import MethodAnswer
-from calstation.results.plots.positions import PositionPlotData
+from calstation.gui.widgets import ChecksTable
+from calstation.results.plots import GimbalPlotData, MethodAnswer, PositionPlotData
 
 
 @dataclass(frozen=True)

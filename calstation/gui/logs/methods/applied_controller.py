@@ -6,15 +6,13 @@ import numpy as np
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-from calstation.connection.live_imu import apply_to_unit
+from calstation.connection import apply_to_unit
 from calstation.errors import CalstationError
 from calstation.gui.logs.methods.applied_view import AppliedView
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text.messages import error_text
-from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES
-from calstation.results.plots.applied import apply_to_recording
-from calstation.results.plots.method_answer import MethodAnswer
+from calstation.gui.shell import AppContext
+from calstation.gui.text import error_text
+from calstation.physics import NAMES, FloatArray
+from calstation.results.plots import MethodAnswer, apply_to_recording
 
 
 class AppliedController(QObject):

@@ -4,14 +4,12 @@ import numpy as np
 from PySide6.QtCore import QEvent, Qt, QTime, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
-from calstation.connection.live_imu import SECONDS, OtherUnit
+from calstation.connection import SECONDS, OtherUnit
 from calstation.gui.logs.methods.figures import Figure, three_digits
 from calstation.gui.logs.methods.plots import MethodPlot
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.jobs import JobRow, JobWatch
-from calstation.gui.widgets.labels import ElidedLabel, EmptyState
-from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
-from calstation.results.plots.applied import Applied
+from calstation.gui.widgets import ElidedLabel, EmptyState, JobRow, JobWatch, theme
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G
+from calstation.results.plots import Applied
 
 
 class AppliedView(QWidget):

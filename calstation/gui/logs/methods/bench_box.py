@@ -3,7 +3,7 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QSpinBox, QWidget
 
-from calstation.gui.text.bind import on_language_change
+from calstation.gui.text import on_language_change
 from calstation.gui.widgets import theme
 
 GRADES = ("mems", "tactical", "nav")

@@ -7,8 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import draw_state, state_colour
+from calstation.gui.widgets import draw_state, state_colour, theme
 
 _ROW = 30.0
 #: Share of a bar's width at which its threshold lies; a longer bar ends in an open end.

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.figures import three_digits
 from calstation.gui.widgets import theme
-from calstation.results.plots.gimbal import GimbalAxis
+from calstation.results.plots import GimbalAxis
 
 _HEIGHT = 62
 _BAR_TOP, _BAR = 24.0, 14.0

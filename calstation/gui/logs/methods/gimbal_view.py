@@ -8,12 +8,9 @@ from calstation.gui.logs.methods.figures import three_digits
 from calstation.gui.logs.methods.gain_bar import GainBar
 from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.logs.methods.scrolled import scrolled
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import StateBadge
-from calstation.gui.widgets.labels import ElidedLabel
-from calstation.physics.arrays import FloatArray
-from calstation.physics.units import ARCSECOND
-from calstation.results.plots.gimbal import GimbalAxis, GimbalPlotData
+from calstation.gui.widgets import ElidedLabel, StateBadge, theme
+from calstation.physics import ARCSECOND, FloatArray
+from calstation.results.plots import GimbalAxis, GimbalPlotData
 
 #: A promise smaller than this part of the smallest drift measured is not drawn.
 _FAINT = 0.2

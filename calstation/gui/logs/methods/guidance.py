@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QScrollA
 
 from calstation.gui.logs.methods.kinds import words
 from calstation.gui.logs.methods.pictures import MethodPicture
-from calstation.gui.text.bind import on_language_change
+from calstation.gui.text import on_language_change
 from calstation.gui.widgets import theme
 
 _DISC = 28

@@ -4,7 +4,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QTabBar, QWidget
 
 from calstation.gui.logs.methods.kinds import STAGES, words
-from calstation.gui.text.bind import on_language_change
+from calstation.gui.text import on_language_change
 
 
 class MethodBar(QTabBar):

@@ -12,13 +12,17 @@ from calstation.gui.logs.methods.figures import Figure, three_digits
 from calstation.gui.logs.methods.pair_wording import SENSORS, shown, why_given_up, word_schedule, word_sensor
 from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.logs.methods.timeline import Timeline
-from calstation.gui.text.bind import on_language_change
+from calstation.gui.text import on_language_change
 from calstation.gui.widgets import theme
-from calstation.physics.parameters import pair_name
-from calstation.physics.units import DEGREE, display, number
-from calstation.results.pairs import PairCheckResult, PairProgress
-from calstation.results.plots.method_answer import MethodAnswer
-from calstation.results.plots.pairs import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile
+from calstation.physics import DEGREE, display, number, pair_name
+from calstation.results import PairCheckResult, PairProgress
+from calstation.results.plots import (
+    MethodAnswer,
+    PairPlotData,
+    PairResiduals,
+    SecondaryPlotData,
+    StoredPairFile,
+)
 
 #: What is left is drawn in °/s and m/s²: it is mostly that of motion.
 _RATE, _FORCE = DEGREE, 1.0

@@ -6,10 +6,10 @@ from typing import Any
 from PySide6.QtCore import QCoreApplication
 
 from calstation.gui.logs.methods.figures import three_digits
-from calstation.gui.text.messages import show
-from calstation.physics.units import DEGREE_PER_HOUR, MICRO_G
-from calstation.results.pairs import PairProgress
-from calstation.results.plots.pairs import PairEvent
+from calstation.gui.text import show
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G
+from calstation.results import PairProgress
+from calstation.results.plots import PairEvent
 
 SENSORS = ("gyro", "accel")
 _UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}

@@ -14,25 +14,21 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config.station import MANUAL_STATION, manual_product, uses_manual_rig
+from calstation.config import MANUAL_STATION, manual_product, uses_manual_rig
 from calstation.errors import CalstationError
-from calstation.gui.logs.exports import Exports
+from calstation.gui.logs import Exports, SourceBar
 from calstation.gui.logs.methods.answer_head import AnswerHead
 from calstation.gui.logs.methods.answer_views import AnswerViews
 from calstation.gui.logs.methods.applied_controller import AppliedController
 from calstation.gui.logs.methods.bench_box import BenchBox
 from calstation.gui.logs.methods.guidance import Guidance
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
-from calstation.gui.logs.source_bar import SourceBar
-from calstation.gui.shell.context import AppContext
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import error_text
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.jobs import JobRow, JobWatch
-from calstation.gui.widgets.notice import Choice, NoticeBar
-from calstation.results.pairs import PairCheckResult, check_pair, progress_from_note
-from calstation.results.plots.method_answer import MethodAnswer, solve_method
-from calstation.simulation.recordings import record_on_bench, recordings_folder
+from calstation.gui.shell import AppContext
+from calstation.gui.text import error_text, on_language_change
+from calstation.gui.widgets import Choice, JobRow, JobWatch, NoticeBar, theme
+from calstation.results import PairCheckResult, check_pair, progress_from_note
+from calstation.results.plots import MethodAnswer, solve_method
+from calstation.simulation import record_on_bench, recordings_folder
 
 #: The tab that is always there.
 _GUIDANCE = 0

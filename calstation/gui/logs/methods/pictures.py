@@ -9,8 +9,7 @@ from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.plot import spread
+from calstation.gui.widgets import spread, theme
 
 _FOLDER = Path(__file__).parent / "images"
 #: Colours of the files by the theme's names for them.

@@ -9,9 +9,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.plot import ThemedPlot
-from calstation.physics.arrays import FloatArray
+from calstation.gui.widgets import ThemedPlot, theme
+from calstation.physics import FloatArray
 
 #: A word and its colour, in the note at the top of a plot.
 Part = tuple[str, str]

@@ -8,9 +8,8 @@ from calstation.gui.logs.methods.figures import Figure
 from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.logs.methods.sphere import PositionSphere
 from calstation.gui.widgets import theme
-from calstation.physics.arrays import FloatArray
-from calstation.physics.units import ARCSECOND, MICRO_G
-from calstation.results.plots.positions import PositionPlotData
+from calstation.physics import ARCSECOND, MICRO_G, FloatArray
+from calstation.results.plots import PositionPlotData
 
 
 class PositionsView(QWidget):

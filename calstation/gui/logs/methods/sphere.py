@@ -6,7 +6,7 @@ from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QPol
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
-from calstation.physics.arrays import BoolArray, FloatArray
+from calstation.physics import BoolArray, FloatArray
 
 _EXTENT = 1.3
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 73)

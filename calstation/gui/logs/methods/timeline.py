@@ -5,11 +5,9 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.pair_wording import short_happening, word_state
-from calstation.gui.text.bind import on_language_change
-from calstation.gui.text.messages import duration_text
-from calstation.gui.widgets import theme
-from calstation.gui.widgets.badge import draw_state
-from calstation.results.pairs import PairProgress
+from calstation.gui.text import duration_text, on_language_change
+from calstation.gui.widgets import draw_state, theme
+from calstation.results import PairProgress
 
 _TOP, _MARK, _LANE = 26.0, 16.0, 22.0
 _LANES = 2

@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common.context import SolveContext
-from calstation.estimation.common.residuals import before_after
-from calstation.estimation.common.samples import SampleBlock, joined
-from calstation.estimation.common.stage_data import stage_data
-from calstation.estimation.common.stillness import find_stillness
-from calstation.physics.arrays import FloatArray
-from calstation.physics.earth import RATE, normal_gravity
-from calstation.records.log import open_log
-from calstation.records.meta import context_from_meta
+from calstation.estimation.common import (
+    SampleBlock,
+    SolveContext,
+    before_after,
+    find_stillness,
+    joined,
+    stage_data,
+)
+from calstation.physics import RATE, FloatArray, normal_gravity
+from calstation.records import context_from_meta, open_log
 
 _COLUMNS = 2000
 #: Shortest averaging time of the curves, s; single samples would show noise only.

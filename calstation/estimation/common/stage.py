@@ -7,7 +7,7 @@ import numpy as np
 
 from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.samples import SampleBlock
-from calstation.physics.arrays import BoolArray, FloatArray, IntArray
+from calstation.physics import BoolArray, FloatArray, IntArray
 
 #: Width of the averaging window of rest detection, s.
 REST_WINDOW = 0.5

@@ -5,10 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.stage_data import StageData, runs
-from calstation.physics.arrays import BoolArray, FloatArray, IntArray
-from calstation.physics.imu_model import Compensation
+from calstation.estimation.common import ImuModel, StageData, runs
+from calstation.physics import BoolArray, Compensation, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,23 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calstation import __version__
-from calstation.config.site_check import check_latitude, latitude_untold
+from calstation.config import check_latitude, latitude_untold
 from calstation.errors import CalstationError
-from calstation.estimation.common.context import Belief
-from calstation.estimation.method import Solution
-from calstation.physics.parameters import INDEX, PARAMETERS
-from calstation.records.checks import acceptance
-from calstation.records.facts import LogFacts
-from calstation.records.limits import NEAR, Check, check_limits, estimated_stage, not_compared, unobservable
-from calstation.records.meta import LogMeta, context_from_meta
+from calstation.estimation import Solution
+from calstation.estimation.common import Belief
+from calstation.physics import INDEX, PARAMETERS
+from calstation.records import (
+    NEAR,
+    Check,
+    LogFacts,
+    LogMeta,
+    acceptance,
+    check_limits,
+    context_from_meta,
+    estimated_stage,
+    not_compared,
+    unobservable,
+)
 from calstation.results.result import (
     SCHEMA,
     LogSection,

@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from calstation.config.request import RunRequest
+from calstation.config import RunRequest
 from calstation.errors import ConfigurationError
-from calstation.results.handover import deliver_pending
-from calstation.runs.engine import Engine
-from calstation.sequencer.control import Command
-from calstation.sequencer.events import StepStarted
+from calstation.results import deliver_pending
+from calstation.runs import Engine
+from calstation.sequencer import Command, StepStarted
 from calstation.simulation.hooks import BenchHooks
 from calstation.simulation.soak_judge import Judged, judge_run, resident_mb
 from calstation.simulation.soak_plan import STAGES, Planned, plans, write_request

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
+from calstation.devices import Imu
 from calstation.devices.imu.registers import RegisterMap
-from calstation.devices.interfaces import Imu
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.messages.rendering import Text
+from calstation.messages import Text
 
 
 class Step(StrEnum):

@@ -4,20 +4,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from calstation.config.site_check import latitude_untold
+from calstation.config import latitude_untold
 from calstation.errors import ConfigurationError, InsufficientDataError
-from calstation.messages.rendering import Text, sentence
-from calstation.records.checks import offline_online
-from calstation.records.log import Log, open_log
-from calstation.records.raw_read import solved_stages, summary
-from calstation.results.judge import Ending, build_result, judge, solved_parameters
+from calstation.messages import Text, sentence
+from calstation.records import Log, offline_online, open_log, solved_stages, summary
+from calstation.results.judgement import Ending, build_result, judge, solved_parameters
 from calstation.results.result import DamagedRange, Result
 from calstation.results.solver_chain import SolveProgress, solve
 
 
 def warm_up() -> None:
     """Compile the kernels that solving needs; importing this module imports the rest."""
-    from calstation.estimation.navigation.stage import warm_up as compile_kernels
+    from calstation.estimation.navigation import warm_up as compile_kernels
 
     compile_kernels()
 

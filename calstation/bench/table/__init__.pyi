@@ -1,0 +1,14 @@
+from .cia402_drives import UNITS as UNITS
+from .cia402_drives import Drive as Drive
+from .machine import Fault as Fault
+from .machine import OutOfRange as OutOfRange
+from .machine import Power as Power
+from .machine import Refusal as Refusal
+from .machine import TableLimits as TableLimits
+from .machine import TableMachine as TableMachine
+from .registers import SIZE as SIZE
+from .registers import WRITABLE as WRITABLE
+from .registers import TableRegisters as TableRegisters
+from .text import LANGUAGES as LANGUAGES
+from .text import Axes as Axes
+from .text import TextController as TextController

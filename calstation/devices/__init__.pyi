@@ -1,0 +1,11 @@
+from .interfaces import LOCAL_CONTROL as LOCAL_CONTROL
+from .interfaces import UNKNOWN_FAULT as UNKNOWN_FAULT
+from .interfaces import Imu as Imu
+from .interfaces import ImuIdentity as ImuIdentity
+from .interfaces import LinkStats as LinkStats
+from .interfaces import NoFramesError as NoFramesError
+from .interfaces import OtherModelError as OtherModelError
+from .interfaces import SampleBatch as SampleBatch
+from .interfaces import Table as Table
+from .interfaces import TableIdentity as TableIdentity
+from .interfaces import TableStatus as TableStatus

@@ -1,0 +1,6 @@
+from .drivers import ManualTable as ManualTable
+from .drivers import open_table as open_table
+from .modbus_table import ModbusTable as ModbusTable
+from .register_table import RegisterTable as RegisterTable
+from .shared_table import SharedTable as SharedTable
+from .text_table import TextTable as TextTable

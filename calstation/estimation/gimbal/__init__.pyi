@@ -1,0 +1,12 @@
+from .fit import fit_gimbal as fit_gimbal
+from .iteration import AXES as AXES
+from .iteration import AxisTurns as AxisTurns
+from .iteration import GimbalIteration as GimbalIteration
+from .iteration import contraction as contraction
+from .iteration import drift_matrix as drift_matrix
+from .iteration import largest_gain as largest_gain
+from .iteration import others as others
+from .iteration import sign_of as sign_of
+from .loop import run_loop as run_loop
+from .motions import Motion as Motion
+from .motions import find_motions as find_motions

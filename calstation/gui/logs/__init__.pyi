@@ -1,0 +1,3 @@
+from .exports import Exports as Exports
+from .page import OfflinePage as OfflinePage
+from .source_bar import SourceBar as SourceBar

@@ -1,0 +1,2 @@
+from . import advice as advice
+from .page import OperatorPage as OperatorPage

@@ -1,0 +1,9 @@
+from .app import create_window as create_window
+from .app import main as main
+from .context import AppContext as AppContext
+from .page import Page as Page
+from .reset_bar import ResetBar as ResetBar
+from .run_status import RunStatus as RunStatus
+from .run_status import StageState as StageState
+from .run_status import planned as planned
+from .run_strip import RunStrip as RunStrip

@@ -1,0 +1,17 @@
+from . import rendering as rendering
+from .catalogue import entry as entry
+from .catalogue import known as known
+from .finding import Finding as Finding
+from .finding import Report as Report
+from .progress import event_text as event_text
+from .progress import step_text as step_text
+from .rendering import Language as Language
+from .rendering import Rendered as Rendered
+from .rendering import Text as Text
+from .rendering import Value as Value
+from .rendering import os_reason as os_reason
+from .rendering import render as render
+from .rendering import sentence as sentence
+from .rendering import term as term
+from .rendering import values_from_json as values_from_json
+from .rendering import values_to_json as values_to_json

@@ -1,0 +1,10 @@
+from .engine import INTERNAL as INTERNAL
+from .engine import Engine as Engine
+from .hooks import RunHooks as RunHooks
+from .incomplete import close_incomplete_job as close_incomplete_job
+from .incomplete import finish_incomplete as finish_incomplete
+from .incomplete import recover_startup as recover_startup
+from .resume import Resumable as Resumable
+from .resume import filled as filled
+from .resume import find_resumable as find_resumable
+from .resume import serial_of as serial_of

@@ -1,0 +1,11 @@
+from .bench_recordings import GradeName as GradeName
+from .bench_recordings import Kind as Kind
+from .bench_recordings import make_recording as make_recording
+from .hooks import BenchHooks as BenchHooks
+from .method_study import run_method_study as run_method_study
+from .recordings import record_on_bench as record_on_bench
+from .recordings import recordings_folder as recordings_folder
+from .soak_series import Soak as Soak
+from .soak_series import soak as soak
+from .study import SEEDS as SEEDS
+from .study import run_study as run_study
