@@ -11,8 +11,7 @@ import numpy as np
 from calstation.devices import Imu, SampleBatch, TableStatus
 from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
 from calstation.physics import BoolArray, FloatArray
-from calstation.sequencer.context import Clock
-from calstation.sequencer.task import LastSample, UnitTask
+from calstation.sequencer.context import Clock, LastSample, UnitTask
 
 #: Ticks over which the least delay between IMU clock and station clock is sought.
 CLOCK_WINDOW = 200

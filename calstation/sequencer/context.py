@@ -1,17 +1,154 @@
-"""What a run shares: the table, the units on it, the clock, the operator's commands and the sink of its events."""
+"""What a run is to do, and what it shares: table, units, clock, commands of the operator and the sink of its events."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any, Protocol
 
+import numpy as np
+
 from calstation.devices import Imu, Table
+from calstation.devices.profiles import Span
+from calstation.errors import CalstationError
 from calstation.estimation import Solution
-from calstation.estimation.common import SampleBlock
-from calstation.physics import FloatArray
-from calstation.sequencer.control import Control
+from calstation.estimation.common import ImuModel, SampleBlock
+from calstation.physics import FloatArray, TableGeometry
+from calstation.sequencer.control import Control, State
 from calstation.sequencer.events import LOSSY, Event, to_json
-from calstation.sequencer.task import LastSample, Task, UnitTask
+from calstation.sequencer.plan import SETTLE, StagePlan
+
+
+class Output(StrEnum):
+    """Whether a unit outputs samples with its registers applied.
+
+    ALWAYS : its stream is that output; ASKED : it is streamed on command in place of the raw one; NEVER : raw only
+    """
+
+    ALWAYS = "always"
+    ASKED = "asked"
+    NEVER = "never"
+
+
+@dataclass(frozen=True)
+class StatusMasks:
+    """Bits of the IMU's status word: data valid since power-up, output saturated, self-test failed."""
+
+    ready: int = 0
+    saturated: int = 0
+    failed: int = 0
+
+
+@dataclass(frozen=True)
+class LastSample:
+    """Counter, IMU time (s) and step of the last sample of a run that is resumed."""
+
+    seq: int
+    time: float
+    step: int
+
+
+@dataclass(frozen=True)
+class PreflightLimits:
+    """What a unit and its mounting must show before the run.
+
+    Attributes
+    ----------
+    serial_pattern : regular expression for the serial number
+    ready_timeout, home_timeout : s
+    warm_up : s at least; warm_up_slope : °C/min at most, None where temperature does not matter;
+        warm_up_timeout : s, after which a still drifting unit is a fault
+    gravity : m/s², expected at rest; gravity_tolerance : fraction of it
+    direction_tolerance : rad, between declared and measured directions
+    rate_low, rate_high : rad/s, between which each gyro measures at rest, shape (3,)
+    turn : rad, the small turn of each joint; turn_rate : rad/s; turn_tolerance : fraction of the turn
+    flow : s of data without a gap
+    output : whether the unit's output is checked; not if registers that may be wrong are applied to it
+    """
+
+    serial_pattern: str
+    gravity: float
+    ready_timeout: float = 30.0
+    home_timeout: float = 180.0
+    warm_up: float = 0.0
+    warm_up_slope: float | None = None
+    warm_up_timeout: float = 1800.0
+    gravity_tolerance: float = 0.03
+    direction_tolerance: float = np.deg2rad(5.0)
+    rate_low: FloatArray = field(default_factory=lambda: np.full(3, -np.inf))
+    rate_high: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
+    turn: float = np.deg2rad(5.0)
+    turn_rate: float = np.deg2rad(5.0)
+    turn_tolerance: float = 0.1
+    flow: float = 2.0
+    output: bool = True
+
+
+@dataclass(frozen=True)
+class UnitTask:
+    """One unit on the table: what its stream is like and what it must show.
+
+    Attributes
+    ----------
+    serial : the serial number that the unit must answer to
+    model : scale, rate and noise of its stream
+    preflight : what is checked first
+    masks : bits of its status word
+    span : range of its channels, counts
+    wrap : samples after which its counter begins again
+    corrected : whether it outputs samples with its registers applied
+    """
+
+    serial: str
+    model: ImuModel
+    preflight: PreflightLimits
+    masks: StatusMasks = field(default_factory=StatusMasks)
+    span: Span = field(default_factory=Span)
+    wrap: float = np.inf
+    corrected: Output = Output.NEVER
+
+
+@dataclass(frozen=True)
+class Task:
+    """What the table does in a run, and within which limits.
+
+    Attributes
+    ----------
+    stages : in order
+    geometry : table axes and limits
+    by_hand : whether the operator moves the unit and nothing drives it
+    latency : of a table poll, s
+    settle : of the table after a move, s
+    load_angle : joint angles at which a unit is changed, rad
+    travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
+    """
+
+    stages: tuple[StagePlan, ...]
+    geometry: TableGeometry
+    by_hand: bool = False
+    latency: float = 0.0
+    settle: float = SETTLE
+    load_angle: tuple[float, float] = (0.0, 0.0)
+    travel_rate: float = np.deg2rad(20.0)
+    travel_acceleration: float = np.deg2rad(20.0)
+
+
+@dataclass(frozen=True)
+class Finalized:
+    """Whether the unit passed, and whether registers were written, which then need verification."""
+
+    passed: bool
+    written: bool
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended: final state, what was solved, and the error of a fault."""
+
+    state: State
+    solutions: tuple[Solution, ...]
+    error: CalstationError | None = None
+
 
 Emit = Callable[[Event], None]
 

@@ -13,14 +13,13 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.physics import Move
 from calstation.sequencer.acquisition import Acquisition
 from calstation.sequencer.capture import Restarted, VerificationData, carried_data, verification_data
-from calstation.sequencer.context import RunContext
+from calstation.sequencer.context import Output, RunContext
 from calstation.sequencer.control import State, StopReason, StopRequested, transition
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Fault, Message, StateChanged
 from calstation.sequencer.guard import check_limits, check_travel, reason_of, safe_stop
 from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.steps import StepRunner
-from calstation.sequencer.task import Output
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.verification_moves import VerificationPath, verification_path
 

@@ -10,13 +10,12 @@ from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.physics import Carry, Finish, Move, Prepare, RoundEnd
 from calstation.sequencer.capture import VerificationData
-from calstation.sequencer.context import Journal, RunContext, Solving
+from calstation.sequencer.context import Ended, Finalized, Journal, Output, RunContext, Solving
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, Driving, RunInBackground
 from calstation.sequencer.events import Message, StageEnded, StageStarted, solution_events
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.plan import StagePlan, StageTrack, plan_time, planned, step_time
-from calstation.sequencer.task import Ended, Finalized, Output
 
 _Result = TypeVar("_Result")
 

@@ -25,12 +25,20 @@ from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import COUNT
 from calstation.physics.rotation import rotation_matrix, rotation_vector
 from calstation.physics.table import JointLimits, TableGeometry
-from calstation.sequencer.context import RunContext, Slot
+from calstation.sequencer.context import (
+    Finalized,
+    LastSample,
+    PreflightLimits,
+    RunContext,
+    Slot,
+    StatusMasks,
+    Task,
+    UnitTask,
+)
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event
 from calstation.sequencer.plan import StagePlan, StopRule
 from calstation.sequencer.sequencer import Sequencer
-from calstation.sequencer.task import Finalized, LastSample, PreflightLimits, StatusMasks, Task, UnitTask
 
 GRAVITY = 9.8
 RATE = 100.0

@@ -11,6 +11,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
 from calstation.messages.rendering import Text
 from calstation.physics.motion import Move
+from calstation.sequencer.context import Ended, Finalized, Output
 from calstation.sequencer.control import Command, State
 from calstation.sequencer.driving import RunInBackground
 from calstation.sequencer.events import (
@@ -24,7 +25,6 @@ from calstation.sequencer.events import (
 )
 from calstation.sequencer.guard import safe_stop
 from calstation.sequencer.plan import StagePlan, StopRule
-from calstation.sequencer.task import Ended, Finalized, Output
 from tests.sequencer.fakes import GRAVITY, MODEL, RATE, Scene, repeated
 
 

@@ -11,8 +11,8 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, to_si
+from calstation.sequencer.context import LastSample, StatusMasks
 from calstation.sequencer.plan import StopRule, move_time, named, plan_time, planned, reached
-from calstation.sequencer.task import LastSample, StatusMasks
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
 
 

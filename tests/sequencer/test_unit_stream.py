@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calstation.sequencer.context import Output
 from calstation.sequencer.control import Command, State
 from calstation.sequencer.events import Event, Message, StageStarted
-from calstation.sequencer.task import Output
 from tests.sequencer.fakes import Scene
 
 #: Gain of the corrected gyros: a turn measured partly with each output would lie between.

@@ -1,2 +1,2 @@
-from .method_bar import MethodBar as MethodBar
+from .kinds import MethodBar as MethodBar
 from .panel import MethodPanel as MethodPanel

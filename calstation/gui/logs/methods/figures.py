@@ -1,7 +1,7 @@
 """Numbers large enough to be seen from two metres: what it was before, and what it is after."""
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QVBoxLayout, QWidget
 
 from calstation.gui.widgets import theme
 
@@ -41,3 +41,13 @@ def three_digits(value: float) -> str:
     digits = 2 - int(f"{abs(value):.2e}".partition("e")[2])
     shown = f"{value:.{max(digits, 0)}f}"
     return shown.replace("-", "−")
+
+
+def scrolled(view: QWidget) -> QScrollArea:
+    """The view in an area of its own, which shows a bar only where there is no room."""
+    area = QScrollArea()
+    area.setWidgetResizable(True)
+    area.setFrameShape(QFrame.Shape.NoFrame)
+    area.setProperty("kind", "clear")
+    area.setWidget(view)
+    return area

@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass
 
-from PySide6.QtCore import QCoreApplication
+from PySide6.QtCore import QCoreApplication, Signal
+from PySide6.QtWidgets import QTabBar, QWidget
+
+from calstation.gui.text import on_language_change
 
 MULTI_POSITION, GIMBAL, CROSS_CALIBRATION = "multi_position", "gimbal", "cross_calibration"
 #: The methods by the names of their stages, in the page's order.
@@ -133,3 +136,36 @@ def _pair() -> MethodWords:
             "Bias and matrix of the secondary's gyros and accelerometers, its lever arm and its clock offset.",
         ),
     )
+
+
+class MethodBar(QTabBar):
+    """Tabs of the stages ("") and of each method. `chosen(method)`: another one was chosen."""
+
+    chosen = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("method_tabs")
+        self.setProperty("kind", "views")
+        self.setDrawBase(False)
+        self.setExpanding(False)
+        for _ in ("", *STAGES):
+            self.addTab("")
+        self.currentChanged.connect(lambda _: self.chosen.emit(self.chosen_method))
+        on_language_change(self, self._show_texts)
+
+    @property
+    def chosen_method(self) -> str:
+        """The chosen method; "" for the stages."""
+        return ("", *STAGES)[self.currentIndex()]
+
+    def choose(self, method: str) -> None:
+        """Choose a method as a click on its tab does."""
+        self.setCurrentIndex(("", *STAGES).index(method))
+
+    def _show_texts(self) -> None:
+        self.setTabText(0, self.tr("Stages of the log"))
+        self.setTabToolTip(0, self.tr("Solve the stages again as they were recorded"))
+        for index, stage in enumerate(STAGES, start=1):
+            self.setTabText(index, words(stage).title)
+            self.setTabToolTip(index, words(stage).summary)

@@ -7,11 +7,18 @@ from typing import Any
 from PySide6.QtCore import QEvent, QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from calstation.gui.logs.methods.check_bars import CheckBar, CheckBars
 from calstation.gui.logs.methods.figures import Figure, three_digits
-from calstation.gui.logs.methods.pair_wording import SENSORS, shown, why_given_up, word_schedule, word_sensor
+from calstation.gui.logs.methods.pair_parts import (
+    SENSORS,
+    CheckBar,
+    CheckBars,
+    Timeline,
+    shown,
+    why_given_up,
+    word_schedule,
+    word_sensor,
+)
 from calstation.gui.logs.methods.plots import MethodPlot
-from calstation.gui.logs.methods.timeline import Timeline
 from calstation.gui.text import on_language_change
 from calstation.gui.widgets import theme
 from calstation.physics import DEGREE, display, number, pair_name

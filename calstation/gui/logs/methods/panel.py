@@ -5,9 +5,11 @@ from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
+    QComboBox,
     QHBoxLayout,
     QLabel,
     QPushButton,
+    QSpinBox,
     QStackedWidget,
     QTabBar,
     QVBoxLayout,
@@ -17,10 +19,8 @@ from PySide6.QtWidgets import (
 from calstation.config import MANUAL_STATION, manual_product, uses_manual_rig
 from calstation.errors import CalstationError
 from calstation.gui.logs import Exports, SourceBar
-from calstation.gui.logs.methods.answer_head import AnswerHead
-from calstation.gui.logs.methods.answer_views import AnswerViews
+from calstation.gui.logs.methods.answer_views import AnswerHead, AnswerViews
 from calstation.gui.logs.methods.applied_controller import AppliedController
-from calstation.gui.logs.methods.bench_box import BenchBox
 from calstation.gui.logs.methods.guidance import Guidance
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.shell import AppContext
@@ -339,3 +339,53 @@ class MethodPanel(QWidget):
     def _tell(self, kind: str, title: Callable[[], str], text: Callable[[], str]) -> None:
         close = Choice(f"{self.stage}_notice_close", lambda: self.tr("Close"), self.setFocus)
         self.notice.ask(kind, title, text, (close,))
+
+
+GRADES = ("mems", "tactical", "nav")
+_MOST = 9999
+
+
+class BenchBox(QWidget):
+    """`wanted(grade, seed)`: a recording is to be made."""
+
+    wanted = Signal(str, int)
+
+    def __init__(self, stage: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._caption, self._seed_caption = QLabel(), QLabel()
+        self.grade_combo = QComboBox()
+        self.grade_combo.setObjectName(f"bench_grade_{stage}")
+        self.grade_combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        for grade in GRADES:
+            self.grade_combo.addItem("", grade)
+        self.seed_spin = QSpinBox()
+        self.seed_spin.setObjectName(f"bench_seed_{stage}")
+        self.seed_spin.setRange(1, _MOST)
+        self.make_button = QPushButton()
+        self.make_button.setObjectName(f"bench_make_{stage}")
+        self.make_button.clicked.connect(
+            lambda: self.wanted.emit(self.grade_combo.currentData(), self.seed_spin.value())
+        )
+        self._caption.setBuddy(self.grade_combo)
+        self._seed_caption.setBuddy(self.seed_spin)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(theme.GRID)
+        for widget in (self._caption, self.grade_combo, self._seed_caption, self.seed_spin, self.make_button):
+            row.addWidget(widget)
+        on_language_change(self, self.retranslate)
+
+    def retranslate(self) -> None:
+        """Say everything again in the language in force."""
+        self._caption.setText(self.tr("Virtual bench"))
+        names = {
+            "mems": self.tr("MEMS grade"),
+            "tactical": self.tr("tactical grade"),
+            "nav": self.tr("navigation grade"),
+        }
+        for index, grade in enumerate(GRADES):
+            self.grade_combo.setItemText(index, names[grade])
+        self._seed_caption.setText(self.tr("unit"))
+        self.seed_spin.setToolTip(self.tr("Another number draws another unit and other motions"))
+        self.make_button.setText(self.tr("Make one"))
+        self.make_button.setToolTip(self.tr("Makes a recording without hardware, with its truth beside it"))
