@@ -15,6 +15,7 @@ from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.register_table import RegisterTable
 from calstation.errors import ConfigurationError, DeviceFaultError
+from tests.helpers import raises_code
 
 PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "cia402_drives.toml")
 NOW = ("device_time", "host_time", "reading_time")
@@ -151,7 +152,7 @@ def test_after_a_stop_nothing_moves_until_it_is_told(pair):
 
 def test_no_endless_rate_unless_the_profile_states_how_the_drives_stop(pair):
     table = ready(pair)
-    with pytest.raises(ConfigurationError, match="no watchdog that is on"):
+    with raises_code(ConfigurationError, "table.would_not_stop"):
         table.rate(0.1, 0.0, 0.5)
     stated = PROFILE.model_copy(update={"link_loss_stop_s": 1.0})
     table = RegisterTable(pair.units[0], stated, 16, pair.units[1])
@@ -177,8 +178,9 @@ def test_a_float_that_is_no_number_is_a_fault(pair):
         pair.drives[0].words[32:34] = [0, 0x7FC0]
 
     pair.drives[0].refresh = refresh
-    with pytest.raises(DeviceFaultError, match=r"registers\.outer_rate \(32-33\) holds no number"):
+    with raises_code(DeviceFaultError, "table.register_not_a_number") as caught:
         pair.table.status()
+    assert caught.value.values == {"name": "outer_rate", "addresses": "32-33"}
 
 
 def test_what_a_drive_refuses_changes_nothing():

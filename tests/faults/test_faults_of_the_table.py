@@ -17,13 +17,13 @@ pytestmark = pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("stall", None, ("fault 'stall'", "then reset it")),
+        ("stall", None, ("fault 'stall'", "then run calstation table reset")),
         ("drive_fault", None, ("fault 'drive'", "calstation table reset")),
-        ("limit_fault", None, ("fault 'limit'", "then reset it")),
-        ("trip_watchdog", None, ("fault 'watchdog'", "then reset it")),
+        ("limit_fault", None, ("fault 'limit'", "then run calstation table reset")),
+        ("trip_watchdog", None, ("fault 'watchdog'", "run calstation table reset")),
         ("interlock", 0, ("interlock",)),
         ("jam", None, ("did not reach", "obstacle")),
-        ("overshoot", 2, ("table: stands 2.", "° away from outer 360.0°", "encoder")),
+        ("overshoot", 2, ("the table stands 2.", "° away from outer 360.0°", "encoder")),
         ("never_settle", 600, ("does not settle", "tuning")),
         ("mute_table", 40, ("no answer", "check cable, power")),
         ("refuse_table", 4, ("cannot do it in its present state", "drive's display")),
@@ -41,12 +41,12 @@ def test_a_fault_of_the_table_stops_the_run(
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("stall", None, ("fault", "then reset it")),
-        ("drive_fault", None, ("fault", "then reset it")),
-        ("limit_fault", None, ("fault", "then reset it")),
-        ("interlock", 0, ("fault", "then reset it")),
+        ("stall", None, ("fault", "then run calstation table reset")),
+        ("drive_fault", None, ("fault", "then run calstation table reset")),
+        ("limit_fault", None, ("fault", "then run calstation table reset")),
+        ("interlock", 0, ("fault", "then run calstation table reset")),
         ("jam", None, ("outer 360.0°", "obstacle")),
-        ("overshoot", 2, ("table: stands 2.", "° away from outer 360.0°")),
+        ("overshoot", 2, ("the table stands 2.", "° away from outer 360.0°")),
         ("never_settle", 600, ("does not settle", "tuning")),
     ],
 )
