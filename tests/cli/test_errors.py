@@ -59,7 +59,7 @@ def test_nan_in_a_cell(calstation: Run, tmp_path: Path) -> None:
 
 def test_short_log(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows()[:150])
-    check(calstation("resolve", log), 2, "log.csv", "six_position")
+    check(calstation("resolve", log), 2, "log.csv", "Stage Six positions:")
 
 
 def test_repeated_rows(calstation: Run, tmp_path: Path) -> None:
@@ -81,13 +81,18 @@ def test_latitude_out_of_range(calstation: Run, tmp_path: Path) -> None:
 
 def test_unknown_stage(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
-    check(calstation("resolve", log, "--stages", "six_positions"), 2, "six_positions", "choose from")
-    check(calstation("run", "--stages", "six_positions"), 2, "six_positions", "choose from")
+    check(calstation("resolve", log, "--stages", "six_positions"), 2, "'six_positions'", "Choose from")
+    check(calstation("run", "--stages", "six_positions"), 2, "'six_positions'", "Choose from")
 
 
 def test_a_stage_that_the_log_does_not_hold(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
-    check(calstation("resolve", log, "--stages", "rate"), 2, "rate", "which holds six_position")
+    check(
+        calstation("resolve", log, "--stages", "rate"),
+        2,
+        "stage Rate, but Six positions",
+        "--stages six_position",
+    )
 
 
 def test_empty_or_repeated_stages(calstation: Run, tmp_path: Path) -> None:
@@ -100,7 +105,7 @@ def test_range_outside_the_log(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     check(calstation("resolve", log, "--from", 10**6), 2, "The log holds")
     check(calstation("resolve", log, "--from", 20, "--to", 10), 2, "--from")
-    check(calstation("resolve", log, "--from", 0, "--to", 100), 2, "six_position")
+    check(calstation("resolve", log, "--from", 0, "--to", 100), 2, "Stage Six positions:")
 
 
 def test_a_file_that_is_no_log(calstation: Run, tmp_path: Path) -> None:
@@ -158,7 +163,7 @@ def test_an_error_is_one_line_without_a_blank_one_before(calstation: Run, tmp_pa
     assert calstation("resolve", tmp_path / "none.csv").err.startswith("calstation: ")
 
 
-def test_a_file_that_is_no_toml_gets_a_mend(calstation: Run, tmp_path: Path) -> None:
+def test_a_file_that_is_no_toml_gets_a_remedy(calstation: Run, tmp_path: Path) -> None:
     (tmp_path / "README.md").write_text("no TOML", encoding="utf-8")
     check(calstation("run", "--station", tmp_path / "README.md"), 2, "or give a TOML file")
 
@@ -331,7 +336,7 @@ def test_a_wrong_baud_looks_like_noise(calstation: Run, tmp_path: Path, home: Pa
     edited(tmp_path, "imus", "bench_nav", ('sync = "55 AA"', 'sync = "5A A1"'))
     done = calstation("run", "--out", tmp_path / "runs")
     assert done.code == 3
-    assert "check baud, parity" in done.err
+    assert "Check baud, parity" in done.err
 
 
 # ---- study
