@@ -15,6 +15,7 @@ from calstation.config.summary import run_summary
 from calstation.connection.link_test import LinkTestRequest, check_table_link
 from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
+from calstation.messages import Text
 from calstation.physics.parameters import PARAMETERS
 from calstation.physics.rotation import rotation_matrix
 from calstation.records.log import open_log
@@ -113,7 +114,7 @@ def test_before_the_run_time_and_positions_are_known_and_sigmas_are_not(rig: Rig
     assert planned.positions[0] == (0.0, 0.0, 1.0)
     foretold = compute_preview(no_tell, rig.request())
     assert foretold.stages[0].end == pytest.approx(planned.stages[0].duration)
-    assert "by hand cannot be foretold" in foretold.stages[0].error
+    assert foretold.stages[0].error == Text("preview.manual_motion")
     assert np.abs(foretold.inner).max() == pytest.approx(2.0 * np.pi)
     assert schedule_options(rig.station, rig.product).offered == ("multi_position",)
 
