@@ -12,6 +12,7 @@ from calstation.results.resolving import resolve
 from calstation.runs.resume import resumable
 from calstation.sequencer.events import Message, StepStarted, Trace
 from tests.faults.conftest import SERIAL, Floor, fault
+from tests.helpers import complaint
 from tests.station.conftest import PRODUCT, QUICK
 
 pytestmark = pytest.mark.long
@@ -143,7 +144,10 @@ def test_a_wrong_latitude_is_seen_by_the_gyros_before_anything_is_written(floor:
     ran = floor.run(
         {"kind": "wrong_latitude", "value": -2.0}, stages=("rate", "six_position", "azimuth_flip")
     )
-    ran.assert_stopped("site.latitude_deg = 32.25", "as at 34.", "correct latitude")
+    ran.assert_stopped(
+        "site.latitude_deg of the station file is 32.25", "as at latitude 34.", "correct latitude"
+    )
+    assert ran.fault.code == "site.latitude_contradicts"
     assert ran.verdict.result["stages"] == ["rate", "six_position"]
     assert not ran.verdict.result["registers"]
     assert [c["name"] for c in ran.verdict.result["checks"] if not c["passed"]] == ["latitude"]
@@ -154,7 +158,8 @@ def test_a_wrong_latitude_is_seen_by_the_gyros_before_anything_is_written(floor:
 
 def test_a_wrong_latitude_is_seen_when_nothing_but_the_proof_can_tell(floor: Floor) -> None:
     ran = floor.run({"kind": "wrong_latitude", "value": 5.0}, stages=("rate",))
-    ran.assert_stopped("earth_rate_up", "old registers were put back", "latitude")
+    ran.assert_stopped("vertical earth rate", "old registers were restored", "latitude")
+    assert (ran.fault.code, ran.fault.values["check"]) == ("verification.wrong", "earth_rate_up")
     (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
     assert entry.closing == "restored"
 
@@ -172,13 +177,13 @@ def test_gyros_that_do_not_feel_the_earth_need_gravity_and_latitude_that_agree(
     floor: Floor, degrees: float
 ) -> None:
     floor.product = {**PRODUCT, "imu": "bench_mems"}
-    with pytest.raises(ConfigurationError, match=r"site.gravity_mps2 is missing.*; add the gravity"):
+    with pytest.raises(ConfigurationError, match=r"Add the local gravity") as missing:
         floor.run(stages=("six_position",))
+    assert complaint(missing.value) == "site.gravity_mps2 site.gravity_missing"
     floor.site = {"gravity_mps2": 9.79547}
-    with pytest.raises(
-        ConfigurationError, match=r"does not belong to latitude .*; correct gravity, latitude"
-    ):
+    with pytest.raises(ConfigurationError, match=r"Correct gravity, latitude or height") as contradicting:
         floor.run({"kind": "wrong_latitude", "value": degrees}, stages=("six_position",))
+    assert complaint(contradicting.value) == "site.gravity_mps2 site.gravity_contradicts"
     assert not list((floor.folder / "runs").glob("*.h5"))
 
 

@@ -308,7 +308,7 @@ def test_the_terminal_says_what_will_move_and_how_it_was_proved(
     shown = capsys.readouterr()
     assert shown.err.index("is going to move") < shown.err.index("Writing the registers")
     assert "old registers" not in shown.out  # of a transfer that had been closed: a new one, proved
-    assert "proved with a turn of the table" in shown.out
+    assert "verified with a turn of the table" in shown.out
     assert run_app(["registers", "restore", SERIAL, *place, "--at-rest", "--json", "-"]) == 0
     shown = capsys.readouterr()
     assert "Nothing moves" in shown.err
@@ -316,7 +316,7 @@ def test_the_terminal_says_what_will_move_and_how_it_was_proved(
     assert run_app(["registers", "list", SERIAL, "--out", str(floor.runs)]) == 0
     listed = capsys.readouterr().out
     assert listed.count("done, verified at rest, without a turn") == 2
-    assert listed.count("done, proved with a turn") == 1
+    assert listed.count("done, verified with a turn of the table") == 1
     assert run_app(["registers", "finish", SERIAL, *place]) == 2
     shown = capsys.readouterr()
     assert "nothing to finish" in shown.err
