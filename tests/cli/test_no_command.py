@@ -54,4 +54,4 @@ def test_no_command_of_the_terminal_needs_qt() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 2, done.stderr
-    assert "does not fit the pattern" in done.stderr
+    assert "does not match the pattern" in done.stderr
