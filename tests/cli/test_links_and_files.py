@@ -172,7 +172,9 @@ def test_a_file_of_the_site_is_given_by_its_name(
     assert (done.code, f"{tmp_path / 'stations' / 'rtu.toml'}:" in done.out) == (2, True)
     assert "rtu.toml [bench]: speed" in calstation("run", "--station", "rtu", "--out", tmp_path).err
     assert calstation("check", "cia402_drives").code == 0
-    assert "“both” is the name of several files (station file, product file)" in calstation("check", "both").err
+    assert (
+        "“both” is the name of several files (station file, product file)" in calstation("check", "both").err
+    )
     for option, kind in (("--station", "station"), ("--product", "product")):
         done = calstation("test", "table", option, "unit7")
         assert done.code == 2

@@ -40,5 +40,5 @@ def test_a_recording_is_made_solved_and_compared_with_its_truth(
 
 def test_what_the_bench_does_not_know_is_told(calstation: Run, tmp_path: Path) -> None:
     assert "Choose from hand, pair, gimbal" in calstation("record", "foot", "-o", tmp_path / "a.h5").err
-    assert "choose from nav" in calstation("record", "hand", "-o", tmp_path / "a.h5", "--grade", "best").err
+    assert "Choose from nav" in calstation("record", "hand", "-o", tmp_path / "a.h5", "--grade", "best").err
     assert "ends in .h5" in calstation("record", "hand", "-o", tmp_path / "a.csv").err

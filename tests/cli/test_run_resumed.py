@@ -52,4 +52,4 @@ def test_a_stopped_run_is_carried_on(
     assert sorted(Path(before.log).parent.iterdir()) == logs, "nothing was opened or recorded"
     mixed = calstation("run", *where, "--resume", before.log, "--stages", "rate")
     assert mixed.code == 2
-    assert "leave the option out" in mixed.err
+    assert "Leave --stages and --seed out." in mixed.err

@@ -16,7 +16,7 @@ def test_what_was_off_is_calibrated_kept_and_good_the_next_time(calstation: Run,
     first = calstation("watch", log, "--pairs", pairs)
     assert first.code == 0, first.out
     assert "imu2 calibrated; the result is stored" in first.out
-    assert "off: imu2; waiting for motion" in first.out
+    assert "Out of tolerance: imu2; waiting for motion" in first.out
     assert re.search(r"imu2 gyro: [\d.]+ °/[sh] at rest \(threshold [\d.]+ °/[sh]\)", first.out)
     assert re.search(r"imu2 accel: [\d.]+ (µg|m/s²) at rest", first.out)
     kept = load_pair(pairs, "BENCH-mems", "BENCH-2")
@@ -31,4 +31,4 @@ def test_what_was_off_is_calibrated_kept_and_good_the_next_time(calstation: Run,
 def test_a_log_of_one_imu_is_told(calstation: Run, tmp_path: Path) -> None:
     done = calstation("watch", write_log(tmp_path, six_position_rows()), "--pairs", tmp_path)
     assert done.code == 2
-    assert "log.csv: holds one IMU; add [imu2]" in done.err
+    assert "log.csv: The log holds one IMU only. Add [imu2]" in done.err
