@@ -10,9 +10,11 @@ import pytest
 
 from calstation.cli.app import run_app
 from calstation.errors import InsufficientDataError
+from calstation.messages.rendering import Text
 from calstation.records.convert import export_csv
 from calstation.results.plots.index import log_index, samples
 from calstation.results.resolving import resolve
+from tests.helpers import raises_code
 from tests.station.conftest import Place
 
 #: Rows on a page of 4 kB.
@@ -78,8 +80,12 @@ def test_only_a_stage_that_lacks_data_then_is_refused(log: Damaged) -> None:
     rate = np.flatnonzero(log.stages == "rate")
     for row in rate[:: len(rate) // 25]:
         log.hurt(int(row), 2)
-    with pytest.raises(InsufficientDataError, match=r"stage 'rate'.*No whole turn .*gaps"):
+    with raises_code(InsufficientDataError, "solution.in_log") as refused:
         resolve(log.path, ("rate",))
+    in_stage = refused.value.values["what"]
+    assert (in_stage.code, in_stage.values["stage"]) == ("solution.in_stage", "rate")
+    assert in_stage.values["what"].code == "solve.no_whole_turn"
+    assert in_stage.values["what"].values["gaps_note"].code == "solve.gaps_cost_turns"
     solved = resolve(log.path)
     assert (solved.result_json["stages"], list(solved.result_json["lacking"])) == (["six_position"], ["rate"])
     assert solved.missing_data[0].values["stage"] == "rate"
@@ -93,10 +99,9 @@ def test_only_a_stage_that_lacks_data_then_is_refused(log: Damaged) -> None:
 def test_a_stage_of_which_nothing_is_left_is_not_passed_over(log: Damaged) -> None:
     rows = np.flatnonzero(log.stages == "six_position")
     log.hurt(int(rows[0]), len(rows))
-    with pytest.raises(
-        InsufficientDataError, match="all samples of stage 'six_position' are damaged; use a copy"
-    ):
+    with raises_code(InsufficientDataError, "solution.in_log") as refused:
         resolve(log.path)
+    assert refused.value.values["what"] == Text.of("solution.stage_damaged", stage="six_position")
     assert resolve(log.path, ("rate",)).result_json["stages"] == ["rate"]
 
 
