@@ -847,33 +847,6 @@
     </message>
 </context>
 <context>
-    <name>plans</name>
-    <message>
-        <source>table limits: {0} whole turns need {1}° of travel on the {2} axis, which has {3}°; lower turns in the schedule of rate</source>
-        <translation>转 {0} 整圈需要{2} {1}° 的行程，实际只有 {3}°；请在速率的流程参数中减少圈数</translation>
-    </message>
-    <message>
-        <source>table limits: azimuth flips need 180° both ways on the {0} axis; widen its travel</source>
-        <translation>方位翻转要求{0}正反各有 180° 行程；请放宽行程</translation>
-    </message>
-    <message>
-        <source>table limits: the {0} axis cannot reach {1}° (or whole turns from it) within {2}° to {3}°; widen the travel or mount the unit otherwise</source>
-        <translation>{0}在 {2}° 到 {3}° 的行程内到不了 {1}°（或相差整圈的角度）；请放宽行程，或改变产品的安装方式</translation>
-    </message>
-    <message>
-        <source>motion by hand cannot be foretold; its sigmas come with the run</source>
-        <translation>手动转动无法预测，标准差要等标定后才知道</translation>
-    </message>
-    <message>
-        <source>outer</source>
-        <translation>外框</translation>
-    </message>
-    <message>
-        <source>inner</source>
-        <translation>内框</translation>
-    </message>
-</context>
-<context>
     <name>verdict</name>
     <message>
         <source>{0} (partial)</source>
