@@ -11,6 +11,7 @@ from calstation.config import check_latitude, latitude_untold
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief
+from calstation.messages import values_to_json
 from calstation.physics import INDEX, PARAMETERS
 from calstation.records import (
     NEAR,
@@ -128,6 +129,7 @@ def build_result(
     more = {
         "error": None if ending.error is None else str(ending.error),
         "error_code": None if ending.error is None else ending.error.code or None,
+        "error_values": values_to_json(ending.error.values) if ending.error and ending.error.code else None,
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
         "latitude_untold": latitude_untold(meta, solutions),

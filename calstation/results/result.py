@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, PlainSerializer
 
-from calstation.errors import ConfigurationError, InputError
-from calstation.messages import os_reason
+from calstation.errors import CalstationError, ConfigurationError, InputError
+from calstation.messages import known, os_reason, values_from_json
 from calstation.records import Check, FileSection, write_atomic
 
 SCHEMA = "calstation.result/1"
@@ -150,7 +150,8 @@ class Result(_Section):
     observability, details : of each stage, as its method reports them
     advice : what to do next: reseat, repeat, set_aside or resume
     configuration : the files used, by kind
-    error : the fault that ended the run, in English; error_code : its code in the message catalogue
+    error : the fault that ended the run, in English
+    error_code, error_values : its entry in the message catalogue, and what stands in the braces of the entry
     finished_stages : of an incomplete run, those that were solved before it died
     missing_data : why a stage could not be solved, by stage
     closed_utc, closed_by : when and by whom it was decided not to resume an incomplete run
@@ -184,6 +185,7 @@ class Result(_Section):
     duration_s: Number = 0.0
     error: str | None = None
     error_code: str | None = None
+    error_values: dict[str, JsonValue] | None = None
     stop_reason: str | None = None
     finished_stages: list[str] | None = None
     latitude_untold: LatitudeUnknown | None = None
@@ -221,6 +223,13 @@ class Result(_Section):
     def end_reason(self) -> str | None:
         """What ended a faulty or stopped run, in English."""
         return self.error or self.stop_reason
+
+    @property
+    def fault(self) -> CalstationError | None:
+        """The fault that ended the run, None for a result that does not hold its values."""
+        if self.error_code is None or self.error_values is None or not known(self.error_code):
+            return None
+        return CalstationError(self.error_code, **values_from_json(self.error_values))
 
     @property
     def verified(self) -> bool:

@@ -14,6 +14,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
+from calstation.errors import DeviceFaultError
 from calstation.estimation.common.samples import SampleBlock
 from calstation.gui.history.page import HistoryPage
 from calstation.gui.shell.context import AppContext
@@ -29,6 +30,7 @@ from tests.gui.conftest import RESULT
 
 pytestmark = pytest.mark.timeout(120)
 WAIT = 60_000
+FAULT = DeviceFaultError("stream.repeated_no_data")
 NOW = datetime.now(UTC).replace(microsecond=0)
 META: dict[str, Any] = {
     "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400, "azimuth_deg": 0.0},
@@ -152,7 +154,9 @@ def runs(folder: Path) -> dict[str, Path]:
             "SN-000002",
             "fault",
             timedelta(days=3),
-            error="IMU: no data any more; check cable, power and port",
+            error=str(FAULT),
+            error_code=FAULT.code,
+            error_values=FAULT.values,
         ),
         "dead": write_dead_log(folder),
     }
@@ -239,7 +243,10 @@ def test_details_say_why(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot)
     assert page.details.reason_label.text() == "Every value is inside its limits."
     assert page.details.trend.points == 3
     look_at(page, 2, qtbot)
-    assert page.details.reason_label.text() == "No data any more.\nCheck cable, power and port."
+    assert page.details.reason_label.text() == "No more data come.\nCheck cable, power and port."
+    language.use("zh_CN")
+    qtbot.waitUntil(lambda: page.details.reason_label.text().startswith("数据中断。\n"), timeout=WAIT)
+    language.use("en")
     assert not button(page, "history_log_button").isEnabled()
     look_at(page, 3, qtbot)
     assert page.details.badge.text() == "FAIL"

@@ -254,7 +254,7 @@ def test_a_range_chosen_in_the_boxes_is_solved(page: OfflinePage, run_log: Path,
     solve(page, qtbot)
     assert page.notice.isVisible()
     said = page.notice.text_label.text()
-    assert "include both ways about every axis" in said
+    assert "Include both directions about every axis" in said
     assert "--" not in said
     assert page.solved.result_json == expected  # what was solved before still stands
 
@@ -383,8 +383,8 @@ def test_a_solve_is_cancelled_in_its_middle(page: OfflinePage, long_log: Path, q
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("notes.txt", "Not a log"),
-        ("broken.h5", "Damaged, cut short or no raw log"),
+        ("notes.txt", "The file is not a log."),
+        ("broken.h5", "The file is damaged, cut short or not a raw log."),
         ("alone.csv", "No such file"),
         ("nowhere.h5", "No such file"),
     ],
@@ -480,5 +480,5 @@ def test_damaged_rows_are_told_before_and_behind_the_answer(
     said = {label.text() for label in page.findChildren(QLabel) if label.isVisible()}
     assert {"gaps: 1", "damaged rows: 10"} <= said
     solve(page, qtbot)
-    words = f"Damaged rows of the log left out as gaps: 10, samples {rows['seq'][0]}…"
+    words = f"10 damaged rows are treated as gaps (samples {rows['seq'][0]}…"
     assert words in page.comparison.note_label.text()

@@ -129,7 +129,8 @@ class ResultAnalysis(QObject):
 
     def _why_no_answer(self, run: FinishedRun) -> str:
         text = self.tr("The run ended without a result: {0}").format(term("badge", run.result.outcome))
-        error = run.result.error
+        fault = run.result.fault
+        error = run.result.error if fault is None else error_text(fault).sentences
         return f"{text}. {error}" if error else text
 
 

@@ -9,7 +9,15 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QWidget
 from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import advice
-from calstation.gui.text import KINDS, duration_text, event_sentence, free_text, on_language_change, term
+from calstation.gui.text import (
+    KINDS,
+    duration_text,
+    error_text,
+    event_sentence,
+    free_text,
+    on_language_change,
+    term,
+)
 from calstation.gui.widgets import ElidedLabel, StateBadge, button, column, enable, label, row, theme
 from calstation.physics import aligned
 from calstation.records import IndexedRun, RunRecord
@@ -143,7 +151,8 @@ class RunDetails(QFrame):
         """Why the run ended as it did, and whether it can be resumed."""
         result = self._result
         if run.outcome == "fault" and run.error:
-            text = free_text(run.error)
+            fault = None if result is None else result.fault
+            text = free_text(run.error) if fault is None else error_text(fault)
             return "\n".join(part for part in (text.reason, text.remedy) if part)
         if run.outcome in ("passed", "failed") and result is not None:
             if result.failed_checks:
