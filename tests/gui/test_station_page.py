@@ -33,7 +33,7 @@ from calstation.connection.link_test import FoundPort
 from calstation.devices.links.opening import Reason
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.settings import page as page_module
-from calstation.gui.settings.fields import word_problem
+from calstation.gui.settings.fields import problem_text
 from calstation.gui.settings.page import StationPage
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.engine_link import EngineLink
@@ -126,7 +126,7 @@ def operator(
         application.setStyle("Fusion")
     language.use("en")
     theme.apply("light")
-    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda: job_queue)
+    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda *_: job_queue)
     app = AppContext(place.station)
     page = StationPage(app)
     root = QWidget()
@@ -265,7 +265,9 @@ def test_the_station_at_hand_is_listed_once(hands: Hands, place: Any) -> None:
 def test_a_shipped_file_is_saved_as_the_sites_own(hands: Hands, place: Any) -> None:
     hands.turn(TABLE)
     hands.type("outer_high_deg_edit", "-2000")
-    assert hands.says("outer_high_deg") == "The lowest angle must lie below the highest."
+    assert (
+        hands.says("outer_high_deg") == "low_deg = -1080 must be below high_deg = -2000. Correct one of them."
+    )
     assert "no travel" in hands.page.table._picture.accessibleName()
     hands.type("outer_high_deg_edit", "400")
     assert hands.says("outer_high_deg") == ""
@@ -284,7 +286,7 @@ def test_axes_are_three_numbers_and_a_unit_vector(hands: Hands) -> None:
     edits[1].setFocus()
     edits[1].selectAll()
     hands._bot.keyClicks(edits[1], "0.5")
-    assert hands.says("outer_axis") == "Give a unit vector: its squares add up to 1."
+    assert hands.says("outer_axis") == "[1.0, 0.5, 0.0] has length 1.11803. Give a unit vector."
     hands._bot.keyClicks(edits[1], "x")
     assert hands.says("outer_axis") == "Not a number; type one like 12.5."
 
@@ -592,7 +594,7 @@ def test_a_rule_that_the_page_does_not_know_is_told_in_the_loaders_words() -> No
     (problem,) = check_data(
         "products", {"name": "x", "imu": "bench_nav", "serial_pattern": "(", "limits": {}}
     )
-    assert word_problem(problem).startswith("'(' is no regular expression")
+    assert problem_text(problem).startswith("“(” is not a regular expression")
 
 
 # Profiles as text

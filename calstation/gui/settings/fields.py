@@ -9,9 +9,10 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QSizePolicy, QWidget
 from calstation.config import KeyPath, Problem
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.inputs import Editor
-from calstation.gui.text import bind, on_language_change, say
+from calstation.gui.text import bind, on_language_change, say, show
 from calstation.gui.widgets import Item, Words, column, enable, label, row, theme
 from calstation.messages import known
+from calstation.schema import field_name
 
 #: Widths of a field's label and of its input, px.
 LABEL, EDITOR = 22 * theme.GRID, 30 * theme.GRID
@@ -106,7 +107,7 @@ class Field(QWidget):
         advice = self._advice()
         kind, text = "muted", self._hint()
         if problem is not None:
-            kind, text = "error", word_problem(problem)
+            kind, text = "error", problem_text(problem)
         elif advice:
             kind, text = "caution", advice
         self.message.setText(text)
@@ -167,31 +168,14 @@ def set_tab_order(widgets: Sequence[QWidget]) -> None:
         QWidget.setTabOrder(before, after)
 
 
-#: Rules over several values, by the entry they are about.
-_RULES: dict[KeyPath, str] = {
-    ("outer",): "field.travel",
-    ("inner",): "field.travel",
-    ("outer_axis",): "field.unit_vector",
-    ("inner_axis",): "field.unit_vector",
-    ("table", "port"): "field.table_port",
-    ("imu", "port"): "field.imu_port",
-    (): "field.axes_parallel",
-}
-
-
-def word_problem(problem: Problem) -> str:
+def problem_text(problem: Problem) -> str:
     """The sentence for a problem beneath its field."""
     code = f"field.{problem.kind}"
-    if problem.kind == "value_error" and problem.place in _RULES:
-        code = _RULES[problem.place]
-    if known(code):
-        return say(code, **problem.values)
-    text = problem.text.split(": ", 1)[-1] if problem.kind == "value_error" else problem.text
-    return text[:1].upper() + text[1:]
+    return say(code, **problem.values) if known(code) else show(problem.what)
 
 
-def word_problem_with_place(problem: Problem) -> str:
+def problem_text_with_name(problem: Problem) -> str:
     """The sentence for a problem away from its field, with the field's name."""
     if known(f"field.{problem.kind}") and problem.place:
-        return f"{'.'.join(map(str, problem.place))}: {word_problem(problem)}"
-    return problem.text[:1].upper() + problem.text[1:]
+        return f"{field_name(problem.place)}: {problem_text(problem)}"
+    return show(problem.as_text)

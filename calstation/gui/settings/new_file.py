@@ -7,7 +7,7 @@ from calstation.config import editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.inputs import ChoiceBox
-from calstation.gui.text import on_language_change
+from calstation.gui.text import error_text, on_language_change
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
@@ -91,7 +91,7 @@ class NewFileBar(QFrame):
         try:
             path = self._drafts.create(self._kind, self._name.text(), source)
         except ConfigurationError as error:
-            self._show_message(str(error))
+            self._show_message(error_text(error).sentences)
             return
         self.hide()
         self.made.emit(self._kind, path)

@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
 from calstation.config import DEFAULT_STATION, KeyPath, editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
-from calstation.gui.settings.fields import set_tab_order, word_problem_with_place
+from calstation.gui.settings.fields import problem_text_with_name, set_tab_order
 from calstation.gui.settings.link_section import LinkSection
 from calstation.gui.settings.new_file import NewFileBar
 from calstation.gui.settings.personal_section import PersonalSection
@@ -27,7 +27,7 @@ from calstation.gui.settings.site_section import SiteSection
 from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind, error_text, on_language_change
 from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, theme
 
 _NAV = 26 * theme.GRID
@@ -173,8 +173,8 @@ class StationPage(Page):
         try:
             self.drafts.save()
         except ConfigurationError as error:
-            sentence = str(error)
-            self.notice.ask("bad", lambda: self.tr("Not saved"), lambda: sentence)
+            refusal = error
+            self.notice.ask("bad", lambda: self.tr("Not saved"), lambda: error_text(refusal).sentences)
             return False
         self._saved_names = names
         self.refresh()
@@ -196,12 +196,12 @@ class StationPage(Page):
         self._save_button.setVisible(bool(dirty))
         reason = self._why_not_save()
         if wrong and not reason:
-            first = word_problem_with_place(wrong[0].problems[0])
+            first = problem_text_with_name(wrong[0].problems[0])
             reason = self.tr("Correct first, in “{0}”: {1}").format(wrong[0].name, first)
         enable(self._save_button, reason)
         problems = self.drafts.station.problems
         unseen = [p for p in problems if not p.place or p.kind in ("toml", "file", "extra_forbidden")]
-        self._problems.setText("\n".join(map(word_problem_with_place, unseen)))
+        self._problems.setText("\n".join(map(problem_text_with_name, unseen)))
         self._problems.setVisible(bool(unseen))
         if not dirty and self.notice.asking:
             self.notice.dismiss()

@@ -11,7 +11,7 @@ from calstation.gui.settings.drafts import default_author
 from calstation.gui.settings.fields import Row, panel, set_tab_order
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.shell import AppContext
-from calstation.gui.text import language, on_language_change
+from calstation.gui.text import error_text, language, on_language_change
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
@@ -122,7 +122,7 @@ class PersonalSection(QWidget):
             text = self.tr("The current PIN is wrong.")
             if wait > 0.0:
                 text += " " + self.tr("Wait {0:.0f} s.").format(max(1.0, wait))
-            self._complain(text if access.has_pin() else str(error), self._old)
+            self._complain(text if access.has_pin() else error_text(error).sentences, self._old)
             self._old.selectAll()
             return
         for edit in self._pins:

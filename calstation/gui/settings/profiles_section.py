@@ -15,7 +15,7 @@ from calstation.gui.settings.new_file import NewFileBar
 from calstation.gui.settings.toml_editor import DiffView, TomlEditor
 from calstation.gui.settings.versions_panel import VersionsPanel
 from calstation.gui.shell import AppContext
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind, error_text, on_language_change, show
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 _TEXT, _COMPARE = range(2)
@@ -113,7 +113,9 @@ class ProfilesSection(QWidget):
         count = len(draft.problems)
         line = self.tr("Line {0}: {1}")
         self._problems.clear()
-        self._problems.addItems([line.format(problem.line, problem.text) for problem in draft.problems])
+        self._problems.addItems(
+            [line.format(problem.line, show(problem.as_text)) for problem in draft.problems]
+        )
         self._problems.setVisible(count > 0)
         self._problems.setFixedHeight((min(count, 3) * 3 + 1) * theme.GRID)
         self._show_origin(draft)
@@ -181,7 +183,7 @@ class ProfilesSection(QWidget):
             try:
                 other = versions.text(draft.kind, draft.name, self._compared.number)
             except ConfigurationError as error:
-                self._diff.show_lines([str(error)])
+                self._diff.show_lines([error_text(error).sentences])
                 return
         old, new = other.splitlines(), draft.text.splitlines()
         lines = list(difflib.unified_diff(old, new, name, self.tr("the present text"), lineterm="", n=4))
@@ -196,7 +198,7 @@ class ProfilesSection(QWidget):
         try:
             text = versions.text(draft.kind, draft.name, version.number)
         except ConfigurationError as error:
-            self._diff.show_lines([str(error)])
+            self._diff.show_lines([error_text(error).sentences])
             return
         self._compared = None
         draft.rewrite(text)

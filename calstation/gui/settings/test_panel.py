@@ -9,10 +9,9 @@ from PySide6.QtWidgets import QFrame, QScrollArea, QSizePolicy, QWidget
 from calstation.config import DEFAULT_PRODUCT, StationConfig, library
 from calstation.connection import LinkTestRequest, check_imu_link, check_table_link
 from calstation.errors import CalstationError
-from calstation.gui.settings.finding_wording import word_finding, word_note
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.shell import AppContext, ResetBar
-from calstation.gui.text import error_text, on_language_change
+from calstation.gui.text import error_text, language, on_language_change, term
 from calstation.gui.widgets import (
     JobRow,
     JobWatch,
@@ -25,7 +24,7 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
-from calstation.messages import Finding, Report
+from calstation.messages import Finding, Report, render
 
 _KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad"}
 #: Findings after which a reset of the table is offered.
@@ -178,7 +177,7 @@ class TestPanel(QFrame):
 
     def _show_note(self, fraction: float, remaining: object) -> None:
         job = self.watch.job
-        self._note.setText(word_note(job.note) if job is not None else "")
+        self._note.setText(term("note", job.note) if job is not None and job.note else "")
 
     def _done(self, report: Report) -> None:
         self.report = report
@@ -238,7 +237,8 @@ class _Line(QWidget):
         on_language_change(self, self._show)
 
     def _show(self) -> None:
-        text, remedy = word_finding(self._finding)
-        self._text.setText(text)
-        self._remedy.setText(remedy)
-        self._remedy.setVisible(bool(remedy))
+        message = self._finding.message
+        shown = render(message.code, message.values, language.current(), window=True)
+        self._text.setText(shown.text)
+        self._remedy.setText(shown.remedy)
+        self._remedy.setVisible(bool(shown.remedy))
