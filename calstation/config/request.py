@@ -42,10 +42,6 @@ class RunRequest:
     unfinished: Literal["finish", "restore"] | None = None
 
 
-#: Ends what is told of a table that keeps an errand at registers from beginning.
-OR_AT_REST = "; or leave the table alone: --at-rest"
-
-
 @dataclass(frozen=True)
 class RegisterOperation:
     """An operation on a unit's registers without a run.
