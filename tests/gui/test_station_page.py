@@ -31,6 +31,7 @@ from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock
 from calstation.connection.link_test import FoundPort
 from calstation.devices.links.opening import Reason
+from calstation.errors import DeviceFaultError
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.settings import page as page_module
 from calstation.gui.settings.fields import problem_text
@@ -47,7 +48,7 @@ from tests.gui.conftest import STATION as STATION_DATA
 
 STATION, TABLE_LINK, IMU_LINK, SITE, TABLE, PROFILES, PERSONAL = range(7)
 PIN = "2468"
-LATCHED = "table: fault 'interlock'; remove its cause, then reset it: ..."
+LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station_options="")
 
 
 class Hands:
@@ -435,7 +436,7 @@ def test_a_wrong_port_is_told_with_its_mend_in_both_languages(
     hands._bot.keyClicks(box.lineEdit(), "/dev/ttyNONE7")
     hands.press("test_table_button")
     told = hands.finished("table")
-    assert told[0] == "There is no port /dev/ttyNONE7."
+    assert told[0] == "Port /dev/ttyNONE7 does not exist."
     assert told[1].startswith("Plug the adapter in, or choose another port.")
     chinese()
     hands._bot.waitUntil(lambda: hands.finished("table")[0] == "没有端口 /dev/ttyNONE7。")
@@ -480,7 +481,7 @@ def test_an_operator_resets_what_the_table_has_latched(
         assert operator.find(QWidget, "table_test_badge").text() == "The link works", "it was tested again"
         assert not reset.isVisible()
         chinese()
-        operator._bot.waitUntil(lambda: told.text() == "故障“drive”已复位，转台现在没有锁存故障。")
+        operator._bot.waitUntil(lambda: told.text() == "故障“驱动器”已复位；现在没有锁存的故障。")
         language.use("en")
 
         # The same where a run's end tells the fault; an open interlock keeps it latched.
@@ -488,13 +489,13 @@ def test_an_operator_resets_what_the_table_has_latched(
         verdict = VerdictPanel(operator.app)
         operator._bot.addWidget(verdict)
         verdict.show()
-        verdict.show_end("fault", None, Fault("device", "IMU: no data any more; check cable", 3), ())
+        verdict.show_end("fault", None, Fault.of(DeviceFaultError("program.internal", detail="x")), ())
         assert not verdict.reset.isVisible()
-        verdict.show_end("fault", None, Fault("device", LATCHED, 3), ())
+        verdict.show_end("fault", None, Fault.of(LATCHED), ())
         assert verdict.action_label.text() == "Close the cover, then press “Reset the fault”."
         for closed, words in (
-            (0, "Not reset: the interlock is open."),
-            (1, "The fault “interlock” was reset"),
+            (0, "the interlock is open"),
+            (1, "The fault 'interlock' was reset"),
         ):
             clock.order({"order": "interlock", "value": closed})
             operator._bot.mouseClick(verdict.reset.button, Qt.MouseButton.LeftButton)
