@@ -46,7 +46,7 @@ from calstation.sequencer.events import Event, Verdict
 from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log
 from tests.estimation.simulated_stages import block_of, simulate
-from tests.gui.conftest import PRODUCT, SERIAL, STATION
+from tests.gui.conftest import PRODUCT, SERIAL, STATION, result_with
 
 pytestmark = pytest.mark.timeout(120)
 #: Longest wait for a job, ms: a loaded machine is no failure.
@@ -323,18 +323,21 @@ def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
 def test_a_sigma_beyond_its_limit_marks_the_sigma_alone(qtbot: QtBot) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     checks = [
-        {"name": "gyro_scale_x within", "passed": True},
-        {"name": "gyro_scale_x sigma below", "passed": False},
-        {"name": "gyro_scale_y within", "passed": False},
+        {"name": name, "value": 1.0, "limit": 1.0, "unit": "1", "passed": passed}
+        for name, passed in (
+            ("gyro_scale_x within", True),
+            ("gyro_scale_x sigma below", False),
+            ("gyro_scale_y within", False),
+        )
     ]
     parameters = {"gyro_scale_x": row, "gyro_scale_y": row}
-    log = {"first_seq": 0, "last_seq": 9}
+    log = {"file": "log.h5", "first_seq": 0, "last_seq": 9}
     result = {"parameters": parameters, "checks": checks, "unobservable": [], "passed": False, "log": log}
     shown = Comparison()
     qtbot.addWidget(shown)
     before = {**result, "outcome": "failed", "stages": ["rate"]}
-    shown.show_log(SimpleNamespace(stored=before, facts=SimpleNamespace(**log)))  # type: ignore[arg-type]
-    shown.show_solved(Resolved({**result, "stages": ["rate"]}, ()))
+    shown.show_log(SimpleNamespace(stored=before, facts=SimpleNamespace(first_seq=0, last_seq=9)))  # type: ignore[arg-type]
+    shown.show_solved(Resolved(result_with(**result, stages=["rate"], outcome="resolved"), ()))
     states = [
         [shown.model.index(line, column).data(Qt.ItemDataRole.UserRole) for column in (3, 4)]
         for line in (0, 1)
