@@ -41,13 +41,13 @@ class ChoicePanel(QFrame):
         )
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
         content = QWidget()
-        content.setAutoFillBackground(False)
         self._form_box = column(on=content, spacing=0, margins=(0, 0, theme.GRID // 2, 0))
         self._area = QScrollArea()
         self._area.setFrameShape(QFrame.Shape.NoFrame)
         self._area.setWidgetResizable(True)
         self._area.setWidget(content)
-        self._area.viewport().setAutoFillBackground(False)
+        for widget in (content, self._area.viewport()):
+            widget.setAutoFillBackground(False)
         self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column(
             self.parts,

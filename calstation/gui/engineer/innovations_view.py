@@ -109,6 +109,7 @@ class InnovationsView(StackedPlots):
         while (item := self._nis.takeAt(0)) is not None:
             widget: QWidget | None = item.widget()
             if widget is not None:
+                widget.setParent(None)
                 widget.deleteLater()
         if self._diagnostics is None:
             return

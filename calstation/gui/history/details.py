@@ -100,7 +100,6 @@ class RunDetails(QFrame):
 
     def _lay_out(self) -> None:
         content = QWidget()
-        content.setAutoFillBackground(False)
         column(
             self.reason_label,
             self.failed_label,
@@ -116,7 +115,8 @@ class RunDetails(QFrame):
         scroll.setWidgetResizable(True)
         scroll.setFrameShape(QFrame.Shape.NoFrame)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        scroll.viewport().setAutoFillBackground(False)
+        for widget in (content, scroll.viewport()):
+            widget.setAutoFillBackground(False)
         wide = 2 * theme.GRID
         column(
             row((self._serial, 1), self.badge),
