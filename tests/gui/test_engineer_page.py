@@ -349,7 +349,7 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     engineer.until(lambda: "being written" in engineer.says())
     assert "being written" in engineer.why_not("engineer_start_button")
     engineer.until(lambda: "written and read back" in engineer.says())
-    assert "Verified with a turn of the table." in engineer.says()
+    assert "verified with a turn of the table" in engineer.says()
     engineer.until_ended()
     assert (engineer.run.state, engineer.run.fault) == ("idle", None), "what is no calibration has not passed"
     (entry,) = register_journal.history(engineer.place.runs, SERIAL)
